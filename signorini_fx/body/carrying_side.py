@@ -73,7 +73,7 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
     ``boundary``, where a load enters, and where other contacts or supports need the facets.
 
     Args:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         facets: of every boundary that the scene names.
         shear_modulus: see ``SideFigures.of``.

@@ -213,7 +213,7 @@ class SceneLaw(ElasticLaw):
     """That of the materials of a scene.
 
     Attributes:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         space: of the displacement.
         lame: Lame parameters as coefficients, of other materials their means.

@@ -31,7 +31,7 @@ def elastic_law(
     """That of a scene on its mesh; collective.
 
     Args:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         space: of the displacement.
         inventory: where forms are compiled.

@@ -25,7 +25,7 @@ def initial_strain(
     """All initial strains together in each direction, UFL, and what moves them to a place in the lists of factors.
 
     Args:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         space: of the displacement.
         step: where they are to begin with.

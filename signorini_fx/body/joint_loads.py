@@ -110,7 +110,7 @@ class JointLoads:
     """The loads that enter the contact of a scene, at a place in its lists of factors; all methods are collective.
 
     Args:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         space: the displacements.
         boundary: the contact points of this rank, n of them.

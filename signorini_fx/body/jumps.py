@@ -85,7 +85,7 @@ def jump_loads(
 
     Args:
         jumps: J.
-        statement: the scene.
+        statement: what is stated of the problem.
         space: of the displacement.
         elastic: what gives the terms of a(., .).
         inventory: where forms are compiled.

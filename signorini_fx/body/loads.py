@@ -111,7 +111,7 @@ class FormCoefficients:
     """Values of a scene as UFL, ``scene.effect.Coefficients``.
 
     Attributes:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         space: of the displacement; a callable is interpolated at its nodes.
         inventory: where integrals over boundaries are compiled.

@@ -104,7 +104,7 @@ def isotropic(
     """Numbers that follow from Young's modulus and Poisson's ratio, like ``of_materials``; collective.
 
     Args:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         numbers: of both, which are floats or arrays.
 

@@ -98,12 +98,8 @@ class PlainProblem:
         step: float,
         before: fem.Function | None = None,
     ) -> None:
-        self._d, self._position, self._dimension, self._statement = (
-            d,
-            step,
-            d.tagged.dimension,
-            d.statement.placed(step),
-        )
+        self._d, self._position, self._dimension = d, step, d.tagged.dimension
+        self._statement = d.statement.placed(step)
         refuse_unknown(d)
         if contact is not None and pushed(contact.held_inside, d.tagged.size).any():
             raise Refused("supports push the body into its foundation")

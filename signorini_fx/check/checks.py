@@ -129,9 +129,8 @@ def _validated(scene: Scene, comm: MPI.Comm) -> Model:
     first = scene
     if scene.accuracy is not None:
         first = planned(scene, scene.accuracy, comm).scene
-        first = (
-            scene_on(first, 1.0) if first.statement.generated else first
-        )  # whose meshes are coarser ones to begin with
+        # Generated meshes are coarser ones to begin with.
+        first = scene_on(first, 1.0) if first.statement.generated else first
     d = prepare(first.statement, load_mesh(first, comm), Timings())
     refuse_beforehand(d)
     return d

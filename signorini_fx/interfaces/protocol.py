@@ -78,7 +78,7 @@ class Interface:
     """The interfaces of one kind in a scene; all methods are collective.
 
     Attributes:
-        statement: the scene.
+        statement: what is stated of the problem.
         entries: those of this kind by their paths.
     """
 

@@ -149,7 +149,7 @@ def certify(
     """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
 
     Args:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         displacement: y.
         tractions: pressure and shear at the contact nodes; None for a scene without contact.

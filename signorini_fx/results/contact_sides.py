@@ -29,7 +29,7 @@ def sides_of(
     """The parts of the boundary with contact as a scene describes them.
 
     Args:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         space: the displacements.
         pairs: bodies in contact as the solver has paired them, by their places in ``statement.contact``; None: they are

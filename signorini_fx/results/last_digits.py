@@ -22,7 +22,7 @@ def left_by_last_digits(statement: Statement, tagged: TaggedMesh, displacement: 
     share of the loads there; collective.
 
     Args:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         displacement: y.
         step: the place of the load step.

@@ -49,7 +49,7 @@ class NodalForces(SurfaceQuadrature):
     """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective.
 
     Args:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         space: the vector Lagrange space of the displacement.
         cells: those that count in what is integrated over the body, ascending; None: all.

@@ -95,7 +95,7 @@ class Resultants:
     """The resultants of one load step, from nodal forces: exact for the discrete solution, so that they are in balance.
 
     Attributes:
-        statement: the scene.
+        statement: what is stated of the problem.
         tagged: its mesh.
         displacement: y, length.
         contact: the contact boundary of this rank; None without contact.

@@ -25,10 +25,10 @@ COMM = MPI.COMM_WORLD
 OF_THE_RUN = {"cost", "compiled", "finished", "timings", "scene", "findings", "versions", "fields"}
 
 
-def as_forms(scene, tagged, **arguments):
+def as_forms(statement, tagged, **arguments):
     """A scene with one material as forms on its mesh, and the Constant that multiplies its loads."""
-    mesh, (material,), gdim = tagged.mesh, scene.material, tagged.dimension
-    V = fem.functionspace(mesh, ("Lagrange", scene.element.degree, (gdim,)))
+    mesh, (material,), gdim = tagged.mesh, statement.material, tagged.dimension
+    V = fem.functionspace(mesh, ("Lagrange", statement.element.degree, (gdim,)))
     u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
 
     def stress(y):
@@ -41,7 +41,7 @@ def as_forms(scene, tagged, **arguments):
     factor = fem.Constant(mesh, 1.0)
     a = ufl.inner(stress_of(u, material.young, material.poisson), ufl.sym(ufl.grad(v))) * ufl.dx
     L = ufl.inner(fem.Constant(mesh, np.zeros(gdim)), v) * ufl.dx
-    for load in getattr(scene, "statement", scene).effects["traction"]:
+    for load in statement.effects["traction"]:
         ds = on(tagged, load.boundary)
         components = [
             ufl.conditional(ufl.And(ufl.ge(x[0], 1), ufl.le(x[0], 2)), -20.0, 0.0) if hasattr(value, "text") else value
@@ -49,20 +49,20 @@ def as_forms(scene, tagged, **arguments):
         ]
         L += factor * ufl.inner(ufl.as_vector(components), v) * ds(metadata={"quadrature_degree": 20})
     bcs = []
-    for effect in scene.displacement:
+    for effect in statement.displacement:
         for k, value in enumerate(effect.components[:gdim]):
             if value is not None:
                 dofs = fem.locate_dofs_topological(V.sub(k), gdim - 1, tagged.facets(effect.boundary))
                 bcs.append(fem.dirichletbc(float(value), dofs, V.sub(k)))
     names = {name: tagged.facets(name) for name in tagged.boundaries}
     contact = []
-    for effect in scene.contact:
+    for effect in statement.contact:
         laws = {"friction": effect.friction if effect.friction.acts else None}
         if effect.against is None:
             contact.append(Foundation(tagged.facets(effect.boundary), effect.gap, **laws))
         else:
             contact.append(Pair(tagged.facets(effect.boundary), tagged.facets(effect.against), **laws))
-    settings = scene.solver.model_dump(include={"gamma_n", "gamma_t", "error_bound", "uniqueness", "coulomb"})
+    settings = statement.solver.model_dump(include={"gamma_n", "gamma_t", "error_bound", "uniqueness", "coulomb"})
     arguments = {"stress": stress, "boundaries": names} | arguments
     return ContactProblem(a, L, bcs, contact, **arguments, **settings), factor
 
@@ -186,7 +186,7 @@ def test_load_steps_of_forms_have_the_results_of_those_of_scenes(tmp_path):
     loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in scene.traction]
     scene = scene.model_copy(update={"traction": tuple(loads)})
     solution = solve(scene)
-    problem, factor = as_forms(scene, solution.model.tagged)
+    problem, factor = as_forms(scene.statement, solution.model.tagged)
 
     def at(time):
         factor.value = time / 2
@@ -213,7 +213,7 @@ def test_bounds_and_uniqueness_are_those_of_the_scene(law):
     """The loads are read off L, the supports off the prescribed dofs, the moduli off the stress."""
     scene = example1(nx=12, ny=4, poisson=0.3, error_bound=True, uniqueness=True, **law)
     solution = solve(scene)
-    problem, _ = as_forms(scene, solution.model.tagged)
+    problem, _ = as_forms(scene.statement, solution.model.tagged)
     problem.solve()
     bound, expected = problem.error_bound, solution.error_bound
     assert isinstance(bound, ErrorBound)
@@ -341,7 +341,7 @@ def test_what_bounds_refuse():
 def test_pictures_of_forms_alone(scene, tmp_path):
     """Where the stress is not known the body has the colours of its displacement, and the report says so."""
     solution = solve(scene)
-    problem, _ = as_forms(scene, solution.model.tagged, stress=None)
+    problem, _ = as_forms(scene.statement, solution.model.tagged, stress=None)
     problem.solve()
     problem.write(tmp_path, report=True)
     body = {"body.json", "contact.vtu", "contact_surface.png"} if solution.model.dimension == 3 else set()
