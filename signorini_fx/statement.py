@@ -22,9 +22,6 @@ from signorini_fx.units import unit_names
 
 _Effect = TypeVar("_Effect", bound=Effect)
 
-# The effects of which there can be one only.
-SINGLE = frozenset({"body_force"})
-
 
 @dataclass(frozen=True, kw_only=True)
 class Statement:
@@ -45,6 +42,7 @@ class Statement:
         bodies: the names of the regions that are bodies with meshes of their own.
         generated: whether all cells are made by generators.
         arcs: whether the mesh may stand for a body with arcs.
+        single: the keys of effects of which there can be one only.
         origin: what else was given, by its keys, for the summary alone.
     """
 
@@ -61,6 +59,7 @@ class Statement:
     bodies: tuple[str, ...] = ()
     generated: bool = False
     arcs: bool = True
+    single: frozenset[str] = frozenset()
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     def changed(self, **entries: tuple[Any, ...]) -> Self:
@@ -86,7 +85,7 @@ class Statement:
     def tables(self) -> dict[str, Any]:
         """What was given, by the keys of a scene, for the summary."""
         entries = {
-            key: next(iter(several), None) if key in SINGLE else several for key, several in self.effects.items()
+            key: next(iter(several), None) if key in self.single else several for key, several in self.effects.items()
         }
         settings: dict[str, Any] = {"load_steps": self.load_steps, "solver": self.solver}
         if self.units is not None:
@@ -101,12 +100,12 @@ class Statement:
 
     def heading(self, key: str) -> str:
         """How a TOML file writes a table of this key: ``[key]`` if there can be one only, else ``[[key]]``."""
-        return f"[{key}]" if key in SINGLE else f"[[{key}]]"
+        return f"[{key}]" if key in self.single else f"[[{key}]]"
 
     def listed(self) -> list[tuple[str, Any]]:
         """All entries with their paths in the scene."""
         return [
-            (key if key in SINGLE else f"{key}[{number}]", effect)
+            (key if key in self.single else f"{key}[{number}]", effect)
             for key, entries in self.effects.items()
             for number, effect in enumerate(entries)
         ]

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, get_origin
 
 from pydantic import BaseModel, BeforeValidator, Field, InstanceOf, field_validator, model_validator
 
@@ -231,7 +231,7 @@ class Scene(Table):
             for key, entries in self
             if key in keys()
         }
-        origin = ("mesh", "body", "rigid", "title_block")
+        fields, origin = type(self).model_fields, ("mesh", "body", "rigid", "title_block")
         meshes: list[Any] = [body.mesh for body in self.body] or [self.mesh]
         return Statement(
             title=self.title,
@@ -247,6 +247,7 @@ class Scene(Table):
             bodies=tuple(body.name for body in self.body),
             generated=all(isinstance(mesh, MeshGenerator) for mesh in meshes),
             arcs=not all(getattr(mesh, "generator", None) in WITHOUT_ARCS for mesh in meshes),
+            single=frozenset(key for key in effects if get_origin(fields[key].annotation) is not tuple),
             origin={key: getattr(self, key) for key in origin},
         )
 
