@@ -121,7 +121,9 @@ class Statement:
 
     @property
     def forces_at(self) -> str:
-        """The keys of its forces, for messages; ``traction, body_force`` where it lists no others."""
+        """The keys of its forces, for messages; ``traction, body_force`` where it lists no others; of forms ``L``."""
+        if "traction" not in self.effects:
+            return "L"
         listed = [key for key, entries in self.effects.items() if any(isinstance(entry, Force) for entry in entries)]
         return ", ".join(listed) if {*listed} - {"traction", "body_force"} else "traction, body_force"
 

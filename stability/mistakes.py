@@ -2170,7 +2170,7 @@ MUTANTS = (
         tests=("certificate_of_pairs",),
     ),
     Mutant(
-        "forms/certificate",
+        "forms/mechanics",
         "claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=factor)",
         "claim_of(data.pair, space, (facets, data.pair.master.facets), entry.reach, nominal=not by_geometry, "
         "factor=factor)",
@@ -2178,7 +2178,7 @@ MUTANTS = (
         tests=("certificate_of_pairs",),
     ),
     Mutant(
-        "forms/certificate",
+        "forms/mechanics",
         "claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=factor)",
         "claim_of(data.pair, space, (facets, master), None, nominal=not by_geometry, factor=factor)",
         "two bodies of forms: the certificate knows no reach but the usual one",
@@ -4269,8 +4269,8 @@ MUTANTS = (
         tests=("friction_in_time::test_a_foundation_that_moves_while_its_friction_changes",),
     ),
     Mutant(
-        "forms/contact_problem",
-        "self._task.iterate.newton.restore(self._checkpoint)",
+        "forms/solver",
+        "self.task.iterate.newton.restore(self._checkpoint)",
         "pass",
         "forms: after a solve without a solution its iterate stays",
         tests=("contact_problem::test_after_a_solve_without_a_solution_the_next_one_begins_where_it_began",),

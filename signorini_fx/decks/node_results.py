@@ -14,7 +14,7 @@ from signorini_fx import compat, parallel
 from signorini_fx.decks.content import Deck
 from signorini_fx.mesh.files.cells import completed
 from signorini_fx.mesh.files.shape import Floats, Ints
-from signorini_fx.results.resultants import SceneResultants
+from signorini_fx.results.resultants import StatedResultants
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import DIGITS_OF_FILES
 
@@ -89,7 +89,7 @@ def _by_node(moment: Solution) -> Floats:
     space = moment.displacement.function_space
     dim, owned = space.dofmap.index_map_bs, space.dofmap.index_map.size_local
     resultants = moment.resultants
-    forces = resultants.at_nodes() if isinstance(resultants, SceneResultants) else np.zeros((owned, dim))
+    forces = resultants.at_nodes() if isinstance(resultants, StatedResultants) else np.zeros((owned, dim))
     y = moment.displacement.x.array.reshape(-1, dim)[:owned]
     return np.asarray(parallel.rows_on_root(moment.comm, np.column_stack((y, forces))))
 

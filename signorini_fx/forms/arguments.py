@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import basix
@@ -234,3 +234,20 @@ def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
     if facets.size and not (facets.min() >= 0 and facets.max() < count):
         raise ValueError(f"local numbers of facets are below {count} on this rank")
     return facets.astype(np.int32)
+
+
+def boundaries_of(given: Mapping[str, Any] | None, mesh: dmesh.Mesh) -> dict[str, Facets]:
+    """The facets of each part of the boundary that has a name; collective.
+
+    Raises:
+        FormError: with all that are wrong.
+    """
+    facets, problems = dict[str, Facets](), list[tuple[str, str]]()
+    for name, selection in (given or {}).items():
+        try:
+            (facets[str(name)],), _ = facets_of((Foundation(selection),), mesh)
+        except FormError as error:
+            problems += [(f"boundaries[{name!r}]", wrong) for _, wrong in error.problems]
+    if problems:
+        raise FormError(problems)
+    return facets

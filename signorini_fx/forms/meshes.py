@@ -8,26 +8,25 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.accuracy.error_estimates import Errors
 from signorini_fx.accuracy.mesh_level import LevelResult
 from signorini_fx.accuracy.plan import refuse_adaptive_peak
 from signorini_fx.accuracy.pressure_error import polygon_error
-from signorini_fx.accuracy.price_list import Price
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.body.foundation import Pair
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.forms.steps import Clock, SolvedPath
+from signorini_fx.forms.results import solution_of
+from signorini_fx.forms.solver import FormSolver
+from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
 from signorini_fx.mesh.refinement import check_divisible, refine
 from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
-from signorini_fx.records import History, Observer, Status, Timings
+from signorini_fx.records import History, Observer
 from signorini_fx.results.checkpoint import Checkpoint
-from signorini_fx.results.solution import ConvergenceError, StepResult
+from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scene.load_steps import LoadPath
 from signorini_fx.scene.settings import Accuracy, SolverSettings
 from signorini_fx.scene.values import kind_of
@@ -38,85 +37,10 @@ from signorini_fx.solving.meshed_problem import SolvedMesh, measured
 from signorini_fx.solving.restart import MeshCheckpoint
 
 if TYPE_CHECKING:
-    from signorini_fx.accuracy.next_digit import CostOfAccuracy
-    from signorini_fx.quantities.statements import ErrorBound
+    pass
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
-
-
-@dataclass(frozen=True, repr=False)
-class SolvedMeshes:
-    """How a ``ContactProblem`` has ended on the last of several meshes.
-
-    Attributes:
-        problem: on this mesh, at its last load step.
-        path: its load steps.
-        status: how it ended; only ``Status.CONVERGED`` is a solution, with the accuracy that was asked for.
-        levels: errors and cost of each mesh, the coarsest first; empty without ``stress``.
-        price_list: the same with what is expected of the next mesh; empty with fewer than two levels.
-        accuracy: that was asked for; None: none was.
-    """
-
-    problem: ContactProblem
-    path: SolvedPath
-    status: Status
-    levels: tuple[LevelResult, ...] = ()
-    price_list: tuple[Price, ...] = ()
-    accuracy: Accuracy | None = None
-
-    def __repr__(self) -> str:
-        return f"<SolvedMeshes: {self.status.value}, {len(self.levels)} meshes, {self.problem._elastic.dofs} unknowns>"
-
-    @property
-    def converged(self) -> bool:
-        """Whether this is a solution with the accuracy that was asked for."""
-        return self.status is Status.CONVERGED
-
-    @property
-    def displacement(self) -> fem.Function:
-        """After the last load step with a solution."""
-        return self.path.last_step.displacement
-
-    @property
-    def history(self) -> History:
-        """Of all meshes."""
-        return self.path.history
-
-    @property
-    def timings(self) -> Timings:
-        """Of the last mesh."""
-        return self.path.timings
-
-    @property
-    def steps(self) -> tuple[StepResult, ...]:
-        """One result for each load step."""
-        return self.path.steps
-
-    @cached_property
-    def table(self) -> ContactTable:
-        """The contact boundary of all ranks after the last load step with a solution; collective."""
-        state = self.path.last_step.contact
-        assert state is not None
-        return contact_table(state, self.problem._names)
-
-    @property
-    def error_bound(self) -> ErrorBound | str | None:
-        """A guaranteed bound of the error of the last mesh, or why there is none, see ``Solution``; collective."""
-        return self.problem.error_bound
-
-    @property
-    def cost(self) -> CostOfAccuracy | str:
-        """What the accuracy took and what a better one would take, see ``Solution``; collective."""
-        solution = self.problem.solution
-        asked = replace(solution.model, statement=replace(solution.statement, accuracy=self.accuracy))
-        return replace(solution, model=asked, price_list=self.price_list).cost
-
-    def outcome(self) -> str:
-        """How the last mesh ended, and what to do."""
-        if self.path.converged:
-            return f"{self.status.value}: {self.history.advice(self.status)}"
-        return self.path.outcome()
 
 
 @dataclass(frozen=True)
@@ -157,16 +81,22 @@ class FormMesh:
         if (at is None) is self.path.several:
             wanted = "(problem, at), as run takes at" if self.path.several else "the problem alone without a path"
             raise FormError([("make", f"must return {wanted}")], "make")
-        problem.history = self.history
+        solver = problem.assembled
+        solver.history = self.history
         if self.changed is not None:
-            problem.settings = self.changed
-            problem._foundations.check_driven(self.changed.algorithm)
+            solver.settings = self.changed
+            solver.foundations.check_driven(self.changed.algorithm)
         return problem, Clock((lambda time: None) if at is None else at)
 
     @property
     def problem(self) -> ContactProblem:
         """On this mesh; collective."""
         return self.made[0]
+
+    @property
+    def solver(self) -> FormSolver:
+        """Of this problem; collective."""
+        return self.problem.assembled
 
     @property
     def settings(self) -> SolverSettings:
@@ -176,7 +106,7 @@ class FormMesh:
     @property
     def degree(self) -> int:
         """See ``MeshedProblem``."""
-        return int(self.problem._space.element.basix_element.degree)
+        return int(self.solver.space.element.basix_element.degree)
 
     @property
     def paired(self) -> bool:
@@ -186,8 +116,8 @@ class FormMesh:
     @property
     def estimable(self) -> bool:
         """Whether its errors can be estimated."""
-        unweighted = all(getattr(contact, "measure", None) is None for contact in self.problem.contact)
-        return self.problem._law is not None and unweighted
+        forms = self.solver.forms
+        return forms.stress is not None and not forms.weighted
 
     @property
     def may_begin_finer(self) -> bool:
@@ -198,7 +128,7 @@ class FormMesh:
         """See ``may_begin_finer``."""
         return self
 
-    def keeping(self, solved: SolvedMesh[SolvedMeshes]) -> FormMesh:
+    def keeping(self, solved: SolvedMesh) -> FormMesh:
         """The contact points stay where ``make`` puts them."""
         return self
 
@@ -223,22 +153,23 @@ class FormMesh:
         """See ``MeshedProblem``."""
         if self.family is not None:
             return 0.0
-        return polygon_error(level.table, self.problem._scales.modulus) if last is None else last
+        return polygon_error(level.table, self.solver.scales.modulus) if last is None else last
 
-    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh[SolvedMeshes]:
+    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh:
         """See ``MeshedProblem``."""
         problem, clock = self.made
-        problem._coarser = CoarserMesh(coarser, state, None if self.path.several else coarser)
+        problem.assembled.coarser = CoarserMesh(coarser, state, None if self.path.several else coarser)
 
-        def solve(step_errors: list[Errors]) -> SolvedMesh[SolvedMeshes]:
+        def solve(step_errors: list[Errors]) -> SolvedMesh:
             def estimate(result: StepResult) -> None:
                 if self.estimable:
                     step_errors.append(problem.errors)
 
             checkpoint = None if self.stored is None else MeshCheckpoint(self.stored, number)
-            path = problem._run(self.path, clock, estimate, checkpoint)
-            solution = SolvedMeshes(problem, path, path.status)
-            return SolvedMesh(solution, self.tagged, problem._elastic, problem._task, problem._outcome)
+            solver = problem.assembled
+            progress = solve_path(solver, self.path, clock, estimate, checkpoint)
+            solution = solution_of(solver, self.path, progress)
+            return SolvedMesh(solution, self.tagged, solver.elastic, solver.task, solver.outcome)
 
         return measured(number, self.history, self.tagged.mesh.comm, solve)
 
@@ -250,10 +181,10 @@ def solve_nested(
     *,
     path: LoadPath | Sequence[float] | None = None,
     observers: Sequence[Observer] = (),
-    on_level: Callable[[SolvedMeshes], object] = lambda solution: None,
+    on_level: Callable[[Solution], object] = lambda solution: None,
     folder: str | Path | None = None,
     restart: bool = False,
-) -> SolvedMeshes:
+) -> Solution:
     """Solve a problem on nested meshes, each starting from the solution on the one before; collective.
 
         solution = solve_nested(make, mesh)
@@ -284,7 +215,7 @@ def solve_nested(
         raise FormError([("restart", "needs the folder of the checkpoint")], "solve_nested")
     first = _first(make, mesh, path, observers)
     if folder is not None:
-        first = replace(first, stored=first.problem._checkpoint_in(folder, first.path, restart=restart))
+        first = replace(first, stored=checkpoint_of(first.solver, folder, first.path, restart=restart))
 
     def problems() -> Any:
         problem = first
@@ -303,8 +234,8 @@ def solve_to_accuracy(
     *,
     path: LoadPath | Sequence[float] | None = None,
     observers: Sequence[Observer] = (),
-    on_level: Callable[[SolvedMeshes], object] = lambda solution: None,
-) -> SolvedMeshes:
+    on_level: Callable[[Solution], object] = lambda solution: None,
+) -> Solution:
     """Solve a problem on finer and finer meshes until the estimated error is what was asked for; collective.
 
         solution = solve_to_accuracy(make, mesh, Accuracy(target="1%", of="peak"))
@@ -344,7 +275,8 @@ def solve_to_accuracy(
     budget = to_accuracy.Budget.begins(accuracy, comm, first.history)
     meshes = Meshes(first, accuracy, comm, adaptive=adaptive, made=made, any_jump=made)
     solution = to_accuracy.solve_to_accuracy(meshes, budget, first.history, on_level)
-    return _checked(replace(solution, accuracy=accuracy))
+    asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
+    return _checked(replace(solution, model=asked))
 
 
 def _first(
@@ -377,7 +309,7 @@ def _tagged(mesh: Any) -> TaggedMesh:
     return tag_boundaries(mesh, {})
 
 
-def _checked(solution: SolvedMeshes) -> SolvedMeshes:
+def _checked(solution: Solution) -> Solution:
     if not solution.converged:
-        raise ConvergenceError(solution, solution.outcome())
+        raise ConvergenceError(solution)
     return solution

@@ -21,8 +21,8 @@ from signorini_fx.body.assembly import action, facet_nodes
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.traction import SurfaceTraction
+from signorini_fx.forms.given import Facets, GivenForms
 from signorini_fx.forms.named_parts import tagged_mesh
-from signorini_fx.forms.parts import ProblemParts
 from signorini_fx.forms.stated_values import stated
 from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli
 from signorini_fx.machine.compilation import compiling
@@ -30,14 +30,16 @@ from signorini_fx.model import Model
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.tuned import SAME_DIRECTION, SAME_ENTRY
 
-Facets = npt.NDArray[np.int32]
+Nodal = npt.NDArray[np.float64]
 
 
-def stated_body(problem: ProblemParts, body: Model) -> Model:
-    """The body of a problem with its loads, supports and moduli as a scene states them.
+def stated_body(forms: GivenForms, fixed: npt.NDArray[np.bool_], values: Nodal, body: Model) -> Model:
+    """The body of forms with its loads, supports and moduli as a scene states them.
 
     Args:
-        problem: solved.
+        forms: what is assembled.
+        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+        values: to what, shape (dofs,).
         body: with its contact.
 
     Raises:
@@ -45,21 +47,21 @@ def stated_body(problem: ProblemParts, body: Model) -> Model:
     """
     if body.comm.size > 1:
         raise Refused("a guaranteed bound is computed on one rank")
-    if not all(isinstance(form, ufl.Form) for form in problem._forms):
+    if not forms.in_ufl:
         raise Refused("compiled forms do not say what their loads are between points of quadrature: give UFL")
-    contact = [_contact(entry, given) for entry, given in zip(body.statement.contact, problem.contact, strict=True)]
+    contact = [_contact(entry, stated) for entry, stated in zip(body.statement.contact, forms.contact, strict=True)]
     parts: dict[str, Facets] = {name: body.tagged.facets(name) for name in body.tagged.boundaries}
     loads = {"traction": [], "body_force": []}  # type: dict[str, list[Any]]
-    for key, load in _loads(problem._forms[1], problem.u, body, parts):
+    for key, load in _loads(forms.original[1], body, parts):
         loads[key].append(load)
     statement = body.statement.changed(
         contact=tuple(contact),
-        displacement=tuple(_supports(problem, parts)),
+        displacement=tuple(_supports(forms.space, (fixed, values), parts)),
         traction=tuple(loads["traction"]),
         body_force=tuple(loads["body_force"]),
     )
     tagged = tagged_mesh(body.tagged.mesh, parts)
-    return replace(body, statement=statement, tagged=tagged, lame=_lame(problem, body), of_body={}, of_contact={})
+    return replace(body, statement=statement, tagged=tagged, lame=_lame(forms, body), of_body={}, of_contact={})
 
 
 def _stated(value: Any, what: str) -> Any:
@@ -96,9 +98,7 @@ def _contact(entry: Any, given: Any) -> Any:
     )
 
 
-def _loads(
-    L: ufl.Form, u: fem.Function, body: Model, parts: dict[str, Facets]
-) -> Iterator[tuple[str, BodyForce | SurfaceTraction]]:
+def _loads(L: ufl.Form, body: Model, parts: dict[str, Facets]) -> Iterator[tuple[str, BodyForce | SurfaceTraction]]:
     """The loads with their keys; the parts of the boundary that they act on are added to ``parts``."""
     dim, force = body.dimension, [ufl.as_ufl(0.0)] * body.dimension
     (test,) = L.arguments()
@@ -162,11 +162,12 @@ def _outward(mesh: dmesh.Mesh, facets: Facets) -> npt.NDArray[np.float64]:
     return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
-def _supports(problem: ProblemParts, parts: dict[str, Facets]) -> Iterator[PrescribedDisplacement]:
+def _supports(
+    space: fem.FunctionSpace, prescribed: tuple[npt.NDArray[np.bool_], Nodal], parts: dict[str, Facets]
+) -> Iterator[PrescribedDisplacement]:
     """The supports, one for each component and value; the facets that they hold are added to ``parts``."""
-    space = problem._space
     mesh, dim = space.mesh, space.mesh.geometry.dim
-    fixed, values = (array.reshape(-1, dim) for array in problem._prescribed)
+    fixed, values = (array.reshape(-1, dim) for array in prescribed)
     facets = dmesh.exterior_facet_indices(mesh.topology)
     nodes = facet_nodes(space, facets)
     for k in range(dim):
@@ -184,9 +185,9 @@ def _supports(problem: ProblemParts, parts: dict[str, Facets]) -> Iterator[Presc
             yield PrescribedDisplacement(boundary=name, **{"xyz"[k]: float(value)})
 
 
-def _lame(problem: ProblemParts, body: Model) -> tuple[fem.Function, fem.Function]:
+def _lame(forms: GivenForms, body: Model) -> tuple[fem.Function, fem.Function]:
     """Both parameters of Lame in each cell, of a stress whose energy the form is."""
-    law = problem._law
+    law = forms.stress
     if law is None:
         raise Refused("the forms do not say what the stress is: give stress=")
     moduli = cellwise_moduli(law, body.space)
@@ -199,7 +200,7 @@ def _lame(problem: ProblemParts, body: Model) -> tuple[fem.Function, fem.Functio
     with compiling():
         if fem.assemble_scalar(fem.form(ufl.inner(at_rest, at_rest) * ufl.dx(body.space.mesh))) > 0:
             raise Refused("a stress without a strain has no guaranteed bound")
-    trial, test = problem._forms[0].arguments()[::-1]
+    trial, test = forms.original[0].arguments()[::-1]
     sigma, d = law(trial), body.dimension
     within = ufl.as_matrix([[sigma[i, j] for j in range(d)] for i in range(d)])
     with compiling():
@@ -207,7 +208,7 @@ def _lame(problem: ProblemParts, body: Model) -> tuple[fem.Function, fem.Functio
     y = fem.Function(body.space)
     y.x.array[:] = np.random.default_rng(0).standard_normal(y.x.array.size)
     nodes = np.arange(y.x.array.size // d, dtype=np.int32)
-    forces, of_stress = (action((form,), y, nodes) for form in (problem._a, energy))
+    forces, of_stress = (action((form,), y, nodes) for form in (forms.compiled[0], energy))
     if np.abs(forces - of_stress).max() > SAME_ENTRY * np.abs(forces).max():
         raise Refused("a is not the energy of the stress: springs, or another law, have no guaranteed bound")
     return lame

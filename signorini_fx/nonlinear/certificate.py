@@ -16,12 +16,11 @@ from dolfinx import fem
 
 from signorini_fx.body.foundation import Foundation
 from signorini_fx.body.foundations import FoundationData, ShapeDistances
-from signorini_fx.forms.certificate import sides_of
+from signorini_fx.forms.mechanics import prescribed_nodes, sides_of
 from signorini_fx.nonlinear.moving_shapes import MovingShape
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.equilibrium import Balance
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
-from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scales import Scales
 
@@ -55,7 +54,7 @@ def certified(
         lost: round-off of the residual, forces, of its shape; None: it is not known.
     """
     space = u.function_space
-    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
+    dim = space.mesh.geometry.dim
     places, (fixed, values) = u.x.array.reshape(-1, dim), prescribed
     data, contact, facets = foundations
     now = list(data)
@@ -67,23 +66,14 @@ def certified(
         )
     if before is not None:
         before = replace(before, moved=_motion(shapes, places, before.tractions))
-    prescribed_rows, nowhere = fixed.reshape(-1, dim)[:owned], np.zeros(0, dtype=np.int64)
-    supports = PrescribedNodes(
-        prescribed_rows,
-        values.reshape(-1, dim)[:owned],
-        nowhere,
-        np.zeros((0, dim)),
-        np.zeros(0),
-        np.where(prescribed_rows, 0, -1),
-        nowhere,
-    )
+    supports = prescribed_nodes(fixed, values, space)
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)
     balance = Balance(
         SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known, with_loads=True
     )
-    return judged(u, balance, sides_of(now, contact, (facets, {}), space), tractions, law=law, before=before)
+    return judged(u, balance, sides_of(now, contact, facets, {}, space), tractions, law=law, before=before)
 
 
 def _motion(shapes: Mapping[int, MovingShape], places: Array, points: Tractions) -> Array:

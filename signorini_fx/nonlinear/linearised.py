@@ -8,7 +8,7 @@ a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,16 +23,17 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.nodal_stiffness import NodalStiffness
-from signorini_fx.forms.contact_problem import ContactProblem
+from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
+from signorini_fx.forms.given import given_forms
+from signorini_fx.forms.solver import FormSolver
 from signorini_fx.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.nonlinear.moving_shapes import curvature_of, left_by_turning
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.promised_law import Law, PreviousStep
+from signorini_fx.results.promised_law import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
-from signorini_fx.scales import Scales
 from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING
 
 Array = npt.NDArray[np.float64]
@@ -67,7 +68,7 @@ class LinearSolution:
     begins: LastSolution | None
 
 
-class LinearisedProblem(ContactProblem):
+class LinearisedProblem(FormSolver):
     """The contact problem of one iteration.
 
     Args:
@@ -83,12 +84,28 @@ class LinearisedProblem(ContactProblem):
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
     _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
     _foundations_class = MovingFoundations
-    _foundations: MovingFoundations
+    foundations: MovingFoundations
 
     def __init__(
-        self, tangent: fem.Form, residual: fem.Form, at: fem.Function, bcs: Any, contact: Any, **settings: Any
+        self,
+        tangent: fem.Form,
+        residual: fem.Form,
+        at: fem.Function,
+        bcs: Any,
+        contact: Any,
+        *,
+        petsc_options_prefix: str,
+        petsc_options: Mapping[str, Any],
+        **settings: Any,
     ) -> None:
-        super().__init__(tangent, residual, bcs, contact, fem.Function(at.function_space), **settings)
+        forms, increment = given_forms(tangent, residual, contact, fem.Function(at.function_space))
+        super().__init__(
+            forms,
+            increment,
+            conditions_of(bcs, forms.space),
+            settings_of(settings),
+            (petsc_options_prefix, petsc_options),
+        )
         self._at, self._definite = at, True
         dim = at.function_space.mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
@@ -99,7 +116,7 @@ class LinearisedProblem(ContactProblem):
         spin: Callable[[ContactBoundary], Array | None],
     ) -> None:
         """Take the motion of shapes from here, and their rotations."""
-        self._foundations.motion, self._spin_of = motion, spin
+        self.foundations.motion, self._spin_of = motion, spin
 
     def bend(self, hessians: Array) -> None:
         """Give the tangent the curvature of the shapes with the tractions of the last solution.
@@ -109,13 +126,13 @@ class LinearisedProblem(ContactProblem):
         """
         self._hessians, self.curvature = hessians, curvature_of(hessians, self.state)
 
-    # --- what a ContactProblem asks for ---
+    # --- what a FormSolver asks for ---
 
-    def _begin(self) -> Start:
-        """See ``ContactProblem``; slips of points that stick are linearised as their tangent planes turn."""
+    def begin_step(self) -> Start:
+        """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
-        begun = super()._begin()
-        boundary, previous = self._boundary, self._previous_step
+        begun = super().begin_step()
+        boundary, previous = self.boundary, self.previous_step
         if state is None or not len(self._hessians) == boundary.size == state.boundary.size:
             return begun
         origin = np.zeros_like(begun.data.mu_hat) if begun.data.slip_origin is None else begun.data.slip_origin
@@ -131,7 +148,7 @@ class LinearisedProblem(ContactProblem):
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
-        """See ``ContactProblem``: a tangent that is not definite is factorised whole.  Its contact problem may have no
+        """See ``FormSolver``: a tangent that is not definite is factorised whole.  Its contact problem may have no
         solution: then a smaller increment of the load is what helps, not another method.
         """
         indefinite = {"linear_algebra": "full", "fallbacks": False}
@@ -139,18 +156,18 @@ class LinearisedProblem(ContactProblem):
         if self._damping > 0.0:  # what has failed without it is not tried by all methods again
             settings = settings.model_copy(update={"fallbacks": False})
         beside = {"beside": self._added, "definite": self._definite}
-        return elastic_body(self._space, self._a, self.bcs, fixed, boundary, settings, **beside)
+        return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, settings, **beside)
 
     def _forces(self) -> Array:
-        """See ``ContactProblem``."""
-        return self._elastic.forces_of(self._at) - assemble(self._L)
+        """See ``FormSolver``."""
+        return self.elastic.forces_of(self._at) - assemble(self.forms.compiled[1])
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
-        """See ``ContactProblem``."""
+        """See ``FormSolver``."""
         return self._added.nodes, self._added.blocks
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
-        """See ``ContactProblem``."""
+        """See ``FormSolver``."""
         return self._spin_of(boundary)
 
     def _judged(self, outcome: Outcome) -> Certificate | None:
@@ -171,7 +188,7 @@ class LinearisedProblem(ContactProblem):
             return False
         if self._damping == 0.0:
             dim, owned = self.u.function_space.mesh.geometry.dim, self._at.function_space.dofmap.index_map.size_local
-            diagonal = np.abs(self._elastic.stiffness.getDiagonal().getArray()[: owned * dim])
+            diagonal = np.abs(self.elastic.stiffness.getDiagonal().getArray()[: owned * dim])
             self._diagonal = diagonal.reshape(-1, dim).max(axis=1)
         self._damping = max(DAMPING_GROWTH * self._damping, LEAST_DAMPING)
         return True
@@ -190,74 +207,59 @@ class LinearisedProblem(ContactProblem):
         blocks = np.concatenate((self.curvature.blocks, damping))
         return NodalStiffness.summed(np.concatenate((self.curvature.nodes, nodes)), blocks)
 
-    def solve(self) -> fem.Function:
-        """See ``ContactProblem``; a tangent that Cholesky's factorisation refuses is factorised as LDL^T."""
+    def solve(self) -> None:
+        """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.
+
+        Raises:
+            ConvergenceError: there is no solution.
+            MatrixError: the tangent is not finite, or not symmetric.
+        """
         try:
-            return super().solve()
+            why = self.attempt()
         except MatrixError as error:
             if error.fault is not MatrixFault.NOT_POSITIVE:
                 raise
-        except ConvergenceError:
+        else:
+            if not why:
+                return
             if not self._definite or self.status not in (Status.SINGULAR, Status.LINEAR_SOLVER):
-                raise
+                raise ConvergenceError(self, why)
         self._definite, self._last_pattern = False, None
         self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
-        return super().solve()
+        if why := self.attempt():
+            raise ConvergenceError(self, why)
 
     def internal(self, displacement: fem.Function) -> tuple[Array, Array]:
         """What a(d, .) and the curvature alone are, shapes (owned dofs,); collective."""
-        return self._elastic.forces_of(displacement), self.curvature.times(displacement)
+        return self.elastic.forces_of(displacement), self.curvature.times(displacement)
 
     @property
     def solved(self) -> LinearSolution:
         """The last one."""
-        return LinearSolution(self._state, self._outcome, self._solution)
+        return LinearSolution(self._state, self.outcome, self._solution)
 
     def go_back(self, solution: LinearSolution) -> None:
         """Make an earlier solution the last one; the next solve assembles anew."""
-        self._state, self._outcome, self._solution = solution.state, solution.outcome, solution.begins
+        self._state, self.outcome, self._solution = solution.state, solution.outcome, solution.begins
         dim = self._at.function_space.mesh.geometry.dim
         self._last_pattern, self.curvature, self._hessians = None, NodalStiffness.none(dim), np.zeros((0, dim, dim))
 
     # --- what the certificate and the verdict on stability ask for ---
 
     @property
-    def prescribed(self) -> tuple[npt.NDArray[np.bool_], Array]:
-        """Which unknowns of this rank are prescribed, ghosts included, and to what, shapes (dofs,)."""
-        return self._prescribed
-
-    @property
-    def scales(self) -> Scales:
-        """Of lengths and stresses."""
-        return self._scales
-
-    @property
-    def foundations(self) -> tuple[Any, Any, Any]:
-        """Their data at the nodes, what the user gave, and their facets."""
-        return self._data, self.contact, self._named[0]
-
-    @property
     def nodal_values(self) -> Any:
         """Of the foundations: a callable for each that evaluates at its nodes."""
-        return self._foundations._values
+        return self.foundations._values
 
     def check_shape(self, number: int, shape: Any) -> None:
         """See ``Foundations``."""
-        self._foundations.check_shape(number, shape)
+        self.foundations.check_shape(number, shape)
 
     @property
     def law(self) -> Law:
         """That the last solution keeps to."""
-        assert self._outcome is not None
-        return Law(*self._task.promised(self._outcome))
-
-    @property
-    def before(self) -> PreviousStep | None:
-        """The end of the last step, with shears along the foundations as they are now.
-
-        Before the first one, if the shapes have moved, the body at rest.
-        """
-        return self._previous_step
+        assert self.outcome is not None
+        return Law(*self.task.promised(self.outcome))
 
     @property
     def _sticks(self) -> npt.NDArray[np.bool_]:
@@ -269,7 +271,7 @@ class LinearisedProblem(ContactProblem):
     @property
     def held(self) -> Array:
         """The directions that contact holds at each contact point, zero where it holds none, shape (n, d, d)."""
-        assert self._outcome is not None
+        assert self.outcome is not None
         boundary = self.state.boundary
         normal = boundary.normal[:, None, :] * self.state.in_contact[:, None, None]
         return np.concatenate((normal, boundary.tangents.transpose(0, 2, 1) * self._sticks[:, None, None]), axis=1)
@@ -277,5 +279,5 @@ class LinearisedProblem(ContactProblem):
     @property
     def factor_fits(self) -> bool:
         """Whether the machines have the memory for a factor of the tangent; collective."""
-        size = self._elastic.system_size
+        size = self.elastic.system_size
         return enough_memory(size.comm, factor_memory(size.unknowns, size.dimension))

@@ -27,6 +27,7 @@ from signorini_fx.body.shapes_inside import BodyCells
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault
+from signorini_fx.forms.results import findings_of_last
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.nonlinear import outcomes
 from signorini_fx.nonlinear.arguments import checked
@@ -134,7 +135,7 @@ class NonlinearContactProblem:
             bcs,
             [self._seen(k, entry) if k in shaped else entry for k, entry in enumerate(self.contact)],
             petsc_options_prefix=petsc_options_prefix,
-            petsc_options=petsc_options,
+            petsc_options=dict(petsc_options or {}),
             **settings,
         )
         self.linear.begin(
@@ -142,8 +143,8 @@ class NonlinearContactProblem:
             lambda boundary: spin_at(boundary, self.shapes),
         )
         self.shapes = {k: self._shape_of(k) for k in shaped}
-        self.pressure, self.shear = self.linear.pressure, self.linear.shear
-        self.gap, self.slip = self.linear.gap, self.linear.slip
+        fields = self.linear.fields
+        self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         self._fields = self.pressure, self.shear, self.gap, self.slip
         bounds = parallel.global_bounds(space.mesh.comm, space.mesh.geometry.x.astype(np.float64))
         self._size = float(np.linalg.norm(np.ptp(bounds, axis=0)))
@@ -184,7 +185,7 @@ class NonlinearContactProblem:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        return self.linear.findings
+        return findings_of_last(self.linear)
 
     @property
     def _places(self) -> Array:
@@ -385,11 +386,11 @@ class NonlinearContactProblem:
             residual,
             linear.prescribed,
             linear.scales,
-            linear.foundations,
+            (linear.data, self.contact, linear.forms.facets),
             self.shapes,
             Tractions.of(self.state),
             linear.law,
-            linear.before,
+            linear.previous_step,
             lost,
         )
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED

@@ -234,7 +234,7 @@ class Resultants:
 
 
 @dataclass(frozen=True, repr=False)
-class SceneResultants(Resultants):
+class StatedResultants(Resultants):
     """The resultants of one load step of a scene.
 
     Reactions are what the stresses in the body leave at the nodes of supports (at a node of two supported boundaries,

@@ -26,17 +26,18 @@ from signorini_fx.extensions import LINEAR_SOLVERS, add_on, is_of_package, names
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.model import Model
 from signorini_fx.quantities.registry import requested
+from signorini_fx.quantities.statements import Refused
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.asked_law import AskedLaw, asked_law
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
 from signorini_fx.results.contact_nodes import ContactSide
-from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.functionals import Functionals
-from signorini_fx.results.resultants import Resultants, SceneResultants
-from signorini_fx.results.safety import Safety, safety_of
-from signorini_fx.results.stresses import Stresses
+from signorini_fx.results.mechanics import Mechanics, StatedMechanics
+from signorini_fx.results.resultants import Resultants
+from signorini_fx.results.safety import Safety
+from signorini_fx.results.stresses import RawStresses
 from signorini_fx.statement import Statement
 
 if TYPE_CHECKING:
@@ -118,6 +119,7 @@ class Solution:
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
         price_list: errors and cost of each of them, and predictions for the next one; otherwise empty.
         shared: what the results of all load steps use, once it is made.
+        mechanics: what contact sides, stresses and resultants of the body are.
     """
 
     status: Status
@@ -136,6 +138,7 @@ class Solution:
     levels: tuple[LevelResult, ...] = ()
     price_list: tuple[Price, ...] = ()
     shared: dict[str, StressRecovery] = field(default_factory=dict)
+    mechanics: Mechanics = field(default_factory=StatedMechanics)
 
     def __repr__(self) -> str:
         """One line, because the fields contain whole meshes and matrices."""
@@ -238,7 +241,7 @@ class Solution:
     @property
     def has_stress(self) -> bool:
         """Whether its stresses are known."""
-        return True
+        return self.mechanics.has_stress
 
     @property
     def last_step(self) -> StepResult:
@@ -284,28 +287,27 @@ class Solution:
     @cached_property
     def sides(self) -> list[ContactSide]:
         """The parts of the boundary with contact, for second opinions."""
-        d = self.model
-        return sides_of(self.statement, d.tagged, self.displacement.function_space, d.pairs)
+        return self.mechanics.sides(self.model)
 
     @cached_property
-    def stress(self) -> Stresses:
+    def stress(self) -> RawStresses:
         """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
-        with load steps, of the last one.
+        with load steps, of the last one; collective.
+
+        Raises:
+            RuntimeError: it is that of forms whose stress is not known.
         """
-        return Stresses.of(self.model, self.displacement, self._position, self.shared)
+        return self.mechanics.stress(self.model, self.displacement, self._position, self.shared)
 
     @cached_property
     def resultants(self) -> Resultants:
         """Forces and moments on the body through each boundary; with load steps, of the last one."""
-        d = self.model
-        return SceneResultants(self.statement, d.tagged, self.displacement, self.contact, self._position, d.pairs)
+        return self.mechanics.resultants(self.model, self.displacement, self.contact, self._position)
 
     @cached_property
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; with load steps, in the last one; collective."""
-        from signorini_fx.results.sections import section_forces
-
-        return section_forces(self.statement, self.model.tagged, self.displacement, self._position)
+        return self.mechanics.sections(self.model, self.displacement, self._position)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:
@@ -339,10 +341,13 @@ class Solution:
             return None
         return add_on("uniqueness")(self.model, self.contact, place=self._position)
 
-    @property
+    @cached_property
     def stated_body(self) -> Model | str:
         """The body with all that acts on it, as bounds look at it; or why there are none."""
-        return self.model
+        try:
+            return self.mechanics.stated(self.model)
+        except Refused as refused:
+            return str(refused)
 
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
@@ -427,7 +432,7 @@ class Solution:
         """
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
-        return safety_of(self.model, self.contact, self._position)
+        return self.mechanics.safety(self.model, self.contact, self._position)
 
     def plot(self, *fields: str) -> Any:
         """Pictures that a notebook displays, see the function ``plot``; collective."""
@@ -454,8 +459,8 @@ class ConvergenceError(SignoriniError):
     """No solution was reached.
 
     Attributes:
-        solution: the last iterate with its status, history and certificate: a ``Solution``, a ``ContactProblem``, or
-            the ``SolvedPath`` of one.
+        solution: the last iterate with its status, history and certificate: a ``Solution``, or the
+            ``ContactProblem`` or ``NonlinearContactProblem`` whose ``solve`` was called.
     """
 
     def __init__(self, solution: Any, message: str | None = None) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import ceil, inf
-from typing import Generic
 
 import numpy as np
 from mpi4py import MPI
@@ -20,7 +19,7 @@ from signorini_fx.mesh.refinement import cells_at, mark, refine
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Status
 from signorini_fx.scene.settings import Accuracy, SolverSettings
-from signorini_fx.solving.meshed_problem import MeshedProblem, S, SolvedMesh
+from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.tuned import (
     BULK,
     CORNER_DIVISIONS,
@@ -32,7 +31,7 @@ from signorini_fx.tuned import (
 )
 
 
-class Meshes(Generic[S]):
+class Meshes:
     """One finer mesh after the other, and the problem on it.
 
     Args:
@@ -53,7 +52,7 @@ class Meshes(Generic[S]):
 
     def __init__(
         self,
-        problem: MeshedProblem[S],
+        problem: MeshedProblem,
         goal: Accuracy,
         comm: MPI.Comm,
         *,
@@ -73,17 +72,17 @@ class Meshes(Generic[S]):
             # two bodies "exact" is not possible.
             self._regularised = settings
             problem = problem.with_settings(settings.model_copy(update={"algorithm": "exact"}))
-        self.problem: MeshedProblem[S] = problem
+        self.problem: MeshedProblem = problem
         self._divisions = 1
         self._coarser: MeshLevel | None = None
         self.seconds: float = 0.0
         self.finer: float = 1.0
 
-    def keep(self, solved: SolvedMesh[S]) -> None:
+    def keep(self, solved: SolvedMesh) -> None:
         """Keep what was chosen on the first mesh."""
         self.problem = self.problem.keeping(solved)
 
-    def _solved(self, state: ContactState | None, number: int) -> SolvedMesh[S]:
+    def _solved(self, state: ContactState | None, number: int) -> SolvedMesh:
         """The current mesh, the first one as fine as it must be.
 
         Straight facets of two bodies that fit each other may be so far apart on it that there is no solution.
@@ -100,7 +99,7 @@ class Meshes(Generic[S]):
                     raise
             self.problem = self.problem.beginning_finer()
 
-    def solve(self, state: ContactState | None, number: int) -> SolvedMesh[S]:
+    def solve(self, state: ContactState | None, number: int) -> SolvedMesh:
         """Solve on the current mesh; with regularisation if the problem leaves it open and nothing else works."""
         regularised = self._regularised
         if regularised is None:
@@ -136,7 +135,7 @@ class Meshes(Generic[S]):
             return jump
         return max(ceil(self._divisions * jump - 1e-9), self._divisions + 1) / self._divisions
 
-    def refine(self, solved: SolvedMesh[S], excess: float, jump: float) -> None:
+    def refine(self, solved: SolvedMesh, excess: float, jump: float) -> None:
         """Make the next mesh."""
         begin = parallel.clock(self._comm)
         if self._made:
@@ -157,7 +156,7 @@ class Meshes(Generic[S]):
             self.problem = self.problem.on(tagged)
         self.seconds = parallel.clock(self._comm) - begin
 
-    def _divide_corners(self, tagged: TaggedMesh, solved: SolvedMesh[S], excess: float) -> TaggedMesh:
+    def _divide_corners(self, tagged: TaggedMesh, solved: SolvedMesh, excess: float) -> TaggedMesh:
         """Divide the cells at corners in contact several times, if they contain the error of the pressure.
 
         There it decreases so slowly with h, and so few cells are divided, that a solve after each division is wasteful.
@@ -194,6 +193,6 @@ class Meshes(Generic[S]):
         self.problem = self.problem.with_settings(settings.model_copy(update=update))
 
 
-def _used_up(solved: SolvedMesh[S]) -> bool:
+def _used_up(solved: SolvedMesh) -> bool:
     """Whether time or memory ended, so that another try would end likewise."""
     return solved.solution.history.late or solved.solution.status is Status.NO_MEMORY

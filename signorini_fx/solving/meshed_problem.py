@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
+from typing import Any, Protocol, Self
 
-from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.accuracy.error_estimates import Errors, worst_of
@@ -15,67 +14,17 @@ from signorini_fx.accuracy.mesh_level import LevelResult
 from signorini_fx.accuracy.price_list import peak_memory
 from signorini_fx.algorithms.task import Outcome, Task
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.machine import signals
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.records import History, Status, Timings
-from signorini_fx.results.solution import StepResult
+from signorini_fx.records import History
+from signorini_fx.results.solution import Solution
 from signorini_fx.scene.settings import SolverSettings
 
 
-class MeshSolution(Protocol):
-    """How a problem has ended on a mesh: a dataclass with the fields ``status``, ``levels`` and ``price_list``."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-
-    @property
-    def status(self) -> Status:
-        """How it ended."""
-        ...
-
-    @property
-    def converged(self) -> bool:
-        """Whether this is a solution."""
-        ...
-
-    @property
-    def displacement(self) -> fem.Function:
-        """After the last load step with a solution."""
-        ...
-
-    @property
-    def history(self) -> History:
-        """Of all meshes."""
-        ...
-
-    @property
-    def timings(self) -> Timings:
-        """Of this mesh."""
-        ...
-
-    @property
-    def steps(self) -> Sequence[StepResult]:
-        """The results of the load steps."""
-        ...
-
-    @property
-    def table(self) -> ContactTable:
-        """The contact boundary after the last load step with a solution; collective."""
-        ...
-
-    @property
-    def error_bound(self) -> Any:
-        """A guaranteed bound of the error, or why there is none; None if this is no solution; collective."""
-        ...
-
-
-S = TypeVar("S", bound=MeshSolution)
-
-
 @dataclass(frozen=True)
-class SolvedMesh(Generic[S]):
+class SolvedMesh:
     """A problem on one mesh.
 
     Attributes:
@@ -89,7 +38,7 @@ class SolvedMesh(Generic[S]):
         errors: the estimates on the mesh; None likewise.
     """
 
-    solution: S
+    solution: Solution
     tagged: TaggedMesh
     body: ElasticBody
     task: Task | None
@@ -104,7 +53,7 @@ class SolvedMesh(Generic[S]):
         return self.solution.steps[0].contact
 
 
-class MeshedProblem(Protocol[S]):
+class MeshedProblem(Protocol):
     """A problem that can be solved on other meshes; what is changed is another one."""
 
     @property
@@ -135,7 +84,7 @@ class MeshedProblem(Protocol[S]):
         """The same with a first mesh whose cells are half as large."""
         ...
 
-    def keeping(self, solved: SolvedMesh[S], /) -> Self:
+    def keeping(self, solved: SolvedMesh, /) -> Self:
         """The same with what was chosen on the first mesh."""
         ...
 
@@ -156,7 +105,7 @@ class MeshedProblem(Protocol[S]):
         """
         ...
 
-    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None, /) -> SolvedMesh[S]:
+    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None, /) -> SolvedMesh:
         """Solve it, and estimate its errors; collective.
 
         Args:
@@ -167,9 +116,7 @@ class MeshedProblem(Protocol[S]):
         ...
 
 
-def measured(
-    number: int, history: History, comm: MPI.Comm, solve: Callable[[list[Errors]], SolvedMesh[S]]
-) -> SolvedMesh[S]:
+def measured(number: int, history: History, comm: MPI.Comm, solve: Callable[[list[Errors]], SolvedMesh]) -> SolvedMesh:
     """Solve on one of several meshes, with its errors and its cost; collective.
 
     Args:

@@ -23,17 +23,18 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.contact.laws import ActiveSets, Nodal, length, unit
 from signorini_fx.records import History
-from signorini_fx.solving.meshed_problem import MeshedProblem, S
+from signorini_fx.results.solution import Solution
+from signorini_fx.solving.meshed_problem import MeshedProblem
 from signorini_fx.tuned import MIDDLE_RATIO
 
 
 def solve_nested(
-    problems: Iterable[MeshedProblem[S]],
+    problems: Iterable[MeshedProblem],
     count: int,
     comm: MPI.Comm,
     history: History,
-    on_level: Callable[[S], object] = lambda solution: None,
-) -> S:
+    on_level: Callable[[Solution], object] = lambda solution: None,
+) -> Solution:
     """Solve on one mesh after the other, each starting from the contact state of the previous one; collective.
 
     Args:

@@ -125,19 +125,40 @@ def solve_contact(
     progress = all_load_steps(steps, task, start, _increments(statement), on_step, level_checkpoint)
     model, task = progress.problem.body, progress.task
     assert progress.ended is not None
-    ended, data = progress.ended
-    shown, values = _shown(progress.results), None
+    found = _found(model, tuple(progress.results)) if with_findings else tuple
+    solution = contact_solution(model, progress.results, task, progress.ended, timings, found)
+    return solution, task, progress.ended[0]
+
+
+def contact_solution(
+    model: Model,
+    steps: Sequence[StepResult],
+    task: Task,
+    ended: tuple[Outcome, RegularisedData],
+    timings: Timings,
+    found: Callable[[], tuple[Finding, ...]],
+) -> Solution:
+    """What load steps with contact have come to; collective.
+
+    Args:
+        model: the body at the last load step.
+        steps: up to the last one that was tried.
+        task: the contact problem of the last load step.
+        ended: how the last load step with a solution ended, or the first one, and its data.
+        timings: of the mesh.
+        found: see ``Solution``.
+    """
+    (outcome, data), shown, values = ended, _shown(steps), None
     if not task.has_coulomb:
         assert shown.contact is not None
         values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
-    solution = replace(
-        _solution(model, progress.results, history, timings, with_findings=with_findings),
-        algorithm=algorithm_name(model.statement, ended),
+    return replace(
+        _solution(model, steps, task.history, timings, found),
+        algorithm=algorithm_name(model.statement, outcome),
         functionals=values,
-        parameters=used_parameters(ended, data, shown.strain_energy),
+        parameters=used_parameters(outcome, data, shown.strain_energy),
         linear_algebra=task.linear_algebra,
     )
-    return solution, task, ended
 
 
 def _increments(statement: Statement) -> Increments:
@@ -154,8 +175,7 @@ def _solution(
     steps: Sequence[StepResult],
     history: History,
     timings: Timings,
-    *,
-    with_findings: bool = True,
+    found: Callable[[], tuple[Finding, ...]],
 ) -> Solution:
     """The load steps as a solution, without what contact adds; collective."""
     shown = _shown(steps)
@@ -169,7 +189,7 @@ def _solution(
         certificate=shown.certificate,
         steps=tuple(steps),
         history=history,
-        found=_found(model, tuple(steps)) if with_findings else tuple,
+        found=found,
         timings=timings,
     )
 
@@ -265,7 +285,8 @@ def _solve_linear(model: Model, history: History, timings: Timings) -> Solution:
             steps.pop()
         else:
             break
-    return replace(_solution(model, steps, history, timings), linear_algebra=linear_algebra)
+    solution = _solution(model, steps, history, timings, _found(model, tuple(steps)))
+    return replace(solution, linear_algebra=linear_algebra)
 
 
 def _status_of(ksp: PETSc.KSP, system: ElasticSystem, load: PETSc.Vec, x: PETSc.Vec) -> Status:

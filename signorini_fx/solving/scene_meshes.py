@@ -20,7 +20,6 @@ from signorini_fx.mesh.hierarchy import scene_on, with_halved_bodies
 from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
 from signorini_fx.records import History
 from signorini_fx.results.checkpoint import Checkpoint
-from signorini_fx.results.solution import Solution
 from signorini_fx.scene.scene import MeshFile, Scene
 from signorini_fx.scene.settings import Accuracy, SolverSettings
 from signorini_fx.solving.finer_meshes import Meshes
@@ -82,7 +81,7 @@ class SceneMesh:
         """See ``MeshedProblem``."""
         return replace(self, coarsest=self.coarsest / 2).divided(1)
 
-    def keeping(self, solved: SolvedMesh[Solution]) -> SceneMesh:
+    def keeping(self, solved: SolvedMesh) -> SceneMesh:
         """Leave the contact points of pairs on the sides that were chosen on the first mesh: forces have their sign."""
         if solved.solution.statement.sides[1] is None:
             return self
@@ -120,10 +119,10 @@ class SceneMesh:
             return last
         return polygon_error(level.table, max(material.plane_modulus for material in self.scene.material))
 
-    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh[Solution]:
+    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh:
         """See ``MeshedProblem``."""
 
-        def solve(step_errors: list[Errors]) -> SolvedMesh[Solution]:
+        def solve(step_errors: list[Errors]) -> SolvedMesh:
             def estimate(step: LoadStep[SceneSteps]) -> None:
                 d, outcome, result = step.problem.body, step.outcome, step.result
                 assert result.contact is not None
@@ -149,7 +148,7 @@ class SceneMesh:
         return measured(number, self.history, self.comm, solve)
 
 
-def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Meshes[Solution]:
+def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Meshes:
     """The meshes of a scene on the way to an accuracy.
 
     Raises:

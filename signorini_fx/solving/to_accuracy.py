@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -34,9 +33,10 @@ from signorini_fx.errors import SceneError
 from signorini_fx.linalg.failures import memory_ended
 from signorini_fx.records import History, Status
 from signorini_fx.results.afterthoughts import failure_in_words
+from signorini_fx.results.solution import Solution
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.meshed_problem import S, SolvedMesh
+from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.tuned import (
     FEWEST_MESHES,
     INDISTINGUISHABLE,
@@ -57,11 +57,11 @@ _TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR, Status.NOT
 
 
 def solve_to_accuracy(
-    meshes: Meshes[S],
+    meshes: Meshes,
     budget: Budget,
     history: History,
-    on_level: Callable[[S], object] = lambda solution: None,
-) -> S:
+    on_level: Callable[[Solution], object] = lambda solution: None,
+) -> Solution:
     """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget ends; collective.
 
     A refinement that would exceed the budget is not begun, and one that takes longer than predicted is given up, after
@@ -77,7 +77,7 @@ def solve_to_accuracy(
     rates = expected_rates(meshes.problem.degree if meshes.adaptive else 1)
     levels: list[LevelResult] = []
     state: ContactState | None = None
-    last: S | None = None
+    last: Solution | None = None
     polygon: float | None = None
     while True:
         started = parallel.clock(comm)
@@ -174,7 +174,7 @@ def _lacks_memory(error: Exception, comm: MPI.Comm) -> bool:
     return comm.size == 1 and memory_ended(error)
 
 
-def _certified(solved: SolvedMesh[S], *, first: bool) -> tuple[SolvedMesh[S], float, str]:
+def _certified(solved: SolvedMesh, *, first: bool) -> tuple[SolvedMesh, float, str]:
     """The mesh with the shares of the guaranteed bound in place of the estimated ones, the bound of the relative error,
     and why there is none, else "".
 
@@ -253,7 +253,7 @@ class Budget:
         return budget
 
     def affordable(
-        self, rows: list[Price], jump: float, last: LevelResult, meshes: Meshes[Any]
+        self, rows: list[Price], jump: float, last: LevelResult, meshes: Meshes
     ) -> tuple[float, Exceeded | None]:
         """The jump, or if there may be any a smaller one that keeps to the budget; and how the next mesh would exceed
         it all the same, None if it would not.

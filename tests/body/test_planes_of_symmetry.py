@@ -145,7 +145,7 @@ def test_where_it_is_no_plane_of_symmetry(of_master):
     """A support that holds the slave alone, or moves it past the other body, is none: friction acts across it."""
     side = 0.0 if of_master is None else 0.02
     problem = pressed("hexahedron", 1, (3, 4), half=True, side=side, of_master=of_master, friction=Coulomb(0.3))
-    pair = problem._foundations.pairs[0]
+    pair = problem.assembled.foundations.pairs[0]
     assert not pair.across.any()
     x, pressure, shear = tractions(problem)
     on_plane = np.isclose(x[:, 1], 0) & (pressure > 0)
@@ -155,7 +155,7 @@ def test_where_it_is_no_plane_of_symmetry(of_master):
 
 def test_an_edge_at_the_plane_is_none():
     """Sides that are askew to the plane keep all components: a constant stress has a part across it."""
-    assert pressed("triangle", 1, (3, 4), half=True, of_master=0.0)._foundations.pairs[0].across.any()
+    assert pressed("triangle", 1, (3, 4), half=True, of_master=0.0).assembled.foundations.pairs[0].across.any()
     turn = np.arcsin(1.5 * ASKEW_NORMAL)
 
     def tilt(x):

@@ -447,7 +447,7 @@ def test_a_factor_of_other_sets_is_none_of_the_solution(stale):
     )
     problem.solve()
     wanted = problem.gradient("moment 0", [young]).derivatives
-    newton = problem._task.iterate.unsymmetric_newton
+    newton = problem.assembled.task.iterate.unsymmetric_newton
     jacobian, ksp, tangent = newton.snes.getJacobian()[0], newton.snes.getKSP(), newton.problem.tangent
     right = tangent.inserted[jacobian.handle]
     if stale == "factor":

@@ -88,10 +88,10 @@ def test_forms_and_scenes_give_the_same(dimension, law, algebra, element):
     assert np.abs(problem.tools[0].rotation).max() > 1e-5
     assert differ(problem, solution.last_step) < close
     assert problem.certificate.worst < 1e-7
-    system, more = problem._task.system, [1.5 * one for one in given["force"]]
+    system, more = problem.assembled.task.system, [1.5 * one for one in given["force"]]
     problem.place(0, force=more)
     problem.solve()
-    assert problem._task.system is system
+    assert problem.assembled.task.system is system
     other = solve(block(dimension, law, algebra, **element, **{**given, "force": more}))
     assert differ(problem, other.last_step) < close
 

@@ -28,7 +28,7 @@ from signorini_fx import (
 )
 from signorini_fx.algorithms import strategy
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.forms import contact_problem
+from signorini_fx.forms import solver
 from signorini_fx.forms.stress import exterior_facets
 from signorini_fx.linalg import condensed, multigrid
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
@@ -234,7 +234,7 @@ def test_loads_share_a_factorisation(monkeypatch, linear_algebra):
     """Twenty loads: the stiffness is assembled and factorised once, and so is the tangent where sets stay."""
     block = Block((24, 8), linear_algebra=linear_algebra)
     with (
-        counted(monkeypatch, contact_problem, "elastic_body") as stiffness,
+        counted(monkeypatch, solver, "elastic_body") as stiffness,
         counted(monkeypatch, condensed, "SchurComplement") as schur,
     ):
         for factor in range(1, 21):
@@ -288,8 +288,8 @@ def test_only_what_changes_is_assembled(monkeypatch):
     for name, act, expected in changes:
         act()
         with (
-            counted(monkeypatch, contact_problem, "elastic_body") as stiffness,
-            counted(monkeypatch, contact_problem, "case_of") as loads,
+            counted(monkeypatch, solver, "elastic_body") as stiffness,
+            counted(monkeypatch, solver, "case_of") as loads,
         ):
             y = problem.solve().x.array.copy()
         assert (len(stiffness), len(loads)) == expected, name
@@ -423,7 +423,7 @@ def test_path_following_reaches_the_error_asked_for():
 
 def test_what_is_not_certified_is_no_solution(monkeypatch):
     block = Block()
-    monkeypatch.setattr(contact_problem, "judged", lambda *given, **law: Certificate(equilibrium=1e-3))
+    monkeypatch.setattr(solver, "judged", lambda *given, **law: Certificate(equilibrium=1e-3))
     with pytest.raises(ConvergenceError, match="certificate does not hold"):
         block.problem.solve()
     assert block.problem.status is Status.NOT_CERTIFIED
@@ -441,11 +441,11 @@ def test_after_a_solve_without_a_solution_the_next_one_begins_where_it_began(mon
 
             def refused(*_, block=block, **law):
                 """As after an iteration that has diverged."""
-                block.problem._task.iterate.x.set(np.nan)
+                block.problem.assembled.task.iterate.x.set(np.nan)
                 return Certificate(equilibrium=1e-3)
 
             with monkeypatch.context() as patch:
-                patch.setattr(contact_problem, "judged", refused)
+                patch.setattr(solver, "judged", refused)
                 with pytest.raises(ConvergenceError):
                     block.problem.solve()
             assert np.abs(block.problem.u.x.array - exact).max() > 1e-3

@@ -193,7 +193,7 @@ def test_load_steps_of_forms_have_the_results_of_those_of_scenes(tmp_path):
 
     problem.run((1.0, 2.0), at)
     if COMM.size == 1:
-        assert problem.error_bound.error == pytest.approx(solution.error_bound.error, rel=1e-9)
+        assert problem.solution.error_bound.error == pytest.approx(solution.error_bound.error, rel=1e-9)
     of_scene = write_results(solution, tmp_path / "scene", pictures=False)
     of_forms = problem.write(tmp_path / "forms", pictures=False)
     assert differences(of_scene, of_forms) == []
@@ -205,7 +205,7 @@ def test_load_steps_of_forms_have_the_results_of_those_of_scenes(tmp_path):
     factor.value = 1.2
     problem.solve()
     assert problem.solution.last_step.step == 3
-    assert "load step before" in problem.error_bound
+    assert "load step before" in problem.solution.error_bound
 
 
 @pytest.mark.parametrize("law", [{"coefficient": 0.3}, {"bound": 3.0}], ids=str)
@@ -215,14 +215,14 @@ def test_bounds_and_uniqueness_are_those_of_the_scene(law):
     solution = solve(scene)
     problem, _ = as_forms(scene.statement, solution.model.tagged)
     problem.solve()
-    bound, expected = problem.error_bound, solution.error_bound
+    bound, expected = problem.solution.error_bound, solution.error_bound
     assert isinstance(bound, ErrorBound)
     assert bound.error == pytest.approx(expected.error, rel=1e-9)  # its share of round-off is one
     assert bound.squares == pytest.approx(expected.squares, rel=1e-9, abs=1e-9 * expected.squares.max())
     assert bound.grounds.estimated == ""
-    ours, theirs = (one.bounds("force bottom y") for one in (problem, solution))
+    ours, theirs = (one.bounds("force bottom y") for one in (problem.solution, solution))
     assert tuple(ours) == pytest.approx(tuple(theirs), rel=1e-9)
-    unique, expected = problem.uniqueness, solution.uniqueness
+    unique, expected = problem.solution.uniqueness, solution.uniqueness
     assert unique.proved
     assert unique.multiple == pytest.approx(expected.multiple, rel=1e-9)
     assert str(unique) == str(expected)
@@ -233,7 +233,7 @@ def test_forces_of_springs():
     solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))
     tagged = solution.model.tagged
     problem, _ = as_forms(solution.statement, tagged)
-    (a, L), space = problem._forms, problem.u.function_space
+    (a, L), space = problem.assembled.forms.original, problem.u.function_space
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     a += 100.0 * ufl.inner(u, v) * on(tagged, "right")
     contact = Foundation(tagged.facets("bottom"), 0.001, friction=Coulomb(0.3))
@@ -278,8 +278,8 @@ def test_forms_alone(tmp_path):
     jsonschema.Draft202012Validator(summary_schema()).validate(json.loads((tmp_path / "summary.json").read_text()))
     assert "the stress is not known" not in (tmp_path / "report.html").read_text()  # there is no picture
     assert summary["contact_force"] == pytest.approx(solution.contact.forces[0], abs=1e-10)
-    assert problem.error_bound == "the forms do not say what the stress is: give stress="
-    assert problem.uniqueness.proved
+    assert problem.solution.error_bound == "the forms do not say what the stress is: give stress="
+    assert problem.solution.uniqueness.proved
     np.testing.assert_array_equal(problem.table().columns["state"], solution.table.columns["state"])
     assert set(problem.plot().png) == {"deformed", "profiles", "history"}
 
@@ -301,8 +301,8 @@ def test_loads_along_the_normal_have_bounds():
         a = ufl.inner(stress_of(u, 1.0, 0.3), ufl.sym(ufl.grad(v))) * ufl.dx
         problem = ContactProblem(a, L, [held], floor, stress=lambda y: stress_of(y, 1.0, 0.3))
         problem.solve()
-        assert isinstance(problem.error_bound, ErrorBound), problem.error_bound
-        return problem.error_bound.error
+        assert isinstance(problem.solution.error_bound, ErrorBound), problem.solution.error_bound
+        return problem.solution.error_bound.error
 
     pull = ufl.as_tensor([[0.0, 0.0], [0.0, -p]])
     expected = bound(-0.01 * v[1] * ds(1) - 0.01 * v[0] * ds(2))
@@ -320,7 +320,7 @@ def test_what_bounds_refuse():
     solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))
     tagged = solution.model.tagged
     problem, _ = as_forms(solution.statement, tagged)
-    (a, L), bcs, stress = problem._forms, problem.bcs, problem._law
+    (a, L), bcs, stress = problem.assembled.forms.original, problem.bcs, problem.assembled.forms.stress
     space = problem.u.function_space
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     bottom = Foundation(tagged.facets("bottom"), 0.001, friction=Coulomb(0.3))
@@ -334,7 +334,7 @@ def test_what_bounds_refuse():
     ):
         other = ContactProblem(*forms, bcs, bottom, stress=stress)
         other.solve()
-        assert reason in other.error_bound
+        assert reason in other.solution.error_bound
 
 
 @pytest.mark.parametrize("scene", [example1(bound=3.0, nx=12, ny=4), block()], ids=["plane", "space"])

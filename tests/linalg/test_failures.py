@@ -173,7 +173,7 @@ def test_forms(monkeypatch):
     lacking("petsc", monkeypatch, above=100)
     with pytest.raises(ConvergenceError, match="memory ends before the accuracy") as error:
         solve_to_accuracy(block(**settings), boxed, Accuracy(target=1e-6))
-    assert error.value.solution.problem.certificate.holds
+    assert error.value.solution.certificate.holds
     lacking("petsc", monkeypatch)
     with pytest.raises(ConvergenceError, match="memory ends before a solution: the memory was used up"):
         block(**settings)(boxed).solve()

@@ -37,13 +37,13 @@ def test_pressed_and_released(algorithm, friction):
         lost = round_off(u, forces, problem._forces_at)
         problem._forces_at(values)
         linear = problem.linear
-        tractions, before = change(Tractions.of(problem.state)), linear.before
+        tractions, before = change(Tractions.of(problem.state)), linear.previous_step
         return certified(
             u,
             forces,
             linear.prescribed,
             linear.scales,
-            linear.foundations,
+            (linear.data, linear.contact, linear.forms.facets),
             problem.shapes,
             tractions,
             linear.law,

@@ -76,7 +76,7 @@ def test_a_ball_with_multigrid():
     problem.solve()
     assert problem.status is Status.CONVERGED
     assert problem.iterations <= 5
-    assert is_by_blocks(problem.linear._elastic.stiffness)
+    assert is_by_blocks(problem.linear.elastic.stiffness)
 
 
 def test_line_search():

@@ -350,13 +350,13 @@ def test_certificate_notices_what_is_wrong():
         return certified(
             u,
             fem.assemble_vector(form).array,
-            linear._prescribed,
-            linear._scales,
-            (linear._data, problem.contact, linear._named[0]),
+            linear.prescribed,
+            linear.scales,
+            (linear.data, problem.contact, linear.forms.facets),
             problem.shapes,
             of(Tractions.of(problem.state)),
-            Law(*linear._task.promised(linear._outcome)),
-            linear._previous_step,
+            Law(*linear.task.promised(linear.outcome)),
+            linear.previous_step,
         )
 
     from dataclasses import replace

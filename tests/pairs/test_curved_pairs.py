@@ -56,7 +56,7 @@ def test_either_side_may_have_the_points(young, radii):
 def test_motions_that_move_points_alone(kind, cells, monkeypatch):
     """B S = 1 up to the square of a small angle where bodies touch, though points turn with their own nodes."""
     problem = press(kind, cells, (8.0, 8.0), 0.2, linear_algebra="full")
-    contact = problem._task.system.contact
+    contact = problem.assembled.task.system.contact
     B, S = (of_all_ranks(contact.points.comm, matrix) for matrix in (contact.operator, contact.lift))
     dim = contact.points.dimension
     closed = np.repeat(problem.state.pressure > 0, dim)

@@ -40,9 +40,9 @@ def inf_sup(kind, degree, counts, stiffer=1.0):
     problem.solve()
     K, B = (
         sp.csc_array(sp.csr_array(matrix.getValuesCSR()[::-1], shape=matrix.getSize()))
-        for matrix in (problem._elastic.stiffness, problem._task.system.contact.operator)
+        for matrix in (problem.assembled.elastic.stiffness, problem.assembled.task.system.contact.operator)
     )
-    free, weight = ~problem._elastic.fixed, np.repeat(problem.state.boundary.weight, dim)
+    free, weight = ~problem.assembled.elastic.fixed, np.repeat(problem.state.boundary.weight, dim)
     forces = weight[:, None] * B[:, free].toarray()
     schur = forces @ splu(K[free][:, free]).solve(forces.T)
     norm = np.diag(weight ** (dim / up) / min(1.0, stiffer))  # h is w, in space its root

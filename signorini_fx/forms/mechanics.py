@@ -1,0 +1,206 @@
+"""What the forms of a ``ContactProblem`` say of its results, and what its certificate judges.
+
+Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are assembled anew, without
+the matrix.  Contact conditions, weights, normals and the forces of contact tractions come from the independent code of
+``results``, on the facets that the user named.  Both sides share the user's forms and the values of gap, friction,
+direction and measure at the nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.body.assembly import action, assemble
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.foundation import Foundation, Pair
+from signorini_fx.body.foundations import FoundationData
+from signorini_fx.forms.given import Facets, GivenForms
+from signorini_fx.forms.resultants import FormResultants, integrals_of
+from signorini_fx.forms.stated_data import stated_body
+from signorini_fx.forms.stress import stresses_of
+from signorini_fx.model import Model
+from signorini_fx.quantities.statements import Refused
+from signorini_fx.results.contact_nodes import ContactSide
+from signorini_fx.results.equilibrium import Balance
+from signorini_fx.results.safety import Safety
+from signorini_fx.results.sections import SectionForce
+from signorini_fx.results.stresses import RawStresses
+from signorini_fx.results.supports import PrescribedNodes
+from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.scales import Scales
+
+Nodal = npt.NDArray[np.float64]
+NO_STRESS = "only the form knows the stresses: give stress=, a function of the displacement"
+
+
+@dataclass(frozen=True)
+class FormMechanics:
+    """See ``results.mechanics.Mechanics``; what depends on values in the forms is that of their present ones.
+
+    Attributes:
+        forms: what is assembled.
+        data: of the contacts, at the nodes.
+        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+        values: to what, shape (dofs,).
+        scales: of lengths and stresses.
+        settled: whether the forms are those of the results, and not those of a later load step that has failed.
+    """
+
+    forms: GivenForms
+    data: Sequence[FoundationData]
+    fixed: npt.NDArray[np.bool_]
+    values: Nodal
+    scales: Scales
+    settled: bool = True
+
+    @property
+    def has_stress(self) -> bool:
+        """See ``Mechanics``."""
+        return self.forms.stress is not None
+
+    def sides(self, model: Model) -> list[ContactSide]:
+        """See ``Mechanics``."""
+        return self.contact_sides
+
+    @property
+    def contact_sides(self) -> list[ContactSide]:
+        """The parts of the boundary with contact."""
+        forms = self.forms
+        return sides_of(self.data, forms.contact, forms.facets, forms.masters, forms.space)
+
+    def balance(self, displacement: fem.Function) -> Balance:
+        """The forces on the body without contact; collective."""
+        (a, L), dim = self.forms.compiled, self.forms.mesh.geometry.dim
+        nodes = np.arange(self.values.size // dim, dtype=np.int32)
+        internal = action((a,), displacement, nodes).reshape(-1, dim)
+        surface = SurfaceQuadrature(displacement.function_space)
+        supports = prescribed_nodes(self.fixed, self.values, displacement.function_space)
+        external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
+        return Balance(surface, internal, external, supports, self.scales, self.scales, nothing)
+
+    def stress(
+        self, model: Model | None, y: fem.Function, step: float, shared: dict[str, StressRecovery]
+    ) -> RawStresses:
+        """See ``Mechanics``; ``model`` is not looked at.
+
+        Raises:
+            RuntimeError: the problem was given no ``stress``.
+            FormError: see ``stress_of``.
+        """
+        forms = self.forms
+        if forms.stress is None:
+            raise RuntimeError(NO_STRESS)
+        return stresses_of(forms.stress, y, forms.parts, forms.original, forms.touching, self.fixed, shared)
+
+    def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> FormResultants:
+        """See ``Mechanics``: of contact, and through the parts of the boundary that have names."""
+        forms = self.forms
+        integrals = integrals_of(*forms.original, forms.mesh) if self.settled else []
+        return FormResultants(
+            model.statement,
+            model.tagged,
+            y,
+            contact,
+            self.balance(y),
+            self.contact_sides,
+            integrals,
+            forms.boundaries if self.settled else {},
+            self.fixed,
+        )
+
+    def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
+        """None: forms name no sections."""
+        return []
+
+    def safety(self, model: Model, contact: ContactState, step: float) -> Safety | None:
+        """None: forms do not say which loads are live."""
+        return None
+
+    def stated(self, model: Model) -> Model:
+        """See ``Mechanics``."""
+        if not self.settled:
+            raise Refused("the forms are those of a load step that has no solution")
+        return stated_body(self.forms, self.fixed, self.values, model)
+
+
+def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Nodal, space: fem.FunctionSpace) -> PrescribedNodes:
+    """What is prescribed component by component, as certificates take it.
+
+    Args:
+        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+        values: to what, shape (dofs,).
+        space: of the displacement.
+    """
+    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
+    prescribed, nowhere = fixed.reshape(-1, dim)[:owned], np.zeros(0, dtype=np.int64)
+    return PrescribedNodes(
+        prescribed,
+        values.reshape(-1, dim)[:owned],
+        nowhere,
+        np.zeros((0, dim)),
+        np.zeros(0),
+        np.where(prescribed, 0, -1),
+        nowhere,
+    )
+
+
+def sides_of(
+    data: Sequence[FoundationData],
+    contact: Sequence[Foundation | Pair],
+    facets: Sequence[Facets],
+    masters: Mapping[int, Facets],
+    space: fem.FunctionSpace,
+) -> list[ContactSide]:
+    """The parts of the boundary with contact.
+
+    Args:
+        data: of the foundations at the nodes.
+        contact: the foundations and pairs as the user gave them.
+        facets: of each of them.
+        masters: of the other side of each pair, by its number.
+        space: the displacements.
+    """
+    return [
+        _side(contact_data, entry, of_entry, masters.get(k), space)
+        for k, (contact_data, entry, of_entry) in enumerate(zip(data, contact, facets, strict=True))
+    ]
+
+
+def _side(
+    data: FoundationData, entry: Foundation | Pair, facets: Facets, master: Facets | None, space: fem.FunctionSpace
+) -> ContactSide:
+    """One foundation or pair; what the user named decides which facets meet, and up to which distance."""
+
+    def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
+        if data.bonded:
+            return np.full(nodes.size, np.inf)
+        return np.zeros(nodes.size) if data.law is None else data.law.at(nodes).claimed(np.abs(pressure))
+
+    claim, by_geometry = None, False
+    factor, along, axes = data.shape.factor, data.shape.direction, data.shape.axes
+    if isinstance(entry, Pair):
+        from signorini_fx.results.paired_claim import claim_of
+
+        assert data.pair is not None
+        assert master is not None
+        by_geometry = not entry.bonded and isinstance(entry.gap, str)
+        claim = claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=factor)
+    return ContactSide(
+        facets,
+        lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],
+        bound,
+        data.bilateral,
+        None if along is None else lambda nodes: along[nodes],
+        factor,
+        claim,
+        by_geometry,
+        None if axes is None else lambda nodes: (axes.along[nodes], axes.ratio[nodes]),
+        entry.adjust if isinstance(entry, Pair) else None,
+    )

@@ -1,0 +1,173 @@
+"""The results of a ``ContactProblem``: its solution, errors, costs and findings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from dolfinx import fem
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.data_error import DataError
+from signorini_fx.accuracy.error_estimates import Errors, combined
+from signorini_fx.accuracy.level_results import compliance_of, level_result
+from signorini_fx.accuracy.mesh_level import LevelResult
+from signorini_fx.body.assembly import facet_entities
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.contact_table import contact_table
+from signorini_fx.check.findings import result_findings
+from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
+from signorini_fx.check.shapes_in_results import shapes_in_results
+from signorini_fx.errors import FormError
+from signorini_fx.forms.named_parts import named_body
+from signorini_fx.forms.solver import FormSolver
+from signorini_fx.forms.steps import FormSteps
+from signorini_fx.model import Model
+from signorini_fx.records import Finding, Status
+from signorini_fx.results.asked_law import asked_law
+from signorini_fx.results.solution import Solution, StepResult
+from signorini_fx.results.stresses import RawStresses
+from signorini_fx.scene.load_steps import LoadPath
+from signorini_fx.solving.load_steps import StepProgress, step_result
+from signorini_fx.solving.one_mesh import contact_solution, used_parameters
+
+
+def solution_of(
+    solver: FormSolver, path: LoadPath | None, progress: StepProgress[FormSteps] | None, title: str = ""
+) -> Solution:
+    """The last solution, or the last iterate, with the values that the forms have now; collective.
+
+    Args:
+        solver: of the forms.
+        path: the load steps of the last run; None: the last solve was one of a loop of the user's own.
+        progress: how they have ended; None likewise.
+        title: of the results.
+
+    Raises:
+        RuntimeError: there is none so far.
+    """
+    outcome = solver.outcome
+    if outcome is None:
+        raise RuntimeError("there is no solution so far: call solve()")
+    steps = [_step_of(solver)] if progress is None else progress.results
+    ended = (outcome, outcome.problem.data) if progress is None else progress.ended
+    assert ended is not None
+    # Of a load step that has failed the forms are not those of the results, which are of one before it.
+    settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
+    body = model_of(solver, path, title)
+    findings = tuple(_findings(solver, body, steps))
+    solution = contact_solution(body, steps, solver.task, ended, solver.timings, lambda: findings)
+    return replace(solution, mechanics=replace(solver.mechanics, settled=settled))
+
+
+def model_of(solver: FormSolver, path: LoadPath | None = None, title: str = "") -> Model:
+    """The body with what is known of it by name; collective.
+
+    Args:
+        solver: of the forms.
+        path: the load steps; None: those of a loop of the user's own so far.
+        title: of results.
+    """
+    return named_body(
+        solver.elastic,
+        solver.forms,
+        _own_path(solver) if path is None else path,
+        solver.begun.law,
+        solver.foundations.pairs,
+        solver.rigid,
+        title=title,
+    )
+
+
+def _own_path(solver: FormSolver) -> LoadPath:
+    """The load steps of a loop of the user's own so far, at the times 1, 2, 3 and so on."""
+    return LoadPath(tuple(map(float, range(1, solver.begun.step + 2))))
+
+
+def _step_of(solver: FormSolver) -> StepResult:
+    """The last solve as the last of the load steps of a loop of the user's own."""
+    assert solver.status is not None
+    assert solver.certificate is not None
+    assert solver.deformation is not None
+    count, y = solver.begun.step, solver.u.copy()
+    y.name = solver.u.name
+    result = step_result(
+        _own_path(solver),
+        count,
+        count,
+        solver.status,
+        y,
+        solver.state,
+        solver.certificate,
+        solver.deformation,
+        len(solver.history.iterations) - solver.solves_before,
+    )
+    return replace(result, tools=solver.tools)
+
+
+def _findings(solver: FormSolver, body: Model, steps: Sequence[StepResult]) -> list[Finding]:
+    """What is odd about the results of load steps; collective."""
+    contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
+    touching = parallel.any_rank(body.comm, bool(np.any(contacts)))
+    lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
+    unjudged = [body.motions.pieces.called(piece) for piece in lost]
+    return [
+        *solver.doubtful_laws(),
+        *_inside(solver, [(step.contact, step.displacement) for step in steps]),
+        *(step.reason for step in steps if step.reason is not None),
+        *result_findings([step.deformation for step in steps], touching=touching, unjudged=unjudged),
+    ]
+
+
+def findings_of_last(solver: FormSolver) -> tuple[Finding, ...]:
+    """See ``ContactProblem.findings``; collective."""
+    warnings, outcome, certificate = list[Finding](), solver.outcome, solver.certificate
+    if outcome is not None and certificate is not None and solver.status is Status.CONVERGED:
+        parameters = used_parameters(outcome, outcome.problem.data, certificate.strain_energy)
+        warnings = asked_law(solver.settings, {1: certificate}, parameters.get("regularisation_error")).findings
+    return (*warnings, *solver.doubtful_laws(), *_inside(solver, [(solver.state, solver.u)]))
+
+
+def _inside(solver: FormSolver, results: Sequence[tuple[ContactState | None, fem.Function]]) -> list[Finding]:
+    """What is inside a foundation in some results, and in the last one what no contact node sees; collective."""
+    held = [held_in_result(state, y, solver.foundations.pairs) for state, y in results]
+    pushed = pushed_nodes(solver.space.mesh.comm, held, solver.scales.size)
+    return [*pushed, *shapes_in_results(solver.foundations.placed_shapes, results[-1][1])]
+
+
+def errors_of(solver: FormSolver, stress: RawStresses) -> Errors:
+    """Estimated errors of the last solution, see ``ContactProblem.errors``; ``stress``: of it; collective.
+
+    Raises:
+        FormError: the forms are multiplied by a measure, which the estimate does not know.
+    """
+    forms, outcome = solver.forms, solver.outcome
+    if forms.weighted:
+        raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
+    assert outcome is not None
+    squares = stress.recovery().squares(solver.u)
+    nothing = np.zeros(squares.size)
+    cells = facet_entities(forms.mesh, np.concatenate(forms.facets))[:, 0]
+    blur, table = (
+        compliance_of(outcome, forms.mesh.comm) * solver.scales.modulus,
+        contact_table(solver.state, forms.names),
+    )
+    return combined(solver.boundary, table, cells, squares, DataError(nothing, nothing, 0.0), stress.energy(), blur)
+
+
+def level_of(solver: FormSolver, number: int, errors: Errors) -> LevelResult:
+    """The cost of the last solve with its estimated errors; ``number``: of the mesh; collective."""
+    assert solver.outcome is not None
+    return level_result(
+        number,
+        solver.elastic,
+        solver.task,
+        solver.outcome,
+        errors.size,
+        errors,
+        contact_table(solver.state, solver.forms.names),
+        own=solver.history.iterations[solver.solves_before :],
+        cost=solver.cost,
+        contacts=[solver.state],
+    )

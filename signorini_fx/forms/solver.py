@@ -1,0 +1,410 @@
+"""What a ``ContactProblem`` does: assemble what has changed, solve, certify, and keep the end of the last step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx import parallel
+from signorini_fx.accuracy.price_list import peak_memory
+from signorini_fx.algorithms.strategy import solve_task
+from signorini_fx.algorithms.task import Outcome, Start, Task
+from signorini_fx.body.assembly import assemble
+from signorini_fx.body.averages import averaging
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.deformation import Deformation, deformation_of
+from signorini_fx.body.elastic import ElasticBody
+from signorini_fx.body.foundation import Foundation, Pair
+from signorini_fx.body.foundations import FoundationData, Foundations, ShapeDistances
+from signorini_fx.body.rigid_bodies import RigidBodies, RigidBodyMotion
+from signorini_fx.body.supports import prescribed
+from signorini_fx.check.laws_in_results import laws_in_results
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.errors import FormError
+from signorini_fx.forms import options
+from signorini_fx.forms.arguments import conditions_of
+from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
+from signorini_fx.forms.fields import ContactFields
+from signorini_fx.forms.given import GivenForms
+from signorini_fx.forms.mechanics import FormMechanics
+from signorini_fx.linalg.elasticity import LoadCase
+from signorini_fx.machine.petsc_objects import free_unused
+from signorini_fx.method import Settings
+from signorini_fx.records import Finding, History, Inventory, Status, Timings
+from signorini_fx.results.certificate import Certificate, judged
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
+from signorini_fx.scales import Scales
+from signorini_fx.scene.settings import SolverSettings
+from signorini_fx.solving.first_start import CoarserMesh, first_start
+from signorini_fx.solving.load_steps import judged as judged_status
+
+
+@dataclass(frozen=True)
+class StepBeginning:
+    """Where a step of a ``ContactProblem`` begins, whatever is tried from there.
+
+    Attributes:
+        last: the end of the last step; None: there is none.
+        start: of the step, in the frames of ``boundary``; None: the body at rest.
+        previous: ``last`` as the certificate sees it from there.
+        solution: the last solution.
+        settled: the shapes of foundations as they were at the end of the last step.
+        boundary: the contact points.
+    """
+
+    last: StepEnd | None
+    start: Start | None
+    previous: PreviousStep | None
+    solution: LastSolution | None
+    settled: dict[int, Any]
+    boundary: ContactBoundary
+
+
+class FormSolver:
+    """The contact problem of forms as it is now, and the end of the last step.
+
+    Args:
+        forms: what is assembled.
+        u: the Function that takes the solution.
+        bcs: the Dirichlet conditions.
+        settings: algorithm and its parameters.
+        petsc_options: the prefix of options of this problem, and options without it.
+
+    Attributes:
+        u, bcs, settings, history, status, certificate, tools: see ``ContactProblem``.
+        forms: what is assembled.
+        options: the prefix of PETSc's options, and options without it.
+        deformation: of the last solution, beside the limit of the settings.
+        fields: what contact does in it, as Functions.
+        foundations: with all that they need to be evaluated.
+        data: of the foundations at the nodes, as they are now.
+        prescribed: which dofs of this rank are prescribed, ghosts included, and to what, shapes (dofs,).
+        boundary: the contact points.
+        rigid: the rigid bodies.
+        elastic: the body.
+        scales: of lengths and stresses.
+        task: the contact problem.
+        begun: where the last solve began.
+        previous_step: the end of the last step, as the present foundations see it; None: there is none.
+        outcome: how the last solve ended; None: what has been assembled since is another problem.
+        coarser: a coarser mesh, to begin with.
+        solves_before: the number of linear solves before the last solve or run.
+        cost: wall seconds of it, and the peak of memory.
+        memory: the peak of memory before anything was assembled.
+        timings: of the last solve or run.
+    """
+
+    _foundations_class = Foundations
+
+    boundary: ContactBoundary
+    elastic: ElasticBody
+    scales: Scales
+    task: Task
+    begun: Start
+    rigid: RigidBodies
+    data: list[FoundationData]
+    prescribed: tuple[npt.NDArray[np.bool_], Array]
+    _fallen: Array  # the displacement of the resting place that slips are counted from
+    _checkpoint: Any  # the iterate at the beginning of the last solve
+
+    def __init__(
+        self,
+        forms: GivenForms,
+        u: fem.Function,
+        bcs: Sequence[fem.DirichletBC],
+        settings: SolverSettings,
+        petsc_options: tuple[str, Mapping[str, Any]],
+    ) -> None:
+        self.forms, self.u, self.bcs, self.settings, self.options = forms, u, bcs, settings, petsc_options
+        space = self.space = forms.space
+        self.foundations = self._foundations_class(
+            space, forms.contact, forms.facets, forms.names, Inventory(), forms.masters
+        )
+        self.foundations.check_driven(settings.algorithm)
+        self.fields = ContactFields.on(space, self.degree)
+        self.history, self.timings = History(), Timings()
+        self.memory, self.solves_before, self.cost = peak_memory(space.mesh.comm), 0, (0.0, 0.0)
+        self.status: Status | None = None
+        self.certificate: Certificate | None = None
+        self.deformation: Deformation | None = None
+        self.tools: tuple[RigidBodyMotion, ...] = ()
+        self.previous_step: PreviousStep | None = None
+        self.outcome: Outcome | None = None
+        self.coarser = CoarserMesh()
+        self._last_pattern: tuple[bytes, bytes] | None = None
+        self._last: StepEnd | None = None  # at the last advance
+        self._start: Start | None = None  # of the present step, in the frames of the present foundations
+        self._solution: LastSolution | None = None  # from which the next solve may begin
+        self._state: ContactState | None = None
+        self._first: Start | None = None  # where the first step starts, in these frames
+
+    @property
+    def contact(self) -> tuple[Foundation | Pair, ...]:
+        """The foundations and pairs."""
+        return self.forms.contact
+
+    @property
+    def set_up(self) -> bool:
+        """Whether everything is assembled."""
+        return self._last_pattern is not None
+
+    def attempt(self) -> str:
+        """Solve with the values that constants, Functions and conditions have now; collective.
+
+        Returns:
+            Why there is no solution, and what to do; "": there is one.
+
+        Raises:
+            FormError: a value is not finite, or cannot be evaluated.
+        """
+        begin, self.solves_before, self.timings = time.perf_counter(), len(self.history.iterations), Timings()
+        with options.applied(*self.options), self.timings.phase("solve"):
+            self.begun = self.begin_step()
+            self.take(solve_task(self.task, self.begun))
+        self.cost = time.perf_counter() - begin, peak_memory(self.space.mesh.comm)
+        status = self.status
+        if status is None or status is Status.CONVERGED:
+            return ""
+        told = [f"{finding.path}: {finding.message}" for finding in self.doubtful_laws()]
+        return "\n".join([f"{status.value}: {status.advice}", *told])
+
+    @property
+    def degree(self) -> int:
+        """Of the contact fields."""
+        return 1 if averaging(self.space) else int(self.space.element.basix_element.degree)
+
+    @property
+    def state(self) -> ContactState:
+        """The contact points of this rank after the last solve, with forces and areas."""
+        if self._state is None:
+            raise RuntimeError("there is no solution so far: call solve()")
+        return self._state
+
+    def begin_step(self) -> Start:
+        """Where a solve begins with what the problem is now; collective."""
+        data, law = self.update()
+        begun = self._start
+        moved = self.foundations.moved(self.boundary)  # slip is relative to the foundation
+        drift = 0.0 if moved is None else np.einsum("nij,ni->nj", self.boundary.tangents, moved)
+        if begun is None:  # slip counts from the body without loads, and the shapes as they were given
+            self.previous_step = None
+            if moved is not None:
+                at_rest = PreviousStep(fem.Function(self.space), Tractions.none(self.boundary))
+                self.previous_step = replace(at_rest, moved=moved)
+                data = replace(data, slip_origin=np.asarray(drift))
+            data = data if (resting := self.task.rest) is None else resting.data_from(data)
+            begun = self._first_start(Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0))
+        else:  # friction is that of the pressure with which the last step has ended
+            assert begun.multipliers is not None
+            assert self._last is not None
+            assert begun.data.slip_origin is not None
+            gap = data.gap if (resting := self.task.rest) is None else resting.data_from(data).gap
+            bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin + drift
+            self.previous_step = relative_to(
+                self._last.before, self._last.boundary, self.boundary, moved, self._spin(self.boundary)
+            )
+            begun = replace(
+                begun,
+                data=replace(begun.data, gap=gap, bound=bound, slip_origin=origin, immovable=data.immovable),
+                law=law,
+            )
+        begun = replace(begun, factors=np.ones(1))
+        self._checkpoint = self.task.iterate.newton.checkpoint()
+        return begun if self._solution is None else self._solution.begins(begun, self.boundary)
+
+    def _first_start(self, start: Start) -> Start:
+        """From a coarser mesh, as long as there is no solution; collective."""
+        if self._solution is not None:
+            return start
+        first = self._first
+        if first is None:
+            coarser = self.coarser
+            first = self._first = first_start(self.task, start, self.elastic, coarser.state, coarser.displaced)
+        return replace(start, sets=first.sets, iteration=first.iteration, multipliers=first.multipliers)
+
+    def beginning(self) -> StepBeginning:
+        """Where the present step begins, whatever is tried from there."""
+        last, start, previous, solution = self._last, self._start, self.previous_step, self._solution
+        return StepBeginning(last, start, previous, solution, self.foundations.settled, self.boundary)
+
+    def return_to(self, beginning: StepBeginning) -> None:
+        """The next solve begins there, with the foundations where they are."""
+        if self.boundary is not beginning.boundary:  # in whose frames that beginning is
+            self._last_pattern = None
+        self._last, self._start, self.previous_step = beginning.last, beginning.start, beginning.previous
+        self._solution, self.foundations.settled = beginning.solution, beginning.settled
+
+    def load(self) -> None:
+        """Give the present contact problem the loads and prescribed displacements of now; collective."""
+        assert self._last_pattern is not None
+        self.prescribed = _, values = prescribed(self.space, conditions_of(self.bcs, self.space))
+        self.rigid = self.foundations.rigid_bodies
+        pattern, last = self._last_pattern
+        fingerprint = digest(self.forms.compiled[1], values, *self.rigid.driven_by)
+        if parallel.any_rank(self.space.mesh.comm, fingerprint != last):
+            self.task.system.set_case(0, self._case(values))
+            self._last_pattern = pattern, fingerprint
+
+    def advance(self) -> None:
+        """End a step, see ``ContactProblem.advance``.
+
+        Raises:
+            RuntimeError: the last solve has no solution.
+        """
+        if self.outcome is None or self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution to advance from")
+        law = Law(*self.task.promised(self.outcome))
+        self._start = replace(self.outcome.next_step(self.begun), place=0.0)
+        normal = self.outcome.problem.system.contact.traces(self.outcome.newton.x)[0]
+        previous = PreviousStep.of(self.u.copy(), Tractions.of(self.state), law, self.previous_step, self.tools)
+        self._last = StepEnd(self._start, self.task.rest, normal, self.boundary, previous)
+        self.foundations.settle()
+
+    def take(self, outcome: Outcome) -> None:
+        """Make a result the one that the user sees, and certify it; collective."""
+        self.u.x.array[:] = self.elastic.function(outcome.displacement()).x.array
+        if self.task.rest is not None:
+            self.u.x.array[:] += self._fallen
+        self.outcome = outcome
+        self.tools = self.rigid.moved(self.elastic.driven(outcome.displacement(), self.task.rest))
+        state = self._state = self.elastic.state(self.task, outcome, self.begun)
+        self.fields.take(self.space, state)
+        self.certificate = self._judged(outcome)
+        self.status = outcome.status
+        if self.certificate is not None:
+            self.deformation = deformation_of(self.elastic, self.u, self.scales.size)
+            self.status = judged_status(outcome.status, self.certificate, self.deformation, self.settings)
+        if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
+            self.task.iterate.newton.restore(self._checkpoint)
+        else:
+            self._solution = LastSolution.of(outcome, self.begun.step, self.boundary)
+
+    def update(self) -> tuple[RegularisedData, PointFriction | None]:
+        """Assemble what has changed since the last solve, and evaluate gap and friction; collective."""
+        space, comm = self.space, self.space.mesh.comm
+        self.prescribed = fixed, values = prescribed(space, conditions_of(self.bcs, space))
+        shapes = self.foundations.shapes()
+        geometry = [values for shape in shapes for values in (shape.factor, shape.direction) if values is not None]
+        at_rest = self.foundations.at_rest(fixed, values)
+        rigid = self.rigid = self.foundations.rigid_bodies
+        fingerprints = (
+            digest(self.forms.compiled[0], fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
+            digest(self.forms.compiled[1], values, *rigid.driven_by),
+        )
+        last, self._last_pattern = self._last_pattern, None  # until all that follows has gone well
+        if last is None or parallel.any_rank(comm, fingerprints[0] != last[0]):
+            self._set_up(shapes)
+            self.outcome = None  # its iterate is that of another system
+        elif parallel.any_rank(comm, fingerprints[1] != last[1]):
+            self.task.system.set_case(0, self._case(values))
+        data = self._point_data(shapes)
+        self._last_pattern = fingerprints
+        return data
+
+    def _set_up(self, shapes: Sequence[ShapeDistances]) -> None:
+        """Contact points, stiffness and linear algebra; collective."""
+        space, (fixed, values) = self.space, self.prescribed
+        free_unused(space.mesh)
+        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        at_rest = self.foundations.at_rest(fixed, values)
+        boundary = self.rigid.on(self.foundations.boundary(shapes, fixed[:owned], at_rest=at_rest))
+        counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))
+        for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
+            if count == 0:
+                wrong = "bcs prescribe the displacement along the normal at all of its points, or measure is zero"
+                raise FormError([(f"contact[{k}]", wrong)])
+        resting = None
+        if self._last is not None:
+            # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
+            fallen = self._last.rest is not None and bool(self._fallen[fixed].any())
+            held, spin = parallel.any_rank(space.mesh.comm, fallen), self._spin(boundary)
+            self._start, resting = self._last.seen_from(boundary, held=held, spin=spin)
+        self.boundary, self._first = boundary, None
+        elastic = self.elastic = self._body(fixed[:owned], boundary)
+        self.scales = scales_of(elastic, boundary, self.foundations.facets)
+        task = elastic.task(
+            [self._case(values)],
+            np.ones(1),
+            *self._point_data(shapes),
+            coarser=self.coarser.level,
+            natural_gamma=self.scales.gamma,
+            history=self.history,
+            has_coulomb=self.forms.has_coulomb,
+        )
+        if self._start is None:
+            resting = task.rest
+            self._fallen = np.zeros(0) if resting is None else elastic.motions.displacement(resting.motion).ravel()
+        self.task = replace(task, rest=resting)
+
+    def _case(self, values: Array) -> LoadCase:
+        """See ``case_of``."""
+        return case_of(self.elastic, self._forces(), values, self.rigid.driven_together)
+
+    def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
+        """See ``elastic_body``."""
+        return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, self.settings)
+
+    def _forces(self) -> Array:
+        """The right-hand side without what is prescribed, shape (owned dofs,); collective."""
+        return assemble(self.forms.compiled[1])
+
+    def _spin(self, boundary: ContactBoundary) -> Array | None:
+        """By which rotation the foundation of each point has turned since ``advance``, shape (n, d, d); None: by none
+        that counts.
+        """
+        return None
+
+    def _beside(self) -> Sequence[npt.NDArray[Any]]:
+        """What the matrix is made of beside ``a`` and ``bcs``."""
+        return ()
+
+    def _judged(self, outcome: Outcome) -> Certificate | None:
+        """The certificate of a result; None: its owner makes another one; collective."""
+        mechanics = self.mechanics
+        return judged(
+            self.u,
+            mechanics.balance(self.u),
+            mechanics.contact_sides,
+            Tractions.of(self.state),
+            law=Law(*self.task.promised(outcome)),
+            before=self.previous_step,
+            rigid=[*zip(self.tools, self.rigid.drives(), strict=True)],
+        )
+
+    def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
+        """Gap, friction and regularisation at the contact points, as they are now; collective."""
+        self.data = self.foundations.data(shapes)
+        return self.foundations.problem(self.boundary, self.data, Settings.of(self.settings), self.scales)
+
+    def doubtful_laws(self) -> list[Finding]:
+        """See ``laws_in_results``; collective."""
+        return laws_in_results(self.data, self.begun.law, self._state, self.scales.modulus)
+
+    @property
+    def mechanics(self) -> FormMechanics:
+        """What the forms say as they are now."""
+        return FormMechanics(self.forms, self.data, *self.prescribed, self.scales)
+
+    def law_now(self) -> PointFriction | None:
+        """Friction at the contact points with the values that Constants have now; collective."""
+        return self._point_data(self.foundations.shapes())[1]
+
+    def data_now(self) -> tuple[Any, ...]:
+        """The problem with the values that Constants have now, as derivatives take it; collective."""
+        shapes, fixed = self.foundations.shapes(), self.elastic.fixed
+        boundary = self.boundary
+        if any(shape.factor is not None or shape.direction is not None for shape in shapes):
+            boundary = self.foundations.boundary(shapes, fixed, at_rest=self.foundations.at_rest(*self.prescribed))
+        settings = Settings.of(self.settings)
+        data, law = self.foundations.problem(boundary, self.foundations.data(shapes), settings, self.scales)
+        values = prescribed(self.space, conditions_of(self.bcs, self.space))[1][: fixed.size]
+        return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), values, boundary, data.gap, law

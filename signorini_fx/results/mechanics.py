@@ -1,0 +1,100 @@
+"""What the results of a body are made of: its contact sides, stresses and resultants, whoever has stated them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from dolfinx import fem
+
+from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.results.contact_nodes import ContactSide
+from signorini_fx.results.contact_sides import sides_of
+from signorini_fx.results.resultants import Resultants, StatedResultants
+from signorini_fx.results.safety import Safety, safety_of
+from signorini_fx.results.stresses import RawStresses, Stresses
+
+if TYPE_CHECKING:
+    from signorini_fx.model import Model
+    from signorini_fx.results.sections import SectionForce
+
+
+class Mechanics(Protocol):
+    """What forces, stresses and contact sides of a body are.  The entries of a statement say it, or forms do."""
+
+    @property
+    def has_stress(self) -> bool:
+        """Whether stresses are known."""
+        ...
+
+    def sides(self, model: Model) -> list[ContactSide]:
+        """The parts of the boundary with contact, for second opinions."""
+        ...
+
+    def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
+        """The stress of a displacement at a place in the lists of factors; collective.
+
+        Args:
+            model: the body.
+            y: the displacement, length.
+            step: the place, see ``scene.load_steps``.
+            shared: where what projects is kept for other displacements.
+
+        Raises:
+            RuntimeError: stresses are not known.
+        """
+        ...
+
+    def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> Resultants:
+        """Forces and moments on the body through each boundary; ``contact``: of this rank."""
+        ...
+
+    def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
+        """The forces through sections that are tightened; collective."""
+        ...
+
+    def safety(self, model: Model, contact: ContactState, step: float) -> Safety | None:
+        """By how much the live loads can grow before the body moves away, see ``Solution``; collective."""
+        ...
+
+    def stated(self, model: Model) -> Model:
+        """The body with loads, supports and moduli as entries of its statement, which proofs read.
+
+        Raises:
+            quantities.statements.Refused: something of them cannot be stated.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class StatedMechanics:
+    """What the entries of a statement say, see ``Mechanics``."""
+
+    has_stress: bool = True
+
+    def sides(self, model: Model) -> list[ContactSide]:
+        """See ``Mechanics``."""
+        return sides_of(model.statement, model.tagged, model.space, model.pairs)
+
+    def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
+        """See ``Mechanics``."""
+        return Stresses.of(model, y, step, shared)
+
+    def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> Resultants:
+        """See ``Mechanics``."""
+        return StatedResultants(model.statement, model.tagged, y, contact, step, model.pairs)
+
+    def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
+        """See ``Mechanics``."""
+        from signorini_fx.results.sections import section_forces
+
+        return section_forces(model.statement, model.tagged, y, step)
+
+    def safety(self, model: Model, contact: ContactState, step: float) -> Safety | None:
+        """See ``Mechanics``."""
+        return safety_of(model, contact, step)
+
+    def stated(self, model: Model) -> Model:
+        """See ``Mechanics``: the body itself."""
+        return model
