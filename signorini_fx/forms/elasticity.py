@@ -22,6 +22,7 @@ from signorini_fx.body.rigid_bodies import Driven
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.linalg.elasticity import LoadCase
+from signorini_fx.mesh.tagged import diameter_of
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
 from signorini_fx.scene.settings import SolverSettings
@@ -186,5 +187,4 @@ def scales_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt
     weights, compliance = parallel.global_sum(
         boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
     )
-    bounds = body.pieces.bounds.reshape(-1, mesh.geometry.dim)
-    return Scales(dim, float(weights / compliance), float(np.linalg.norm(np.ptp(bounds, axis=0))))
+    return Scales(dim, float(weights / compliance), diameter_of(mesh))

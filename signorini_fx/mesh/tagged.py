@@ -99,15 +99,20 @@ class TaggedMesh(TaggedMeshBase):
         For a rectangle this is the diagonal in any orientation, so that scales that depend on it, such as gamma = auto,
         do not depend on the axes.
         """
-        dim = self.mesh.topology.dim
-        self.mesh.topology.create_connectivity(dim - 1, dim)
-        self.mesh.topology.create_connectivity(dim, dim - 1)
-        facets = dmesh.exterior_facet_indices(self.mesh.topology)
-        # dolfinx divides by the number of facets, and a rank may have none.
-        nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets)) if facets.size else facets
-        corners = extremes(self.mesh.geometry.x[nodes, : self.dimension].astype(np.float64))
-        x = parallel.rows_on_root(self.mesh.comm, corners)
-        return parallel.on_root(self.mesh.comm, lambda: diameter(x))
+        return diameter_of(self.mesh)
+
+
+def diameter_of(mesh: dmesh.Mesh) -> float:
+    """The largest distance of two points of a mesh, a length; the same on all ranks; collective."""
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    mesh.topology.create_connectivity(dim, dim - 1)
+    facets = dmesh.exterior_facet_indices(mesh.topology)
+    # dolfinx divides by the number of facets, and a rank may have none.
+    nodes = np.unique(dmesh.entities_to_geometry(mesh, dim - 1, facets)) if facets.size else facets
+    corners = extremes(mesh.geometry.x[nodes, :dim].astype(np.float64))
+    x = parallel.rows_on_root(mesh.comm, corners)
+    return parallel.on_root(mesh.comm, lambda: diameter(x))
 
 
 def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:

@@ -133,7 +133,7 @@ def differences(scene, forms):
         ours, theirs = numbers(scene[key], key), numbers(forms[key], key)
         beside = numbers(scene[key.replace("friction", "contact")]) if key.startswith("friction_") else {}
         size = 1.0 if key == "certificate" else max(map(abs, [*ours.values(), *beside.values()]), default=1.0)
-        common = ours.keys() & theirs.keys() - {"certificate/displacement"}  # relative to another size of the body
+        common = ours.keys() & theirs.keys()
         apart += [(k, ours[k], theirs[k]) for k in common if not abs(ours[k] - theirs[k]) <= 1e-11 * max(size, 1e-300)]
         apart += [(k, "not in both") for k in ours.keys() ^ theirs.keys()]
     return apart
