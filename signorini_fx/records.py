@@ -54,6 +54,7 @@ class Status(Enum):
     BUDGET = "budget ends before the accuracy"
     MEMORY = "memory ends before the accuracy"
     OUT_OF_REACH = "accuracy out of reach"
+    COARSER = "solved on a coarser mesh only"
 
     @property
     def advice(self) -> str:
@@ -147,6 +148,10 @@ _ADVICE = {
         "require less, or the accuracy of the energy or of a force: this is a certified solution, less accurate than "
         "required, and no finer mesh would reach the accuracy"
     ),
+    Status.COARSER: (
+        "remove what keeps the finer mesh from a solution, or require less: this is a certified solution on the last "
+        "mesh that has one, less accurate than required"
+    ),
     Status.ROUND_OFF: (
         "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t; without contact the "
         "smallest cells are too flat or too small"
@@ -155,7 +160,7 @@ _ADVICE = {
 
 
 # The outcomes of a certified solution that is less accurate than required.
-SHORT_OF_ACCURACY = (Status.BUDGET, Status.MEMORY, Status.OUT_OF_REACH)
+SHORT_OF_ACCURACY = (Status.BUDGET, Status.MEMORY, Status.OUT_OF_REACH, Status.COARSER)
 
 
 @dataclass(frozen=True)

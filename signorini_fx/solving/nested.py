@@ -24,6 +24,7 @@ from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.contact.laws import ActiveSets, Nodal, length, unit
 from signorini_fx.records import History
 from signorini_fx.results.solution import Solution
+from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.meshed_problem import MeshedProblem
 from signorini_fx.tuned import MIDDLE_RATIO
 
@@ -37,6 +38,8 @@ def solve_nested(
 ) -> Solution:
     """Solve on one mesh after the other, each starting from the contact state of the previous one; collective.
 
+    Where the last mesh has no solution that of the finest one with a solution is returned, see ``Unsolved``.
+
     Args:
         problems: on all meshes, the coarsest first.
         count: how many there are.
@@ -49,14 +52,25 @@ def solve_nested(
     coarser: MeshLevel | None = None
     levels: list[LevelResult] = []
     sides, polygon = None, None
-    for number, problem in enumerate(problems):
+    certified: Solution | None = None
+    unsolved: Unsolved | None = None
+    following = iter(problems)
+    for number in range(count):
         history.move(mesh=number + 1, meshes=count, dofs=0)
         if levels:
             last = levels[-1]
             solved_so_far = [(level.dofs, level.seconds) for level in levels]
             to_come = seconds_to_come(solved_so_far, count - number, last.dimension, last.krylov_from)
             history.move(end=time.perf_counter() + to_come)
-        solved = problem.solved(number, state, coarser)
+        name = f"mesh {number + 1} of {count}"
+        try:
+            problem = next(following)
+            solved = problem.solved(number, state, coarser)
+        except Exception as error:
+            if certified is None:
+                raise
+            unsolved = Unsolved.by_error(error, name, comm)
+            break
         solution, state = solved.solution, None
         if levels and solved.sides != sides:
             history.add("the price list begins here: on the coarser meshes the contact points are on other boundaries")
@@ -64,9 +78,11 @@ def solve_nested(
         sides = solved.sides
         coarser = solved.body.level(coarser, solution.displacement)
         if solution.converged:
-            state = solved.state
+            state, certified = solved.state, solution
             if number + 1 < count:
                 on_level(solution)
+        elif certified is not None and number + 1 == count:
+            unsolved = Unsolved.by_outcome(solution.status, name)
         if solved.level is not None:
             if levels and levels[-1].dofs >= solved.level.dofs:  # there is no coarser mesh
                 levels.pop()
@@ -74,9 +90,11 @@ def solve_nested(
             levels.append(with_polygon(solved.level, polygon))
         if number + 1 < count:  # on the next mesh nothing else of this one is needed, least of all its multigrid
             del solved, solution
-    if len(levels) < 2 or not solution.converged:
-        return replace(solution, levels=tuple(levels))
-    return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
+    if certified is not None and unsolved is not None:
+        solution = unsolved.leaves(certified, history)
+    solved_one = solution.converged or unsolved is not None
+    prices = price_list(levels, base_memory) if len(levels) > 1 and solved_one else ()
+    return replace(solution, levels=tuple(levels), price_list=tuple(prices))
 
 
 def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:

@@ -30,11 +30,11 @@ from signorini_fx.accuracy.price_list import (
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.display import duration
 from signorini_fx.errors import SceneError
-from signorini_fx.linalg.failures import memory_ended
 from signorini_fx.records import History, Status
 from signorini_fx.results.afterthoughts import failure_in_words
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.tuned import (
@@ -52,8 +52,6 @@ from signorini_fx.tuned import (
 
 # The field with the polygon's error of a quantity.
 _POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
-# Outcomes on a mesh whose cells are as small as the round-off of their coordinates.
-_TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR, Status.NOT_FINITE)
 
 
 def solve_to_accuracy(
@@ -85,25 +83,20 @@ def solve_to_accuracy(
         try:
             solved = meshes.solve(state, len(levels))
         except Exception as failure:
-            if last is None or not _lacks_memory(failure, comm):
+            if last is None:
                 raise
-            solved = None
-        if last is not None and (solved is None or solved.solution.status is Status.NO_MEMORY):
-            notify("accuracy: the next mesh has used up the memory")
-            return replace(last, status=Status.MEMORY)
-        assert solved is not None
+            return Unsolved.by_error(failure, "the next mesh", comm).leaves(last, history)
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
         late = history.overdue()
-        if late and level is None:
-            notify(f"accuracy: {goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved")
-        if last is not None and level is None and late:
-            return replace(last, status=Status.BUDGET)
-        if last is not None and solution.status in _TOO_FINE:
-            # The coordinates of tiny cells have no digits left: the previous mesh is the last that has a solution.
-            tiny = "; it is too fine for double precision" * _is_tiny(levels[-1], solved.tagged.size)
-            notify(f"accuracy: the next mesh ends with: {solution.status.value}{tiny}")
-            return replace(last, status=Status.OUT_OF_REACH)
         if level is None or task is None or outcome is None:
+            ended = f"{goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved" if late else ""
+            if last is not None:
+                tiny = _is_tiny(levels[-1], solved.tagged.size)
+                unsolved = Unsolved.by_outcome(solution.status, "the next mesh", late=ended, tiny=tiny)
+                if unsolved is not None:
+                    return unsolved.leaves(last, history)
+            elif late:
+                notify(f"accuracy: {ended}")
             return replace(solution, levels=tuple(levels))
         if not levels:
             meshes.keep(solved)
@@ -154,10 +147,7 @@ def solve_to_accuracy(
                 try:
                     meshes.refine(solved, excess, jump)
                 except Exception as failure:
-                    if not _lacks_memory(failure, comm):
-                        raise
-                    notify("accuracy: to make the next mesh has used up the memory")
-                    return replace(solution, status=Status.MEMORY)
+                    return Unsolved.by_error(failure, "to make the next mesh", comm).leaves(solution, history)
                 if enough and meshes.adaptive:  # how much larger it is shows once it is made
                     beyond = budget.exceeded(rows, meshes.finer, level)
             if beyond is not None:
@@ -167,11 +157,6 @@ def solve_to_accuracy(
         elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             notify("accuracy: the regularisation leaves more, and gamma is as large as double precision allows")
             return replace(solution, status=Status.OUT_OF_REACH)
-
-
-def _lacks_memory(error: Exception, comm: MPI.Comm) -> bool:
-    """Whether an error is that there is not enough memory, of all ranks: the other ones wait if one has it alone."""
-    return comm.size == 1 and memory_ended(error)
 
 
 def _certified(solved: SolvedMesh, *, first: bool) -> tuple[SolvedMesh, float, str]:
