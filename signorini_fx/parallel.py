@@ -1,4 +1,7 @@
-"""All MPI reductions of the package, and everything that only the first rank does."""
+"""All MPI reductions of the package, and everything that only the first rank does.
+
+A rank that is alone sends no message: MPI takes ten times as long for one as to return what was given.
+"""
 
 from __future__ import annotations
 
@@ -38,6 +41,8 @@ def log_on_root(comm: MPI.Comm, output: str | Iterable[terminal.TerminalLine], *
 
 def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
     """Sum over the ranks, entry by entry; shape and dtype of ``values`` are kept."""
+    if comm.size == 1:
+        return np.array(values, order="C")
     local = np.asarray(values, order="C")
     total = np.empty_like(local)
     comm.Allreduce(local, total, op=MPI.SUM)
@@ -60,12 +65,12 @@ def sums_by(
 
 def any_rank(comm: MPI.Comm, condition: bool) -> bool:
     """Whether ``condition`` holds on any rank."""
-    return bool(comm.allreduce(bool(condition), op=MPI.LOR))
+    return bool(condition) if comm.size == 1 else bool(comm.allreduce(bool(condition), op=MPI.LOR))
 
 
 def global_max(comm: MPI.Comm, value: float) -> float:
     """Largest value over the ranks."""
-    return float(comm.allreduce(float(value), op=MPI.MAX))
+    return float(value) if comm.size == 1 else float(comm.allreduce(float(value), op=MPI.MAX))
 
 
 def global_bounds(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -92,6 +97,8 @@ def largest(comm: MPI.Comm, values: npt.NDArray[Any], default: float = 0.0) -> f
 
 def largest_of_each(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Largest value over the ranks, entry by entry; the shape is kept."""
+    if comm.size == 1:
+        return np.array(values)
     most = np.empty_like(values)
     comm.Allreduce(np.ascontiguousarray(values), most, op=MPI.MAX)
     return most
@@ -117,7 +124,8 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
 
 def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
     """Raise on every rank if any rank has an error: that of the lowest such rank."""
-    first = next((e for e in comm.allgather(error) if e is not None), None)
+    errors = [error] if comm.size == 1 else comm.allgather(error)
+    first = next((e for e in errors if e is not None), None)
     if first is not None:
         raise first
 
@@ -146,6 +154,8 @@ def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
         comm: the ranks.
         rows: shape (n, ...), alike on all ranks but for n; entries that are numbers or truth values.
     """
+    if comm.size == 1:
+        return np.array(rows, order="C")
     sent, stacked, counts = _to_be_stacked(comm, rows)
     comm.Allgatherv(sent, [stacked, counts])
     return stacked
@@ -161,6 +171,8 @@ def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     Returns:
         All rows on the first rank, none on the others.
     """
+    if comm.size == 1:
+        return np.array(rows, order="C")
     sent, stacked, counts = _to_be_stacked(comm, rows, root_only=True)
     comm.Gatherv(sent, [stacked, counts])
     return stacked
@@ -180,7 +192,7 @@ def _to_be_stacked(
 
 def rows_before(comm: MPI.Comm, count: int) -> int:
     """How many rows the ranks before this one have, where each has ``count``; collective."""
-    return sum(comm.allgather(count)[: comm.rank])
+    return 0 if comm.size == 1 else sum(comm.allgather(count)[: comm.rank])
 
 
 def largest_timings(comm: MPI.Comm, seconds: dict[str, float]) -> dict[str, float]:

@@ -90,9 +90,10 @@ class SceneSteps:
         """See ``SteppedProblem``."""
         model, statement, task, start = self.body, self.body.statement, begun.task, begun.start
         with self.timings.phase("certify"):
-            displacement = model.from_rest(task.rest, outcome.displacement())
+            unknowns = outcome.displacement()
+            displacement = model.from_rest(task.rest, unknowns)
             contact = replace(model.state(task, outcome, start), joint=joint)
-            rigid = model.rigid.moved(model.driven(outcome.displacement(), task.rest))
+            rigid = model.rigid.moved(model.driven(unknowns, task.rest))
             certificate = certify(
                 statement,
                 model.tagged,
