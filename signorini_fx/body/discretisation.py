@@ -43,7 +43,7 @@ from signorini_fx.method import Settings
 from signorini_fx.model import Model
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
-from signorini_fx.scene.effect import Load
+from signorini_fx.scene.effect import Force, Load
 from signorini_fx.statement import Statement
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
@@ -224,6 +224,34 @@ def with_gap_and_friction(model: Model, statement: Statement) -> Model:
     scales = Scales(model.tagged.dimension, statement.young, model.tagged.size)
     data, law = foundations.problem(model.boundary, values, Settings.of(statement.solver), scales)
     return replace(model, statement=statement, data=data, law=law)
+
+
+def with_forces(model: Model, statement: Statement) -> Model | None:
+    """The same body with the forces of another statement that differs in nothing else but gaps and friction, and has no
+    expressions of the time; None: its forces are multiplied by other factors, or by those of other loads; collective.
+
+    Raises:
+        SceneError: a boundary or region of a force is not there, or a force is not finite.
+    """
+    assert model.coefficients is not None
+    boundary_facets(statement, model.tagged)
+    earlier, groups = load_groups(model.statement), load_groups(statement)
+    if list(earlier) != list(groups):
+        return None
+    on, applied = replace(model.coefficients, statement=statement), list(model.applied)
+    for number, (group, loads) in enumerate(groups.items()):
+        if loads == earlier[group]:
+            continue
+        stay = [load for load in earlier[group] if not isinstance(load, Force)]  # supports are known by identity
+        if len(stay) + sum(isinstance(load, Force) for load in loads) != len(loads):
+            return None
+        rest = iter(stay)
+        loads = [load if isinstance(load, Force) else next(rest) for load in loads]
+        test = ufl.TestFunction(model.space)
+        applied[number] = applied_load(group, loads, on, test, lambda _: (model.supports, model.turned))
+    check_finite(model.tagged.mesh.comm, applied)
+    of_body = {name: value for name, value in model.of_body.items() if name != "cases"}
+    return replace(model, statement=statement, coefficients=on, applied=tuple(applied), of_body=of_body)
 
 
 def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:

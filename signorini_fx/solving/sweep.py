@@ -1,7 +1,7 @@
 """Solves for many values of one parameter, each with what the last one leaves to it.
 
-That is the condensed elastic system where only gap, friction or a factor of the loads change, else the mesh unless the
-parameter is one of the mesh, and always the active sets to begin with.
+That is the condensed elastic system where only gaps, friction, forces or a factor of the loads change, else the mesh
+unless the parameter is one of the mesh, and always the active sets to begin with.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from petsc4py import PETSc
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import discretise, with_gap_and_friction
+from signorini_fx.body.discretisation import discretise, with_forces, with_gap_and_friction
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.check.refusals import refuse_beforehand
@@ -35,6 +35,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.changes import changed
+from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.reading import as_scene, parse_scene
 from signorini_fx.scene.scene import Scene
@@ -195,13 +196,24 @@ class _Body:
         begin = self.begin.begin_from(outcome.problem.sets, outcome.newton.multipliers())
         return replace(self, begin=begin, state=state)
 
-    def with_scene(self, scene: Scene, history: History) -> _Body:
-        """The same elastic system with gap and friction of another scene, see ``_same_but_for_gap_and_friction``;
+    def with_scene(self, scene: Scene, history: History) -> _Body | None:
+        """The same elastic system with gap, friction and forces of another scene; None: they need another one;
         collective.
+
+        Forces are put into the system of this one, which is not to be used any more.
         """
-        d, system = with_gap_and_friction(self.d, scene.statement), (self.task.system, self.task.linear_algebra)
+        forces = _other_forces(scene, self.scene)
+        if forces is None:
+            return None
+        body = with_forces(self.d, scene.statement) if forces else self.d
+        if body is None:
+            return None
+        d, system = with_gap_and_friction(body, scene.statement), self.task.system
         refuse_beforehand(d)
-        task = contact_task(d, history, choose=lambda *_: system)
+        for number, (load, earlier) in enumerate(zip(d.applied, self.d.applied, strict=True)):
+            if load is not earlier:
+                system.set_case(number, d.cases[number])
+        task = contact_task(d, history, choose=lambda *_: (system, self.task.linear_algebra))
         sets, multipliers = self.begin.sets, self.begin.multipliers
         begin = task.start if sets is None or multipliers is None else task.start.begin_from(sets, multipliers)
         return replace(self, scene=scene, d=d, task=task, begin=begin)
@@ -217,8 +229,8 @@ def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History,
         history: records.
         first: the first value, for a start on coarser meshes; nothing: there is no value.
     """
-    if earlier is not None and _same_but_for_gap_and_friction(scene, earlier.scene):
-        return earlier.with_scene(scene, history)
+    if earlier is not None and (body := earlier.with_scene(scene, history)) is not None:
+        return body
     tagged = earlier.tagged if earlier is not None and _same_mesh(scene, earlier.scene) else load_mesh(scene, comm)
     d = discretise(scene.statement, tagged, Timings())
     refuse_beforehand(d)
@@ -241,21 +253,26 @@ def _same_mesh(scene: Scene, compared: Scene) -> bool:
     return all(value is compared_value or value == compared_value for value, compared_value in pairs)
 
 
-def _same_but_for_gap_and_friction(scene: Scene, compared: Scene) -> bool:
-    """Whether two scenes differ in the gaps and friction of rigid foundations alone, which the elastic system does not
-    know, and neither do the contact points.
+def _other_forces(scene: Scene, compared: Scene) -> set[str] | None:
+    """The keys of the forces that differ in two scenes; None where anything else does but gaps and friction of rigid
+    foundations, which the elastic system does not know, and neither do the contact points.
     """
-    if any(getattr(scene, key) != getattr(compared, key) for key in type(scene).model_fields if key != "contact"):
-        return False
+    differing = {key for key in type(scene).model_fields if getattr(scene, key) != getattr(compared, key)}
+    differing.discard("contact")
+    entries = [entry for of in (scene, compared) for key in differing for entry in of.statement.effects.get(key, ())]
+    steady = all(isinstance(entry, Force) and not entry.timed for entry in entries)
+    if differing - {*scene.statement.effects} or not steady:
+        return None
     if scene.statement.interfaces or compared.statement.interfaces or len(scene.contact) != len(compared.contact):
-        return False
+        return None
     if any(effect.against is not None or effect.friction.directed for effect in (*scene.contact, *compared.contact)):
-        return False
-    return all(
+        return None
+    alike = all(
         type(effect) is type(rival)
         and effect.model_copy(update={"gap": rival.gap, "friction": rival.friction}) == rival
         for effect, rival in zip(scene.contact, compared.contact, strict=True)
     )
+    return differing if alike else None
 
 
 def sweep(
@@ -279,7 +296,7 @@ def sweep(
         coefficients: values that replace all coefficients of Coulomb friction in the scene.
         loads: factors for all tractions, body forces, prescribed displacements, and what drives rigid bodies.
         path: of an entry, such as ``contact[0].gap``.  The elastic system stays where it is a gap or a key of friction
-            of a rigid foundation; else the mesh does, unless it is one of the mesh.
+            of a rigid foundation, or one of a force; else the mesh does, unless it is one of the mesh.
         values: of this entry.
 
     Raises:
@@ -303,9 +320,7 @@ def sweep(
     else:
         runs = [(value, scene, _Value(coefficient=value)) for value in coefficients or ()]
     # Systems of their own would fill the memory.
-    keeps_system = all(
-        run_scene is scene or _same_but_for_gap_and_friction(run_scene, runs[0][1]) for _, run_scene, _ in runs
-    )
+    keeps_system = all(run_scene is scene or _other_forces(run_scene, runs[0][1]) == set() for _, run_scene, _ in runs)
     history, points = History(), list[SweepPoint]()
     body: _Body | None = None
     for value, run_scene, parameter in runs:

@@ -94,7 +94,7 @@ ENTRIES = {
     "contact[0].gap": (["0.01 + 0.02 * (x[0] - 0.4)**2", "0.02 * (x[0] - 0.6)**2", 0.004], 1),
     "contact[0].friction.coefficient": ([0.1, 0.5, 0.2], 1),
     "material.young": ([500.0, 2000.0, 900.0], 3),
-    "traction[0].y": (["-1 - x[0]", "-2 + x[0]", -1.5], 3),
+    "traction[0].y": (["-1 - x[0]", "-2 + x[0]", -1.5], 1),
     "mesh.parameters.nx": ([24, 12, 30], 3),
 }
 
@@ -141,6 +141,32 @@ def test_values_of_an_entry(path):
     assembled = {id(point._model.inventory): point._model.inventory for point in points}
     assert sum(inventory.matrices.count("stiffness") for inventory in assembled.values()) == matrices
     assert len({id(point._model.tagged.mesh) for point in points}) == (3 if "mesh" in path else 1)
+
+
+def pulled(force):
+    """A block on its foundation that is pulled at one side and pushed on the other one."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.3, "nx": 24, "ny": 6}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": -2e-4},
+            "traction": [{"boundary": "top", "y": -1.0}, {"boundary": "right", "x": force}],
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
+            "solver": {"coulomb": "newton"},  # to round-off, whatever the start
+        }
+    )
+
+
+def test_forces_beside_prescribed_displacements():
+    """They share their factors, one force does not act for one value, and what was computed of the supports stays."""
+    values = [0.1, 0.0, -0.2]
+    points = sweep(pulled(0.1), MPI.COMM_SELF, path="traction[1].x", values=values)
+    for point, wanted in zip(points, (alone(pulled(value)) for value in values), strict=True):
+        assert point.certificate().holds
+        owned = wanted.displacement.x.array
+        np.testing.assert_allclose(point.displacement().x.array, owned, rtol=0, atol=1e-9 * np.abs(owned).max())
+    (inventory,) = {id(point._model.inventory): point._model.inventory for point in points}.values()
+    assert inventory.matrices.count("stiffness") == 1
 
 
 def test_a_value_begins_where_the_last_one_ended():
