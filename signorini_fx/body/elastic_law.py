@@ -189,7 +189,7 @@ class VolumeForces:
         self, nodal: Any, strain: Callable[[Any], _Floats], degree: int, displacement: fem.Function | None
     ) -> tuple[_Floats, float]:
         """Minus the forces of initial strains, shape (nodes, d), and their energy, on this rank alone."""
-        forces, energy = nodal._stress_work(nodal._zero(), degree, strain)
+        forces, energy = nodal.stress_work(nodal.zero(), degree, strain)
         return forces, energy
 
     def moved(self, displacement: fem.Function) -> fem.Function:

@@ -425,7 +425,7 @@ class PressureForces(VolumeForces):
     ) -> tuple[_Floats, float]:
         """See ``VolumeForces``: no forces; of the energy what they add to that of a displacement."""
         energy = 0.0 if displacement is None else self._swollen(nodal, displacement, strain, degree)[1]
-        return nodal._zero(), energy
+        return nodal.zero(), energy
 
     def moved(self, displacement: fem.Function) -> fem.Function:
         """See ``VolumeForces``."""
@@ -445,7 +445,7 @@ class PressureForces(VolumeForces):
             moved = MixedDisplacement(nodal.space, fem.Function(hydrostatic_of(displacement).function_space))
             moved.x.array[:] = (scale * jump.amount(step) * jump.at_nodes).ravel()
             residual = residual + self._pressed(beyond, moved)[1]
-        strain, degree = nodal._strain(step, scale)
+        strain, degree = nodal.strain(step, scale)
         if strain is not None:
             residual = residual - self._swollen(nodal, displacement, strain, degree)[0]
         return over_ranks(residual, space), over_ranks(volume, space)
@@ -468,15 +468,15 @@ class PressureForces(VolumeForces):
         pressure, (space, rows) = hydrostatic_of(displacement), self._dilating(nodal)
         p = pressure.x.array[pressure.function_space.dofmap.list]
         work, energy = np.zeros_like(fem.Function(space).x.array), 0.0
-        hat = basix.create_element(basix.ElementFamily.P, nodal._cell, 1).tabulate(
-            0, basix.make_quadrature(nodal._cell, degree)[0]
+        hat = basix.create_element(basix.ElementFamily.P, nodal.cell_type, 1).tabulate(
+            0, basix.make_quadrature(nodal.cell_type, degree)[0]
         )[0, ..., 0]
-        young, poisson = nodal._young_and_poisson()
+        young, poisson = nodal.young_and_poisson()
         numbers = (1 + poisson) / poisson, young / (2 * (1 + poisson))
-        for part, size in nodal._cells(degree):
+        for part, size in nodal.cells(degree):
             initial_strain = strain(part)
             swelling, mu = (m[:, None] if m.size == 1 else m[part.cells, None] for m in numbers)
-            weighted = swelling * size * nodal._around(part) * initial_strain
+            weighted = swelling * size * nodal.around(part) * initial_strain
             np.add.at(work, rows[part.cells], weighted @ hat)
             energy += float(np.sum(weighted * (p[part.cells] @ hat.T / 2 - mu * initial_strain)))
         return work, energy
@@ -485,26 +485,26 @@ class PressureForces(VolumeForces):
         """(p, div z), shape (nodes, d), and the rest of ``dilation``, on this rank alone."""
         pressure, (space, rows) = hydrostatic_of(displacement), self._dilating(nodal)
         p = pressure.x.array[pressure.function_space.dofmap.list]
-        hats, y = basix.create_element(basix.ElementFamily.P, nodal._cell, 1), displacement.x.array
+        hats, y = basix.create_element(basix.ElementFamily.P, nodal.cell_type, 1), displacement.x.array
         y = y.reshape(-1, nodal.dimension)
-        young, poisson = nodal._young_and_poisson()
+        young, poisson = nodal.young_and_poisson()
         compressibility = (1 + poisson) * (1 - 2 * poisson) / (young * poisson)
-        forces, (residual, volume) = nodal._zero(), np.zeros((2, *fem.Function(space).x.array.shape))
-        points, _ = basix.make_quadrature(nodal._cell, nodal._degree)
+        forces, (residual, volume) = nodal.zero(), np.zeros((2, *fem.Function(space).x.array.shape))
+        points, _ = basix.make_quadrature(nodal.cell_type, nodal.degree)
         hat, turning = hats.tabulate(0, points)[0, ..., 0], nodal.kinematics.third_column
-        for part, size in nodal._cells(nodal._degree):
+        for part, size in nodal.cells(nodal.degree):
             cells, table = part.cells, part.table
-            inverse, determinant = adjugates(nodal._jacobian(cells, table))
+            inverse, determinant = adjugates(nodal.jacobian(cells, table))
             slope = np.zeros((nodal.dimension, *size.shape, table.shape.shape[-1]))
             slope[: len(inverse)] = np.einsum("kqn,kjcq->jcqn", table.slope, inverse / determinant)  # along x_j
             for axis, share in enumerate(() if turning is None else turning[2]):
                 slope[axis] += share * table.shape / nodal.positions(part)[..., 0, None]
-            size = size * nodal._around(part)
+            size = size * nodal.around(part)
             inside = p[cells] @ hat.T
             yields = compressibility[:, None] if compressibility.size == 1 else compressibility[cells, None]
             work = np.einsum("cq,jcqn->cnj", size * inside, slope)
-            np.add.at(forces, nodal._nodes[cells], work)
-            dilation = np.einsum("jcqn,cnj->cq", slope, y[nodal._nodes[cells]])
+            np.add.at(forces, nodal.cell_nodes[cells], work)
+            dilation = np.einsum("jcqn,cnj->cq", slope, y[nodal.cell_nodes[cells]])
             np.add.at(residual, rows[cells], (size * (dilation + yields * inside)) @ hat)
             np.add.at(volume, rows[cells], size @ hat)
         return forces, residual, volume

@@ -82,10 +82,10 @@ class NodalForces(SurfaceQuadrature):
         """a(y, .) of nodal displacements with ghosts, shape (nodes, d), without a pressure that is an unknown; forces,
         shape (owned nodes, d).
         """
-        return self.over_ranks(self._stress_work(y, self._degree)[0])
+        return self.over_ranks(self.stress_work(y, self.degree)[0])
 
     @cached_property
-    def _degree(self) -> int:
+    def degree(self) -> int:
         """Of the quadrature of the stress."""
         return strain_degree(self.space, self.kinematics)
 
@@ -116,13 +116,13 @@ class NodalForces(SurfaceQuadrature):
         self, step: float, scale: float = 1.0, displacement: fem.Function | None = None
     ) -> tuple[Array, float]:
         """``initial`` of initial strains alone."""
-        strain, degree = self._strain(step, scale)
+        strain, degree = self.strain(step, scale)
         forces, energy = (
-            (self._zero(), 0.0) if strain is None else self.volume.strained(self, strain, degree, displacement)
+            (self.zero(), 0.0) if strain is None else self.volume.strained(self, strain, degree, displacement)
         )
         return -self.over_ranks(forces), float(parallel.global_sum(self.tagged.mesh.comm, np.array(energy)))
 
-    def _strain(self, step: float, scale: float) -> tuple[Callable[[QuadratureFacets], Array] | None, int]:
+    def strain(self, step: float, scale: float) -> tuple[Callable[[QuadratureFacets], Array] | None, int]:
         """What gives the initial strains of a load step times ``scale`` at points, shape (f, q), None without any, and
         the degree of their quadrature.
         """
@@ -134,7 +134,7 @@ class NodalForces(SurfaceQuadrature):
         ]
 
         def strain(part: QuadratureFacets) -> Array:
-            points = QuadraturePoints(self, part, np.empty(0), self._zero())
+            points = QuadraturePoints(self, part, np.empty(0), self.zero())
             return sum((factor * current.strain_at(points) for factor, current in moved), np.zeros(1))
 
         return strain, strains[0].degree(self.statement.element.degree)
@@ -143,7 +143,7 @@ class NodalForces(SurfaceQuadrature):
         """What resists nodal displacements with ghosts, shape (nodes, d), on the boundary: all of it, or some; forces,
         shape (owned nodes, d).
         """
-        total = self._zero()
+        total = self.zero()
         for effect in self.statement.of(Resistance) if resistances is None else resistances:
             total += self._integral(effect, effect.reaction_at, displacement)
         return self.over_ranks(total)
@@ -165,7 +165,7 @@ class NodalForces(SurfaceQuadrature):
         """The forces in L of a load step times ``scale``, all or some, shape (owned nodes, d); initial strains have
         none.
         """
-        total, compiled = self._zero(), np.zeros((self.owned, self.dimension))
+        total, compiled = self.zero(), np.zeros((self.owned, self.dimension))
         for load in self.statement.of(Force) if some is None else some:
             factor, current = self.statement.now(load, step)
             if any(hasattr(value, "ufl_shape") for value in load.given.values()):
@@ -179,7 +179,7 @@ class NodalForces(SurfaceQuadrature):
         if isinstance(value, float | Expression):
             at = self.positions(part)
             return sample(value, in_space(at.reshape(-1, self.across))).reshape(at.shape[:2])
-        nodes = self._nodes[part.cells]
+        nodes = self.cell_nodes[part.cells]
         x = self.at_nodes[nodes.ravel(), : self.dimension]
         return sample(value, in_space(x)).reshape(nodes.shape) @ part.table.shape.T
 
@@ -187,7 +187,7 @@ class NodalForces(SurfaceQuadrature):
         """X of points, shape (f, q, d)."""
         return np.asarray(part.table.place @ self._x[self._corners[part.cells]])
 
-    def _around(self, part: QuadratureFacets) -> Array | float:
+    def around(self, part: QuadratureFacets) -> Array | float:
         """By what areas and lengths of the mesh are multiplied at points, a number or shape (f, q)."""
         measure = None if self.kinematics.uniform else self.kinematics.measure_at(self.positions(part))
         return 1.0 if measure is None else measure
@@ -204,10 +204,10 @@ class NodalForces(SurfaceQuadrature):
 
     def _hooke(self) -> tuple[Array, Array]:
         """Hooke's law, without a pressure that is an unknown, of all cells alike, shape (1,), or cell by cell."""
-        young, poisson = self._young_and_poisson()
+        young, poisson = self.young_and_poisson()
         return self.volume.hooke(self.statement.material[0], young, poisson)
 
-    def _young_and_poisson(self) -> tuple[Array, Array]:
+    def young_and_poisson(self) -> tuple[Array, Array]:
         """Both, of all cells alike, shape (1,), or cell by cell."""
         young, poisson = self.of_materials(lambda material: (material.young, material.poisson))
         return young * self.grading("grading"), poisson * self.grading("poisson_grading")
@@ -233,13 +233,13 @@ class NodalForces(SurfaceQuadrature):
 
     def _integral(self, effect: Effect, density: Callable[[Points], Array], y: Array) -> Array:
         """A force per volume or area, integrated with the shape functions on this rank alone, shape (nodes, d)."""
-        total, degree = self._zero(), effect.degree(self.statement.element.degree)
+        total, degree = self.zero(), effect.degree(self.statement.element.degree)
         integral = np.nan if effect.weighting is None else self._whole(effect, degree)
         for part, size in self._parts(effect, degree):
-            force: Array = (size * self._around(part))[:, :, None] * density(
+            force: Array = (size * self.around(part))[:, :, None] * density(
                 QuadraturePoints(self, part, size, y, integral)
             )
-            np.add.at(total, self._nodes[part.cells], part.table.shape.T @ force)
+            np.add.at(total, self.cell_nodes[part.cells], part.table.shape.T @ force)
         return total
 
     def _whole(self, effect: Effect, degree: int) -> float:
@@ -247,7 +247,7 @@ class NodalForces(SurfaceQuadrature):
         parts = self._parts(effect, degree)
         # A float on a rank without facets too: ranks that sum numbers of different types find anything.
         local_integral = sum(
-            (np.sum(size * self._around(part) * self.values(effect.weighting, part)) for part, size in parts), 0.0
+            (np.sum(size * self.around(part) * self.values(effect.weighting, part)) for part, size in parts), 0.0
         )
         return float(parallel.global_sum(self.tagged.mesh.comm, np.array(local_integral)))
 
@@ -259,27 +259,27 @@ class NodalForces(SurfaceQuadrature):
         every = self._owned_cells if inside else self.facets(effect.where)
         rules = dict(cut_rules(self.tagged.mesh, effect, every, degree))
         left = np.setdiff1d(every, list(rules)).astype(np.int32) if rules else every
-        rule = basix.make_quadrature(self._cell if inside else self._facet, degree)
+        rule = basix.make_quadrature(self.cell_type if inside else self._facet, degree)
         for some, points, weights in [(left, *rule), *((np.array([one], np.int32), *rules[one]) for one in rules)]:
             if inside:
-                yield from self._cells(degree, some, (points, weights))
+                yield from self.cells(degree, some, (points, weights))
             else:
                 for facets in self._facets(some, points, weights):
                     yield facets, np.linalg.norm(facets.moment, axis=2)
 
-    def _cells(
+    def cells(
         self, degree: int, some: Indices | None = None, rule: tuple[Array, Array] | None = None
     ) -> Iterator[tuple[QuadratureFacets, Array]]:
         """All cells of this rank, or some, and the volumes of their points."""
-        points, weight = rule or basix.make_quadrature(self._cell, degree)
+        points, weight = rule or basix.make_quadrature(self.cell_type, degree)
         table = self._table(points)
         for cells in self._chunks(some):
             yield (
                 QuadratureFacets(cells, table, np.empty(0)),
-                weight * np.abs(adjugates(self._jacobian(cells, table))[1]),
+                weight * np.abs(adjugates(self.jacobian(cells, table))[1]),
             )
 
-    def _stress_work(
+    def stress_work(
         self, u: Array, degree: int, initial: Callable[[QuadratureFacets], Array] | None = None
     ) -> tuple[Array, float]:
         """The work of the stress with the strains of unit displacements, and the energy of the initial strain alone.
@@ -307,12 +307,12 @@ class NodalForces(SurfaceQuadrature):
     ) -> tuple[Array, float]:
         """That of the stress by a law, see ``_stress_work``."""
         turning, energy = self.kinematics.third_column, 0.0
-        points, weight = basix.make_quadrature(self._cell, degree)
-        table, total, axes = self._table(points), self._zero(), range(self.dimension)
+        points, weight = basix.make_quadrature(self.cell_type, degree)
+        table, total, axes = self._table(points), self.zero(), range(self.dimension)
         for cells in self._chunks():
-            inverse, determinant = adjugates(self._jacobian(cells, table))
+            inverse, determinant = adjugates(self.jacobian(cells, table))
             inverse /= determinant  # dX_k / dx_j
-            nodes = self._nodes[cells]
+            nodes = self.cell_nodes[cells]
             nodal, lowest = u[nodes], int(nodes.min())
             reference = np.array([[nodal[:, :, i] @ slope.T for slope in table.slope] for i in axes])
             gradient = _products(reference, inverse)
@@ -321,7 +321,7 @@ class NodalForces(SurfaceQuadrature):
                 radius = self.positions(part)[..., 0]
                 gradient = np.pad(gradient, [(0, 3 - length) for length in gradient.shape[:2]] + [(0, 0)] * 2)
                 gradient[:, 2] = np.einsum("ik,cnk,qn->icq", turning, nodal, table.shape) / radius
-            size, forces = weight * np.abs(determinant) * self._around(part), np.zeros_like(nodal)
+            size, forces = weight * np.abs(determinant) * self.around(part), np.zeros_like(nodal)
             stress, density = law(cells, gradient, None if initial is None else initial(part))
             energy += float(np.sum(size * density)) if initial is not None else 0.0
             if turning is not None:
@@ -374,7 +374,7 @@ class NodalForces(SurfaceQuadrature):
 
     def middles(self, cells: Indices | slice) -> Array:
         """The middles of the corners of cells, shape (3, n)."""
-        return in_space(self._x[self._corners[cells, : len(basix.geometry(self._cell))]].mean(axis=1))
+        return in_space(self._x[self._corners[cells, : len(basix.geometry(self.cell_type))]].mean(axis=1))
 
     def _compiled(self, load: Force, step: float) -> Array:
         """A load with UFL expressions, by its own form."""

@@ -73,15 +73,15 @@ class SurfaceQuadrature:
         self.owned = int(space.dofmap.index_map.size_local)
         self.dimension = int(mesh.geometry.dim)
         self.across = int(mesh.topology.dim)
-        self._cell = getattr(basix.CellType, mesh.topology.cell_name())
-        self._facet = basix.cell.subentity_types(self._cell)[self.across - 1][0]
+        self.cell_type = getattr(basix.CellType, mesh.topology.cell_name())
+        self._facet = basix.cell.subentity_types(self.cell_type)[self.across - 1][0]
         self._shapes = space.element.basix_element
         self._hats = None
-        if self._cell == basix.CellType.tetrahedron and self._shapes.degree == 2:
-            self._hats = basix.create_element(basix.ElementFamily.P, self._cell, 1)
+        if self.cell_type == basix.CellType.tetrahedron and self._shapes.degree == 2:
+            self._hats = basix.create_element(basix.ElementFamily.P, self.cell_type, 1)
         self._geometry = compat.geometry_element(mesh)
         self._corners = compat.geometry_cells(mesh)
-        self._nodes = space.dofmap.list
+        self.cell_nodes = space.dofmap.list
         self._x = mesh.geometry.x[:, : self.across]
 
     @cached_property
@@ -106,7 +106,7 @@ class SurfaceQuadrature:
             boundary: see ``facets``.
             factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
         """
-        total, degree = self._zero(), self._shapes.degree
+        total, degree = self.zero(), self._shapes.degree
         rule = basix.make_quadrature(self._facet, forms.lumped_degree(degree, self._geometry.degree))
         if self.across == 2 and (factor is None or degree > 1):  # the nodal rule, which has the same integrals
             places, weights = {
@@ -116,7 +116,7 @@ class SurfaceQuadrature:
             rule = np.array(places)[:, None], np.array(weights)
         for facets in self._facets(boundary, rule[0], rule[1], factor):
             of_nodes = _clean(facets.table.test).T @ facets.moment
-            np.add.at(total[:, : self.across], self._nodes[facets.cells], of_nodes)
+            np.add.at(total[:, : self.across], self.cell_nodes[facets.cells], of_nodes)
         return self.over_ranks(total)
 
     def normals(self, boundary: Any, directed: Callable[[Indices, Array], Array]) -> Array:
@@ -131,11 +131,11 @@ class SurfaceQuadrature:
         normals = directed(owned, self.moments(boundary))
         if self._hats is None:
             return normals
-        layout, vertices, edge_sums = self.space.dofmap.dof_layout, self.with_ghosts(normals), self._zero()
+        layout, vertices, edge_sums = self.space.dofmap.dof_layout, self.with_ghosts(normals), self.zero()
         entities = facet_entities(self.space.mesh, self.facets(boundary))
-        for side in range(len(basix.topology(self._cell)[self.across - 1])):
+        for side in range(len(basix.topology(self.cell_type)[self.across - 1])):
             cells = entities[entities[:, 1] == side, 0]
-            nodes = self._nodes[cells][:, layout.entity_closure_dofs(self.across - 1, side)]
+            nodes = self.cell_nodes[cells][:, layout.entity_closure_dofs(self.across - 1, side)]
             edge_sums[nodes[:, 3:]] = (
                 vertices[nodes[:, :3]].sum(axis=1)[:, None] - vertices[nodes[:, :3]]
             )  # opposite ones
@@ -149,7 +149,7 @@ class SurfaceQuadrature:
         Where contact averages the test functions are dual to the hats on each facet.
         """
         rule = basix.make_quadrature(self._facet, forms.lumped_degree(self._shapes.degree, self._geometry.degree))
-        size = len(self._zero())
+        size = len(self.zero())
         integrals = sp.csr_array((size, size))
         for facets in self._facets(boundary, rule[0], rule[1], factor):
             test, shape = _clean(facets.table.test), _clean(facets.table.shape)
@@ -159,7 +159,7 @@ class SurfaceQuadrature:
                 mass = np.einsum("qi,cq,qk->cik", test, area, test)
                 values = values.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ values)
                 values[np.abs(values) <= ZERO_SUM * np.abs(values).max(initial=0.0)] = 0.0
-            nodes = self._nodes[facets.cells]
+            nodes = self.cell_nodes[facets.cells]
             rows, columns = (np.broadcast_to(numbers, values.shape) for numbers in (nodes[:, :, None], nodes[:, None]))
             nonzero = values != 0
             integrals += sp.csr_array((values[nonzero], (rows[nonzero], columns[nonzero])), shape=(size, size))
@@ -178,7 +178,8 @@ class SurfaceQuadrature:
 
     # --- how ---------------------------------------------------------------------------------------------------------
 
-    def _zero(self) -> Array:
+    def zero(self) -> Array:
+        """No forces at the nodes of this rank, ghosts included, shape (n, d)."""
         index_map = self.space.dofmap.index_map
         return np.zeros((index_map.size_local + index_map.num_ghosts, self.dimension))
 
@@ -190,7 +191,7 @@ class SurfaceQuadrature:
             test = np.pad(hats, ((0, 0), (0, test.shape[1] - hats.shape[1])))
         return ReferencePoints(shape[0], shape[1:], geometry[0], geometry[1:], test)
 
-    def _jacobian(self, cells: Indices, table: ReferencePoints) -> Array:
+    def jacobian(self, cells: Indices, table: ReferencePoints) -> Array:
         """dx_i / dX_k at the points, shape (across (i), across (k), cells, q)."""
         x = self._x[self._corners[cells]]
         return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.across)])
@@ -200,8 +201,8 @@ class SurfaceQuadrature:
     ) -> Iterator[QuadratureFacets]:
         """The facets of a boundary with points at ``places`` of the reference facet, shape (q, across - 1)."""
         entities = facet_entities(self.space.mesh, self.facets(boundary))
-        vertices = basix.geometry(self._cell)
-        for side, corner in enumerate(basix.topology(self._cell)[self.across - 1]):
+        vertices = basix.geometry(self.cell_type)
+        for side, corner in enumerate(basix.topology(self.cell_type)[self.across - 1]):
             cells = entities[entities[:, 1] == side, 0]
             if cells.size == 0:
                 continue
@@ -212,10 +213,10 @@ class SurfaceQuadrature:
             across *= np.sign(across @ (start - vertices.mean(axis=0)))
             for facet_cells in np.array_split(cells, 1 + cells.size * len(places) // _TOGETHER):
                 # Where the facet is warped, the middle of a cell may be on its outer side: the reference cell tells.
-                adjugate, determinant = adjugates(self._jacobian(facet_cells, table))
+                adjugate, determinant = adjugates(self.jacobian(facet_cells, table))
                 normal = np.sign(determinant)[:, :, None] * np.einsum("kicq,k->cqi", adjugate, across)
                 if factor is not None:
-                    normal *= (np.nan_to_num(factor)[self._nodes[facet_cells]] @ table.shape.T)[:, :, None]
+                    normal *= (np.nan_to_num(factor)[self.cell_nodes[facet_cells]] @ table.shape.T)[:, :, None]
                 yield QuadratureFacets(facet_cells, table, weight[:, None] * normal)
 
 

@@ -140,10 +140,10 @@ def test_points_of_few_facets_at_a_time(monkeypatch):
     space = fem.functionspace(tagged.mesh, ("Lagrange", 1, (3,)))
     forces = NodalForces(scene.statement, tagged, space)
     together = forces.external(0)
-    calls, jacobian = [], SurfaceQuadrature._jacobian
+    calls, jacobian = [], SurfaceQuadrature.jacobian
     monkeypatch.setattr(surface_quadrature, "_TOGETHER", 50)
     monkeypatch.setattr(
-        SurfaceQuadrature, "_jacobian", lambda self, *given: calls.append(given) or jacobian(self, *given)
+        SurfaceQuadrature, "jacobian", lambda self, *given: calls.append(given) or jacobian(self, *given)
     )
     np.testing.assert_allclose(forces.external(0), together, rtol=0, atol=1e-15 * np.abs(together).max())
     assert np.abs(together).max() > 0
