@@ -155,8 +155,12 @@ def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True) -> Non
         raise MatrixError(MatrixFault.NOT_POSITIVE)
 
 
-def scales_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]) -> Scales:
-    """Size of a body, and a modulus near its contact points, the scale of gamma; collective.
+def scales_of(
+    body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]], modulus: float | None = None
+) -> Scales:
+    """Size of a body, and its modulus, the scale of gamma; collective.
+
+    Where the modulus is not known it is that of the stiffness near the contact points.
 
     A point that moves alone strains the cells around it, which are of the size l along the boundary and h across it:
     per area it meets about E (1 / h + h / l^2).
@@ -165,7 +169,10 @@ def scales_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt
         body: its elastic system.
         boundary: the contact points.
         facets: of each foundation, in the order of ``boundary.segments``.
+        modulus: Young's modulus of the stiffest material; None: it is not known.
     """
+    if modulus is not None:
+        return Scales(body.space.mesh.topology.dim, modulus, diameter_of(body.space.mesh))
     space, stiffness = body.space, body.contact.stiffness(body.stiffness.getDiagonal())
     mesh = space.mesh
     dim, listed = mesh.topology.dim, np.concatenate(list(facets))

@@ -35,6 +35,7 @@ from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, 
 from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.given import GivenForms
 from signorini_fx.forms.mechanics import FormMechanics
+from signorini_fx.forms.stress import natural_modulus
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
@@ -330,7 +331,9 @@ class FormSolver:
             self._start, resting = self._last.seen_from(boundary, held=held, spin=spin)
         self.boundary, self._first = boundary, None
         elastic = self.elastic = self._body(fixed[:owned], boundary)
-        self.scales = scales_of(elastic, boundary, self.foundations.facets)
+        law = self.forms.stress
+        modulus = None if law is None or self.forms.weighted else natural_modulus(law, space)
+        self.scales = scales_of(elastic, boundary, self.foundations.facets, modulus)
         task = elastic.task(
             [self._case(values)],
             np.ones(1),

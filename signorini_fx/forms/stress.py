@@ -171,6 +171,23 @@ def isotropic_moduli(
     return functions[0], functions[1]
 
 
+def natural_modulus(law: Law, space: fem.FunctionSpace) -> float | None:
+    """Young's modulus of the stiffest cell, the natural unit of stress, as of a scene; None: the law is not isotropic,
+    or none that can be evaluated; collective.
+    """
+    shape, dim = getattr(law(fem.Function(space)), "ufl_shape", None), space.mesh.geometry.dim
+    if shape not in ((dim, dim), (3, 3)):
+        return None
+    lame = isotropic_moduli(cellwise_moduli(law, space).values, dim, space.mesh)
+    if lame is None:
+        return None
+    first, shear = (function.x.array for function in lame)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        young = shear * (3 * first + 2 * shear) / (first + shear)
+    largest = float(parallel.largest(space.mesh.comm, young, 0.0))
+    return largest if 0.0 < largest < np.inf else None
+
+
 def residual_of(
     stress: ElementStress, forms: Sequence[Any], contact: Sequence[Facets], fixed: npt.NDArray[np.bool_], z: Any
 ) -> Any:

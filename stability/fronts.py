@@ -1,0 +1,406 @@
+"""Random problems that are stated twice or three times: as a scene, as forms, and as a residual; by seed.
+
+    ./env python3 -m stability.fronts 200 [FIRST]
+
+The fronts share the core, and nothing else that is compared here is shared: a scene finds facets by names, integrates
+its loads and supports by effects and has its contact as entries; forms have UFL, DirichletBCs and Foundations; of a
+residual with a linear F there are a Newton iteration and a certificate of its own.  Status, load steps, forces,
+displacements, pressures, states, the estimated error, and the guaranteed bound have to agree.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx import (
+    ContactProblem,
+    ConvergenceError,
+    Coulomb,
+    Foundation,
+    LoadPath,
+    NonlinearContactProblem,
+    Solution,
+    Tresca,
+    solve,
+)
+from signorini_fx.body.quadrature import strain_degree
+from signorini_fx.kinematics.axisymmetric import AXISYMMETRIC
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.records import Status
+from signorini_fx.results.solution import StepResult
+from signorini_fx.scene.reading import parse_scene
+
+Array = npt.NDArray[np.float64]
+# By how much two fronts may differ, relative to the largest value of all load steps: two assemblies of one problem
+# differ by round-off, which gamma = 1e5 moduli makes 1e5 times as large where a pressure is a penetration.
+SAME = 1e-8
+
+
+@dataclass(frozen=True)
+class RandomProblem:
+    """A rectangle, a body of revolution or a box over a floor, or over a rigid circle or sphere.
+
+    Attributes:
+        kind: *plane strain*, *axisymmetric* or *space*.
+        cell: of the mesh.
+        degree: of the displacement.
+        sizes: of the body along each axis, length.
+        counts: of cells along each axis.
+        young: Young's modulus.
+        poisson: Poisson's ratio.
+        held: whether the top is displaced; otherwise it is loaded.
+        down: the displacement of the top at the load factor 1, length, shape (d,).
+        traction: on the top where it is not held, and on the side, stress, shape (2, d).
+        gap: of the floor at the origin, length, and its slope along x[0].
+        radius: of the rigid circle; None: there is a floor.
+        wall: the gap of a wall on the right; None: there is none.
+        law: of friction, with its bound or coefficient.
+        factors: of the loads, by load step.
+        times: of the load steps.
+        ramp: increments of a ramp between two load steps; None: there is none.
+        settings: of the solver.
+    """
+
+    kind: str
+    cell: str
+    degree: int
+    sizes: tuple[float, ...]
+    counts: tuple[int, ...]
+    young: float
+    poisson: float
+    held: bool
+    down: Array
+    traction: Array
+    gap: tuple[float, float]
+    radius: float | None
+    wall: float | None
+    law: tuple[str, float]
+    factors: tuple[float, ...]
+    times: tuple[float, ...]
+    ramp: int | None
+    settings: dict[str, Any]
+
+    @classmethod
+    def drawn(cls, seed: int) -> RandomProblem:
+        """That of a seed."""
+        rng = np.random.default_rng([57, seed])
+        kind = str(rng.choice(["plane strain", "axisymmetric", "space"], p=[0.55, 0.2, 0.25]))
+        dim = 3 if kind == "space" else 2
+        cells = ["tetrahedron", "hexahedron"] if dim == 3 else ["triangle", "quadrilateral"]
+        degree = int(rng.choice([1, 2])) if dim == 2 else 1
+        counts = (6, 4, 4) if dim == 3 else (int(rng.integers(6, 16)), int(rng.integers(3, 8)))
+        sizes = tuple(rng.uniform(0.7, 2.0, dim).tolist())
+        young = float(10 ** rng.uniform(0, 6))
+        strain = float(10 ** rng.uniform(-4, -2))
+        down = strain * np.array([*rng.uniform(-1, 1, dim - 1), -rng.uniform(0.5, 1.5)]) * sizes[-1]
+        if kind == "axisymmetric":
+            down[0] = 0.0
+        held = kind == "axisymmetric" or bool(rng.random() < 0.6)
+        pull = strain * young * rng.uniform(-0.3, 0.3, (2, dim))
+        pull[0, -1] = -strain * young * rng.uniform(0.3, 1.0)
+        name = str(rng.choice(["none", "tresca", "coulomb"]))
+        size = strain * young * 0.3 if name == "tresca" else 1.0
+        steps = int(rng.integers(1, 4))
+        begin = float(rng.choice([0.0, 0.4, 1.0])) if steps > 1 else 1.0
+        factors = rng.uniform(0.3, 1.0, steps) if steps > 1 else np.ones(1)
+        ramp = int(rng.integers(2, 5)) if steps == 2 and rng.random() < 0.5 else None
+        algorithm = str(rng.choice(["ssn", "alm", "ssn"]))
+        settings: dict[str, Any] = {"algorithm": algorithm}
+        # Forms that are multiplied by a measure do not say what the modulus is, the scale of gamma.
+        if rng.random() < 0.5 or kind == "axisymmetric":
+            settings |= {"gamma_n": 1e4 * young, "gamma_t": 1e4 * young}
+        return cls(
+            kind=kind,
+            cell=str(rng.choice(cells)),
+            degree=degree,
+            sizes=sizes,
+            counts=counts,
+            young=young,
+            poisson=float(rng.uniform(0.0, 0.45)),
+            held=held,
+            down=down,
+            traction=pull,
+            gap=(float(strain * rng.uniform(-0.2, 0.3)), float(strain * rng.uniform(-0.2, 0.2))),
+            radius=float(rng.uniform(1.0, 4.0)) if rng.random() < 0.35 and kind != "axisymmetric" else None,
+            wall=float(strain * rng.uniform(0.0, 0.3)) if kind == "plane strain" and rng.random() < 0.3 else None,
+            law=(name, float(rng.uniform(0.1, 0.6)) * size),
+            factors=tuple(factors.tolist()),
+            times=tuple((begin + np.arange(steps)).tolist()),
+            ramp=ramp,
+            settings=settings,
+        )
+
+    @property
+    def axes(self) -> str:
+        """Names of the components of a displacement."""
+        return "xyz"[: len(self.sizes)]
+
+    @property
+    def shape(self) -> dict[str, Any] | None:
+        """The rigid circle or sphere; None: there is a floor."""
+        if self.radius is None:
+            return None
+        centre = [0.5 * size for size in self.sizes[:-1]] + [-self.radius]
+        name = "sphere" if self.kind == "space" else "circle"
+        return {"shape": name, "centre": centre, "radius": self.radius}
+
+    def stated(self) -> dict[str, Any]:
+        """The scene as TOML has it."""
+        in_space, sides = self.kind == "space", ("length", "width", "height") if self.kind == "space" else ()
+        names, numbers = sides or ("length", "height"), ("nx", "ny", "nz")[: len(self.sizes)]
+        parameters: dict[str, Any] = dict(zip(names, self.sizes, strict=True))
+        parameters |= dict(zip(numbers, self.counts, strict=True)) | {"cell": self.cell}
+        factors = list(self.factors)
+        law = {"law": self.law[0]}
+        if self.law[0] != "none":
+            law |= {"bound" if self.law[0] == "tresca" else "coefficient": self.law[1]}
+        contact: dict[str, Any] = {"boundary": "bottom", "friction": law}
+        if self.shape is None:
+            contact["gap"] = f"{self.gap[0]!r} + ({self.gap[1]!r}) * x[0]"
+        else:
+            contact |= {"gap": self.gap[0], "foundation": self.shape}
+        contacts = [contact]
+        if self.wall is not None:
+            contacts.append({"boundary": "right", "gap": self.wall, "friction": law})
+        supports: list[dict[str, Any]] = []
+        tractions: list[dict[str, Any]] = []
+        if self.held:
+            moved = dict(zip(self.axes, self.down.tolist(), strict=True))
+            supports.append({"boundary": "top", **moved, "factors": factors})
+        else:
+            pull = dict(zip(self.axes, self.traction[0].tolist(), strict=True))
+            tractions.append({"boundary": "top", **pull, "factors": factors})
+        if self.kind == "axisymmetric":
+            supports.append({"boundary": "left", "x": 0.0, "factors": factors})
+        else:
+            pull = dict(zip(self.axes, self.traction[1].tolist(), strict=True))
+            tractions.append({"boundary": "left", **pull, "factors": factors})
+        material: dict[str, Any] = {"young": self.young, "poisson": self.poisson}
+        if not in_space:
+            material["hypothesis"] = self.kind
+        steps: dict[str, Any] = {"times": self.times} if len(self.times) > 1 else {}
+        if self.ramp is not None:
+            steps["steps"] = self.ramp
+        return {
+            "mesh": {"generator": "box" if in_space else "rectangle", "parameters": parameters},
+            "material": material,
+            "element": {"degree": self.degree},
+            "displacement": supports,
+            "traction": tractions,
+            "contact": contacts,
+            "load_steps": steps,
+            "solver": self.settings,
+        }
+
+    def forms(self, tagged: TaggedMesh) -> Forms:
+        """The same in UFL, on a mesh with the names of the scene."""
+        mesh, dim = tagged.mesh, len(self.sizes)
+        V = fem.functionspace(mesh, ("Lagrange", self.degree, (dim,)))
+        v, x = ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
+        factor = fem.Constant(mesh, self.factors[0])
+        measure = 2 * np.pi * x[0] if self.kind == "axisymmetric" else None
+        around = 1.0 if measure is None else measure
+
+        def strain(y: Any) -> Any:
+            gradient = ufl.grad(y)
+            if self.kind == "space":
+                return ufl.sym(gradient)
+            ring = y[0] / x[0] if measure is not None else 0
+            shear = (gradient[0, 1] + gradient[1, 0]) / 2
+            return ufl.as_matrix([[gradient[0, 0], shear, 0], [shear, gradient[1, 1], 0], [0, 0, ring]])
+
+        def stress(y: Any) -> Any:
+            lame = self.poisson / (1 - 2 * self.poisson) * ufl.tr(strain(y))
+            return self.young / (1 + self.poisson) * (strain(y) + lame * ufl.Identity(3))
+
+        L = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
+        for name, pull in (("top", self.traction[0]), ("left", self.traction[1])):
+            if (name == "top" and self.held) or (name == "left" and measure is not None):
+                continue
+            ds = ufl.ds(domain=mesh, subdomain_data=tagged.facet_tags, subdomain_id=tagged.boundaries[name])
+            L += factor * around * ufl.inner(fem.Constant(mesh, pull), v) * ds
+        bcs, moved = [], fem.Function(V)
+        if self.held:
+            bcs.append(fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, tagged.facets("top"))))
+        if measure is not None:
+            dofs = fem.locate_dofs_topological(V.sub(0), dim - 1, tagged.facets("left"))
+            bcs.append(fem.dirichletbc(0.0, dofs, V.sub(0)))
+        law = {"none": None, "tresca": Tresca(self.law[1]), "coulomb": Coulomb(self.law[1])}[self.law[0]]
+        common: dict[str, Any] = {"friction": law} | ({} if measure is None else {"measure": measure})
+        if self.shape is None:
+            floor = Foundation(tagged.facets("bottom"), gap=self.gap[0] + self.gap[1] * x[0], **common)
+        else:
+            floor = Foundation(tagged.facets("bottom"), gap=self.gap[0], shape=self.shape, **common)
+        contact = [floor]
+        if self.wall is not None:
+            contact.append(Foundation(tagged.facets("right"), gap=self.wall, **common))
+
+        def at(time: float) -> None:
+            factor.value = np.interp(time, self.times, self.factors)
+            moved.x.array.reshape(-1, dim)[:] = factor.value * self.down
+
+        at(self.times[0])
+        given = stress if measure is None else None
+        # The quadrature of UFL for y[0] / r is not that of the package.
+        rule = {} if measure is None else {"quadrature_degree": strain_degree(V, AXISYMMETRIC)}
+        return Forms(
+            lambda y: ufl.inner(stress(y), strain(v)) * around * ufl.dx(metadata=rule), L, bcs, contact, given, at, V
+        )
+
+
+@dataclass(frozen=True)
+class Forms:
+    """A problem in UFL.
+
+    Attributes:
+        inner: a(y, v) of a displacement y.
+        L: the loads.
+        bcs: the supports.
+        contact: the foundations.
+        stress: of a displacement; None: estimates do not know it.
+        at: changes the problem to what it is at a time.
+        space: of the displacement.
+    """
+
+    inner: Callable[[Any], Any]
+    L: Any
+    bcs: list[fem.DirichletBC]
+    contact: list[Foundation]
+    stress: Any
+    at: Callable[[float], None]
+    space: fem.FunctionSpace
+
+
+def by_forms(drawn: RandomProblem, forms: Forms) -> Solution:
+    """Solve the forms at the load steps."""
+    a = forms.inner(ufl.TrialFunction(forms.space))
+    problem = ContactProblem(a, forms.L, forms.bcs, forms.contact, stress=forms.stress, **drawn.settings)
+    try:
+        return problem.run(LoadPath(drawn.times, steps=drawn.ramp), forms.at)
+    except ConvergenceError as error:
+        return error.solution
+
+
+def by_residual(drawn: RandomProblem, forms: Forms) -> list[tuple[Array, Any]]:
+    """Solve the residual step by step: displacements and contact forces of each, up to the last that has a solution."""
+    u, steps = fem.Function(forms.space), []
+    F = forms.inner(u) - forms.L
+    problem = NonlinearContactProblem(F, u, bcs=forms.bcs, contact=forms.contact, **drawn.settings)
+    for time in drawn.times:
+        forms.at(time)
+        try:
+            problem.solve()
+        except ConvergenceError:
+            break
+        steps.append((u.x.array.copy(), problem.state.forces_of_each))
+        problem.advance()
+    return steps
+
+
+def _largest(comm: MPI.Comm, values: Array) -> float:
+    """Of all ranks."""
+    return float(comm.allreduce(np.abs(values).max(initial=0.0), op=MPI.MAX))
+
+
+def _forces(step: StepResult) -> Array:
+    assert step.contact is not None
+    return np.array(step.contact.forces_of_each, dtype=np.float64)
+
+
+@dataclass
+class Differences:
+    """What two fronts differ in.
+
+    Attributes:
+        comm: the ranks.
+        found: in words.
+    """
+
+    comm: MPI.Comm
+    found: list[str]
+
+    def look(self, name: str, ours: Any, theirs: Any, size: float) -> None:
+        """At two values of this rank, relative to a size; collective."""
+        ours, theirs = np.asarray(ours, dtype=np.float64), np.asarray(theirs, dtype=np.float64)
+        if self.comm.allreduce(ours.shape != theirs.shape, op=MPI.LOR):
+            self.found.append(f"{name}: shapes {ours.shape} and {theirs.shape}")
+        elif not (apart := _largest(self.comm, ours - theirs)) <= SAME * size:
+            self.found.append(f"{name}: {apart / max(size, 1e-300):.1e}")
+
+    def look_at_steps(self, solved: list[tuple[StepResult, StepResult]], sizes: tuple[float, float, float]) -> None:
+        """At load steps of a scene and of forms; ``sizes``: of displacement, force and pressure; collective."""
+        for number, (a, b) in enumerate(solved, 1):
+            assert a.contact is not None
+            assert b.contact is not None
+            self.look(f"step {number}: time", a.time, b.time, 1.0)
+            self.look(f"step {number}: displacement", a.displacement.x.array, b.displacement.x.array, sizes[0])
+            self.look(f"step {number}: force", _forces(a), _forces(b), sizes[1])
+            self.look(f"step {number}: pressure", a.contact.pressure, b.contact.pressure, sizes[2])
+            self.look(f"step {number}: states", a.contact.in_contact, b.contact.in_contact, 1.0)
+
+    def look_at_accuracy(self, scene: Solution, forms: Solution) -> None:
+        """At the estimated error and the guaranteed bound; collective."""
+        self.look("estimated error", scene.stress.error or 0.0, forms.stress.error or 0.0, scene.stress.error or 1.0)
+        ours, theirs = scene.error_bound, forms.error_bound
+        if isinstance(ours, str) or isinstance(theirs, str) or ours is None or theirs is None:
+            if type(ours) is not type(theirs):
+                self.found.append(f"guaranteed bound: {ours}; forms: {theirs}")
+        else:
+            self.look("guaranteed bound", ours.duality, theirs.duality, ours.error)  # without round-off
+
+
+def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Status, list[str]]:
+    """How the scene ends, and what the fronts differ in; collective."""
+    scene = solve(parse_scene(drawn.stated()), comm, check=False)
+    forms = drawn.forms(scene.model.tagged)
+    other = by_forms(drawn, forms)
+    ends = [f"{solution.status.value}, {len(solution.steps)} load steps" for solution in (scene, other)]
+    if ends[0] != ends[1]:
+        return scene.status, [f"{ends[0]}; forms: {ends[1]}"]
+    solved = [(a, b) for a, b in zip(scene.steps, other.steps, strict=True) if a.status is Status.CONVERGED]
+    if not solved:
+        return scene.status, []
+    differences = Differences(comm, [])
+    moved = max(_largest(comm, a.displacement.x.array) for a, _ in solved)
+    force = max(_largest(comm, _forces(a)) for a, _ in solved)
+    pressed = max(_largest(comm, a.contact.pressure) for a, _ in solved if a.contact is not None)
+    differences.look_at_steps(solved, (moved, force, pressed))
+    if scene.converged and forms.stress is not None:
+        differences.look_at_accuracy(scene, other)
+    # A residual does not say what its modulus is, the scale of gamma, and has shapes at the displaced points.
+    if drawn.ramp is None and drawn.shape is None and drawn.kind != "axisymmetric" and "gamma_n" in drawn.settings:
+        third = by_residual(drawn, forms)
+        if len(third) != len(solved):
+            differences.found.append(f"residual: {len(third)} of {len(solved)} load steps")
+        for number, ((a, _), (u, forces)) in enumerate(zip(solved, third, strict=False), 1):
+            differences.look(f"residual, step {number}: displacement", a.displacement.x.array, u, 10 * moved)
+            differences.look(f"residual, step {number}: force", _forces(a), forces, 10 * force)
+    return scene.status, differences.found
+
+
+def main(count: int, first: int = 0) -> int:
+    """Compare the fronts, and print how many differ."""
+    ends, wrong = Counter[str](), 0
+    for seed in range(first, first + count):
+        drawn = RandomProblem.drawn(seed)
+        status, found = compared(drawn)
+        ends[status.value] += 1
+        wrong += bool(found)
+        if found:
+            print(f"seed {seed}: {drawn.kind}, {drawn.law[0]}, {drawn.settings}: {'; '.join(found[:6])}", flush=True)
+    print(f"{count} problems, {wrong} with a difference; {', '.join(f'{n} {end}' for end, n in ends.most_common())}")
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(*map(int, sys.argv[1:])))
