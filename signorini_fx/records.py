@@ -14,6 +14,8 @@ import numpy as np
 from signorini_fx.machine.compilation import compiling
 
 T = TypeVar("T")
+# What advice about an outcome says where statics proves it of the body, and not only of its mesh.
+PROVED_FOR_BODY = "proved for the body"
 # How an event begins that is about a requested accuracy.
 ACCURACY = "accuracy: "
 
@@ -89,12 +91,12 @@ _ADVICE = {
     Status.SLIDES_AT_PRESSURES: (
         "lower the load, raise the friction or what presses the contact, or find the limit with load_steps.steps: "
         "friction at the contact pressures that were found, such as those of a fit or of tightened bolts, cannot carry "
-        "the loads; the history says which share of them it carries; nothing is proved of other pressures"
+        "the loads; the events of the summary say which share of them it carries; nothing is proved of other pressures"
     ),
     Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh is degenerate",
     Status.NOT_FINITE: (
-        "the matrix or the forces contain numbers that are infinite, or none: check expressions and units, and that no "
-        "cell of the mesh is degenerate"
+        "the matrix or the forces contain numbers that are infinite or undefined: check expressions and units, and "
+        "that no cell of the mesh is degenerate"
     ),
     Status.LINEAR_SOLVER: (
         "the Krylov method did not converge: set solver.linear_algebra = 'full', which takes the memory for a factor, "
@@ -102,7 +104,8 @@ _ADVICE = {
     ),
     Status.NO_MEMORY: (
         "the memory was used up by the factor of the matrix: use a larger machine, a coarser mesh, or in space "
-        "solver.linear_algebra = 'krylov'; ulimit -a shows the limits of this process, and check how much a scene needs"
+        "solver.linear_algebra = 'krylov'; ulimit -a shows the limits of this process, and signorini-fx check what a "
+        "scene needs"
     ),
     Status.TOO_LARGE: (
         "strains, rotations or displacements are too large for linear elasticity: check the units of E, of the "

@@ -41,7 +41,7 @@ NAMES = {
     "force": "the force",
     "energy": "the stress",
     "zone": "the zone",
-    "peak": "the peak",
+    "peak": "the largest pressure",
 }
 
 
@@ -68,13 +68,13 @@ class CostOfAccuracy:
     next_dofs: float
 
     def __str__(self) -> str:
-        """Such as: 3 % of the stress took 0.4 s; 0.3 % would take 10 to 40 s, 2M unknowns."""
+        """Such as: 3 % error of the stress took 0.4 s; 0.3 % would take 10 to 40 s, 2M unknowns."""
         return f"{self.known}; {self.forecast}"
 
     @property
     def known(self) -> str:
         """What was solved."""
-        return f"{100 * self.error:.2g} % of {NAMES[self.of]} took {duration(self.seconds)}"
+        return f"{100 * self.error:.2g} % error of {NAMES[self.of]} took {duration(self.seconds)}"
 
     @property
     def forecast(self) -> str:
@@ -103,7 +103,9 @@ def between(seconds: tuple[float, float]) -> str:
     if min(seconds) < _DAY < max(seconds):
         return f"{low} to more than a day"
     if low == high:
-        return f"about {low}"
+        return low if low.startswith("below") else f"about {low}"
+    if low.startswith("below"):
+        return f"up to {high}"
     number, _, unit = low.rpartition(" ")
     return f"{number} to {high}" if unit == high.rpartition(" ")[2] else f"{low} to {high}"
 

@@ -18,7 +18,7 @@ from signorini_fx.contact.motions import total_work
 from signorini_fx.contact.reactions import Reactions, nearest, reactions
 from signorini_fx.contact.statics import escape, null_space, squeezed
 from signorini_fx.model import Model
-from signorini_fx.records import Finding, Status
+from signorini_fx.records import PROVED_FOR_BODY, Finding, Status
 
 _Rows = npt.NDArray[np.float64]
 
@@ -94,10 +94,10 @@ def _equilibrium_of(
         who, advice = "the supports do not resist", "prescribe a displacement"
         if contact is not None:
             who, advice = "neither the supports nor the contact resists", f"{advice}, or add friction"
-        proved = "proved for the body"
+        proved = PROVED_FOR_BODY
         if contact is not None:
             proved = _proved(surface, lambda known_surface: known_surface.flat)
-        return Finding("warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}; {proved}")
+        return Finding("warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}; this is {proved}")
     assert contact is not None
     away = [escape(contact, load) if load.any() else None for load in loads]
     of_it = f" of {subject}" if several else ""
@@ -118,7 +118,7 @@ def _equilibrium_of(
             "warning",
             statement.forces_at,
             f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
-            f"{cure}, or prescribe a displacement; {proved}{_provided(body)}",
+            f"{cure}, or prescribe a displacement; this is {proved}{_provided(body)}",
         )
     bonds = contact.bilateral & np.isinf(contact.given)
     bonded = np.concatenate((contact.normal[bonds], contact.tangential[bonds].reshape(-1, free.shape[1])))
@@ -153,7 +153,7 @@ def _proved(surface: LimitSurface | str, statement: Callable[[LimitSurface], boo
     """Of what a statement is proved: of the body, or only of its mesh."""
     if isinstance(surface, str):
         return f"proved for its mesh ({surface})"
-    return "proved for the body" if statement(surface) else "proved for its mesh"
+    return PROVED_FOR_BODY if statement(surface) else "proved for its mesh"
 
 
 def _provided(body: Model) -> str:
@@ -165,8 +165,12 @@ def _provided(body: Model) -> str:
 
 # What loads do, what does not stop it, and what may.
 _WAYS = {
-    Status.SLIDES: ("make it slide:", "which friction cannot stop", "lower the load, raise the friction"),
-    Status.TIPS: ("tip it over:", "which the contact cannot stop", "lower the load, let it act closer to the contact"),
+    Status.SLIDES: ("make it slide by", "which friction cannot stop", "lower the load, raise the friction"),
+    Status.TIPS: (
+        "tip it over by",
+        "which the contact cannot stop",
+        "lower the load, let it act closer to the contact",
+    ),
     Status.OPEN: ("drive", "which neither the supports nor the contact can stop", "change the direction of the loads"),
 }
 

@@ -27,14 +27,15 @@ def short_text(check: Check) -> str:
     lines = _paragraph("acts", "; ".join(effects), _EFFECTS)
     low, high = check.cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
-    seconds = " to ".join(dict.fromkeys(map(duration, check.cost.seconds)))
+    seconds = f"{between(check.cost.seconds)} of linear algebra"
     cost = f"{check.cost.unknowns} unknowns, {solves} solves, {seconds}, {storage(check.cost.memory_bytes)}"
     lines += _paragraph("cost", f"{cost}, estimated; {next_digit(check.cost)}", 3)
     findings = sorted(check.findings, key=lambda finding: finding.level != "warning")
     for k, finding in enumerate(findings):
         told = _paragraph(finding.level, f"{finding.path}: {finding.message}", _FINDING)
         if len(lines) + len(told) + 2 > _MOST_LINES:
-            lines += _paragraph("", f"{len(findings) - k} more findings: --verbose", 1)
+            more = len(findings) - k
+            lines += _paragraph("", f"{more} more finding{'s' * (more > 1)}: --verbose", 1)
             break
         lines += told
     heading = _verdict(check)
@@ -84,7 +85,7 @@ def _estimate(cost: Cost) -> str:
         f"estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
         f"{solves} linear solves ({cost.linear_algebra}); "
         f"{factorisation} {duration(cost.factorisation_seconds)} and {storage(cost.factorisation_bytes)}; "
-        f"altogether {' to '.join(dict.fromkeys(map(duration, cost.seconds)))} and {storage(cost.memory_bytes)}; "
+        f"altogether {between(cost.seconds)} of linear algebra and {storage(cost.memory_bytes)}; "
         f"{next_digit(cost)}"
     )
 

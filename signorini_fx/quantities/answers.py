@@ -12,11 +12,12 @@ from typing import Any
 from signorini_fx.display import load_step
 from signorini_fx.quantities.digits import between, figure, percent, solved_prices
 from signorini_fx.quantities.families.cost import cost_in_words
+from signorini_fx.quantities.families.safety import used_friction
 from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of
 from signorini_fx.quantities.text import point_in_words
-from signorini_fx.quantities.validity import Validity, validity_of
-from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
+from signorini_fx.quantities.validity import Validity, validity_of, was_solved
+from signorini_fx.records import CERTIFICATE_TOLERANCE, PROVED_FOR_BODY, Status
 from signorini_fx.units import with_unit
 
 # Of a share of the yield stress at a place where the stress has no limit, which the first answer tells.
@@ -38,6 +39,7 @@ _UNDECIDED = {
     Status.LIMIT: "no equilibrium was found beyond a load, which is no proof that there is none",
     Status.INSIDE: "a rigid shape is inside the body, or has passed through it",
     Status.TOO_LARGE: "the deformation is larger than linear elasticity can judge",
+    Status.NOT_SOLVED: "Newton's method found no solution; there may be one",
     Status.NOT_CERTIFIED: "the check after the solve finds conditions violated",
     Status.NO_MEMORY: "the memory was used up before a solution was found",
 }
@@ -160,8 +162,7 @@ class Strength:
         share = share_in_words(summary, "the yield stress")
         told = share = f"{share} used" if "%" in share else share
         if "results_of" in summary:
-            earlier = validity_of(summary) is Validity.EARLIER_STEP
-            told = f"there {told}" if earlier else f"{told} at {load_step(summary['results_of'])}"
+            told = f"{told} at {load_step(summary['results_of'])}"
         if no_limit:
             place = largest["no_limit"].removeprefix("it is ")
             told += f" on this mesh, {place}; the stress has no limit there as it is refined: judge it at a distance"
@@ -223,16 +224,20 @@ def _limit_of_statics(summary: dict[str, Any]) -> tuple[str, list[str]]:
     details = [
         f"{name}: {'no limit' if multiple is None else f'{multiple:.3g} times'}" for name, multiple in each.items()
     ]
-    if safety["friction_used"] is not None:
-        details.append(f"friction used: {percent(safety['friction_used'])}")
+    if friction := used_friction(safety):
+        details.append(friction)
     return (limit if safety["exact"] or factor is None else f"at most {limit}"), details
 
 
 def _stress(summary: dict[str, Any]) -> Answer:
     validity, details = validity_of(summary), list[str]()
     if not validity.solved:
-        none = "there is no solution" if _status(summary) in _MOVES_AWAY else "no solution was found"
-        return Answer("", "not known", (f"{none}, and so no stress",))
+        why = "no solution was found, and so no stress"
+        if _status(summary) in _MOVES_AWAY:
+            why = "there is no solution, and so no stress"
+        elif summary["certificate"]["holds"]:
+            why = _failure(summary)
+        return Answer("", "not known", (why,))
     if pressed := summary.get("max_pressure"):
         pressure = with_unit(figure(pressed, error_of(summary, "max_pressure")), "stress")
         details.append(f"largest contact pressure {pressure}")
@@ -255,7 +260,10 @@ def _sure(summary: dict[str, Any]) -> Answer:
     checked = "the certificate holds" if holds else "the certificate does NOT hold"
     if not validity.solved:
         if _status(summary) in _MOVES_AWAY:
-            return Answer("", "proved by statics, on this mesh")
+            of = "for the body" if PROVED_FOR_BODY in summary["advice"] else "on this mesh"
+            return Answer("", f"proved by statics, {of}")
+        if not was_solved(summary):
+            return Answer("", "there is no figure", ("nothing was solved",), "bad")
         return Answer("", "no figure may be used", () if holds else (checked,), "bad")
     if holds:
         checked += f": each condition to {CERTIFICATE_TOLERANCE:.0e}"

@@ -51,6 +51,12 @@ def kinematics_of(summary: dict[str, Any]) -> Kinematics:
     return of_data(summary.get("scene") or {}, 3 if summary.get("dimension") == 3 else 2)
 
 
+def has_friction(summary: dict[str, Any]) -> bool:
+    """Whether a contact of the scene has a friction law."""
+    laws = [(entry.get("friction") or {}).get("law") for entry in (summary.get("scene") or {}).get("contact", ())]
+    return any(law not in (None, "none") for law in laws)
+
+
 def named_components(kinematics: Kinematics, count: int) -> dict[int, str]:
     """The components of a force on a body by their names; over a revolution radial ones cancel each other.
 

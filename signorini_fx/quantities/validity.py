@@ -32,3 +32,8 @@ def validity_of(summary: dict[str, Any]) -> Validity:
     if summary.get("results_of", {}).get("status") == Status.CONVERGED.value:
         return Validity.EARLIER_STEP
     return Validity.NO_SOLUTION
+
+
+def was_solved(summary: dict[str, Any]) -> bool:
+    """Whether there are figures, be they of an iterate: what statics excludes is not solved."""
+    return validity_of(summary).solved or summary["linear_solves"] > 0

@@ -15,7 +15,7 @@ from typing import Any
 from signorini_fx import __version__, manifest
 from signorini_fx.display import status_in_words
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
-from signorini_fx.quantities.validity import validity_of
+from signorini_fx.quantities.validity import validity_of, was_solved
 from signorini_fx.report import evidence, sections
 from signorini_fx.report.advice import next_steps
 from signorini_fx.report.interactive import head
@@ -51,7 +51,7 @@ def page(folder: Path) -> str:
 
 def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     solid = in_space(summary)
-    solved = sections.was_solved(summary)
+    solved = was_solved(summary)
     contact = folder.columns("contact.csv", summary["contact_nodes"]) if solved and "contact_nodes" in summary else {}
     stressed = "stress" in summary["scene"].get("forms", ["stress"])
     overview = sections.overview(folder, solid=solid, stressed=stressed, solved=validity_of(summary).solved)

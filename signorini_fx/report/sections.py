@@ -17,7 +17,7 @@ from signorini_fx.quantities.digits import components, figure, percent
 from signorini_fx.quantities.quantity import Card
 from signorini_fx.quantities.registry import quantities, shown_cards
 from signorini_fx.quantities.text import kinematics_of, named_components
-from signorini_fx.quantities.validity import Validity, validity_of
+from signorini_fx.quantities.validity import Validity, validity_of, was_solved
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import drawn_by, in_text, joined, long_table, picture, table, tag
 from signorini_fx.report.templating import Markup, rendered
@@ -57,11 +57,6 @@ def outcome(summary: dict[str, Any], overview: str = "", cost: str = "") -> Mark
         cost=cost,
         warnings=_warnings(summary),
     )
-
-
-def was_solved(summary: dict[str, Any]) -> bool:
-    """Whether there are figures, be they of an iterate: what statics excludes is not solved."""
-    return validity_of(summary).solved or summary["linear_solves"] > 0
 
 
 def figures(summary: dict[str, Any]) -> Markup:

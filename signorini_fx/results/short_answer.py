@@ -11,11 +11,12 @@ from typing import Any
 from signorini_fx.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.quantities.answers import error_in_words
-from signorini_fx.quantities.digits import between, figure, percent
+from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.families.cost import cost_in_words
+from signorini_fx.quantities.families.safety import used_friction
 from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
-from signorini_fx.quantities.text import kinematics_of, named_components, point_in_words
+from signorini_fx.quantities.text import has_friction, kinematics_of, named_components, point_in_words
 from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 
@@ -104,9 +105,14 @@ def _cost(summary: dict[str, Any]) -> list[TerminalLine]:
     return _line("cost", next((text for text in texts if 0 < len(text) <= COLUMNS - _LABEL), texts[0]))
 
 
+def _begin(label: str) -> str:
+    """A label in its column; a longer one, as that of a quantity of another package may be, ends with a colon."""
+    return f"  {label:{_LABEL - 2}s}" if len(label) < _LABEL - 2 else f"  {label}: "
+
+
 def _row(label: str, text: str, kind: str = "") -> TerminalLine:
     """A line of the answer."""
-    return TerminalLine(f"  {label:{_LABEL - 2}s}", printable(text), kind)
+    return TerminalLine(_begin(label), printable(text), kind)
 
 
 def _line(label: str, text: str, kind: str = "") -> list[TerminalLine]:
@@ -136,7 +142,7 @@ def _warned(summary: dict[str, Any]) -> str:
 
 def _words(label: str, text: str, most: int | None, kind: str = "") -> list[TerminalLine]:
     """A text on several lines; one that is too long ends where one of its statements does."""
-    lines = clauses(text, COLUMNS - _LABEL, most)
+    lines = clauses(text, COLUMNS - len(_begin(label)), most)
     return [_row(label if k == 0 else "", line, kind if k == 0 else "") for k, line in enumerate(lines)]
 
 
@@ -156,7 +162,7 @@ def _forces(summary: dict[str, Any]) -> list[list[TerminalLine]]:
         names = named_components(kinematics, len(force))
         return figure(force if len(names) == len(force) else force[next(iter(names))], error_of(summary, key))
 
-    slides = any(entry.get("friction") for entry in (summary.get("scene") or {}).get("contact", ()))
+    slides = has_friction(summary)
     texts = []
     for row in rows:
         friction = f", friction {of(row, 'friction_force')}" if slides else ""
@@ -178,7 +184,8 @@ def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
     if summary.get("safety") is None:
         return []
     safety = summary["safety"]
-    used = "" if safety["friction_used"] is None else f"; friction used: {percent(safety['friction_used'])}"
+    friction = used_friction(safety)
+    used = f"; {friction}" if friction else ""
     if safety["factor"] is None:
         return _line("safety", f"no limit by statics{used}")
     most = "" if safety["exact"] else "at most "

@@ -344,7 +344,7 @@ def test_check():
     assert "the translation" not in said
     assert found.effects[0].why == "always; axisymmetric, torsion"
     slides = " ".join(one.message for one in check_scene(pressed(section(), [1.6 * LIMIT])).findings)
-    assert "make it slide: the rotation about the axis" in slides
+    assert "make it slide by the rotation about the axis" in slides
     held = " ".join(one.message for one in check_scene(pressed(section(), [0.9 * LIMIT])).findings)
     assert "friction must" in held
 

@@ -75,7 +75,7 @@ def test_every_answer_is_true(drawn):
             assert left.startswith(f"nothing: {beyond}"), about
         used = "far above the yield stress" if beyond == "far above" else "41 % of the yield stress used"
         corner = r"on this mesh, at a reentrant corner of the body; the stress has no limit there"
-        reserved = bool(re.search(rf"{used}( at load step 4 .*)? {corner}", why))
+        reserved = bool(re.search(rf"{used}( at load step [34] .*)? {corner}", why))
         of_strength = (solved or earlier) and complete == "whole"
         assert reserved == (of_strength and strength.endswith("at a corner")), about
         assert ("judge it at a distance" in why) == reserved, about
@@ -179,12 +179,12 @@ def test_larger_one_of_two_stresses(raw, recovered):
 
 def test_no_forecast_of_what_no_mesh_reaches():
     """The rate of the meshes so far promises an error that the outcome excludes."""
-    cost = {"error": 0.01, "statement": "1 % of the pressure took 2 s; 0.1 % would take 3 to 9 s, 23k unknowns"}
+    cost = {"error": 0.01, "statement": "1 % error of the pressure took 2 s; 0.1 % would take 3 to 9 s, 23k unknowns"}
     for status, seconds in (("converged", True), ("accuracy out of reach", False)):
         summary = page.known(status=status, converged=status == "converged", advice="require less", cost=cost)
         (line,) = (str(line) for line in short_answer(summary, Path("out")) if str(line).startswith("  cost"))
         for text in (line, told(summary)[3][1]):
-            assert "1 % of the pressure took 2 s" in text
+            assert "1 % error of the pressure took 2 s" in text
             assert ("3 to 9 s" in text) == seconds
             assert ("no finer mesh helps" in text) != seconds
 
@@ -198,3 +198,49 @@ def test_an_estimate_is_not_called_guaranteed(guaranteed):
     said.append(re.sub("<[^>]*>", "", evidence.certificate(summary)))
     assert "4.3 %" in said[0]
     assert [bool(re.search("[gG]uaranteed", text)) for text in said if "4.3 %" in text] == [guaranteed] * 3
+
+
+def test_the_share_of_an_earlier_step_names_it():
+    """What failed is told just before, of which the share is not."""
+    for status in (Status.SLIDES, Status.MAX_ITERATIONS):
+        summary = page.known(**page.ended(status, step=True))
+        _, why = told(summary)[0]
+        assert "load step 4 (pull, time 0.8125): " in why
+        assert "41 % of the yield stress used at load step 3 (time 0.75)" in why
+
+
+@pytest.mark.parametrize("proved", ["body", "mesh"])
+def test_a_proof_is_told_as_the_advice_tells_it(proved):
+    """Of the body or of its mesh: the page does not contradict itself."""
+    advice = {"body": "this is proved for the body", "mesh": "this is proved for its mesh"}[proved]
+    summary = page.known(**(page.ended(Status.SLIDES) | {"advice": advice}))
+    expected = {"body": "proved by statics, for the body", "mesh": "proved by statics, on this mesh"}[proved]
+    assert told(summary)[3] == (expected, expected)
+
+
+def test_a_solution_beyond_linear_elasticity_is_not_called_missing():
+    """Its certificate holds: a solution was found, which means nothing."""
+    summary = page.known(**(page.ended(Status.TOO_LARGE) | {"certificate": {"holds": True, "law": "a law"}}))
+    said = [why for _, why in told(summary)]
+    assert not any("no solution" in why for why in said)
+    assert said[2] == "not known; the deformation is larger than linear elasticity can judge"
+
+
+def test_nothing_is_said_of_a_certificate_that_was_never_computed():
+    """What failed before the first linear solve has no figures that might be used, and nothing that is violated."""
+    for solves, text in ((0, "there is no figure"), (3, "no figure may be used")):
+        changes = page.ended(Status.NO_MEMORY) | {"linear_solves": solves}
+        summary = {key: value for key, value in page.known(**changes).items() if key != "results_of"}
+        (_, _, _, (sure, why)) = told(summary)
+        assert sure == text
+        assert ("NOT" in why) == bool(solves)
+
+
+def test_loads_that_pressures_balance_use_no_share_of_the_friction():
+    """Zero per cent would contradict the friction force beside it."""
+    safety = {**page.BASE["safety"], "exact": False, "factor": None, "bound": None, "friction_used": 0.0}
+    summary = page.known(safety=safety)
+    lines = [str(line) for line in short_answer(summary, Path("out"))]
+    assert "the live loads need no friction" in told(summary)[1][1]
+    assert any("safety" in line and "the live loads need no friction" in line for line in lines)
+    assert not any(" 0 %" in line for line in [*lines, told(summary)[1][1]])

@@ -70,5 +70,9 @@ def test_a_solve_that_fails_has_a_report(status, monkeypatch, tmp_path):
     own = status in (Status.NOT_FINITE, Status.NOT_CERTIFIED)
     assert ("it may also be that Odd contradicts itself where it was not tried" in page) == own
     assert page.count("not known") >= 2
-    assert "no figure may be used" in page
+    nothing = "Nothing was solved, so there are no figures" in page
+    assert nothing == (status in (Status.LINEAR_SOLVER, Status.NO_MEMORY, Status.SINGULAR))
+    # What was never computed cannot violate a condition, nor be warned of.
+    assert ("there is no figure" in page) == nothing
+    assert ("no figure may be used" in page) == ("the certificate does NOT hold" in page) == (not nothing)
     assert "<h2>Figures</h2>" not in page

@@ -70,6 +70,8 @@ def test_one_file(register, monkeypatch, tmp_path):
     assert last == pytest.approx(mean, rel=1e-13)
     assert 0 < first < last
     assert f"  pressure right   {mean:.6g}" in render(summary)
+    # Its label is longer than the column of the short answer.
+    assert f"  pressure right: {mean:.6g}" in "\n".join(map(str, short_answer(summary, tmp_path)))
     assert f">{mean:.4g}<" in page(tmp_path).partition("mean pressure right of the middle")[2][:60]
     assert f"| `{KEY}` | stress | Mean pressure right of the middle | `summary.json`, terminal, report" in markdown()
     found = sensitivity(scene(), KEY, FRICTION)

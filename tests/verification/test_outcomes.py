@@ -55,7 +55,7 @@ def test_free_sideways_without_friction():
     # What to do is said once, with the motion.
     assert solution.advice == (
         "nothing holds the body: neither the supports nor the contact resists the translation along (1, 0); "
-        "prescribe a displacement, or add friction; proved for the body"
+        "prescribe a displacement, or add friction; this is proved for the body"
     )
     assert render(summarise(solution)).split().count("prescribe") == 1
 
@@ -227,7 +227,7 @@ def test_a_block_that_tips_is_not_said_to_open(push, status):
     )
     solution = outcome(scene)
     assert solution.status is status
-    assert solution.converged or "tip it over: the rotation about (3, 0)" in solution.advice
+    assert solution.converged or "tip it over by the rotation about (3, 0)" in solution.advice
 
 
 def test_squeezed_but_free_sideways():

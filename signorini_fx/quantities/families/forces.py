@@ -14,7 +14,7 @@ from signorini_fx.quantities.kinds import Vector
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.requests import axis_of, contact_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
-from signorini_fx.quantities.text import force_lines, kinematics_of, named_components
+from signorini_fx.quantities.text import force_lines, has_friction, kinematics_of, named_components
 from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
@@ -119,8 +119,7 @@ class TotalFrictionForce(_Force):
 
     def cards(self, summary: Summary) -> list[Card]:
         """See ``Quantity``; none without friction."""
-        slides = any(entry.get("friction") for entry in summary["scene"].get("contact", []))
-        return super().cards(summary) if slides else []
+        return super().cards(summary) if has_friction(summary) else []
 
 
 QUANTITIES = (TotalContactForce(), TotalFrictionForce())

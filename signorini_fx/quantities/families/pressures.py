@@ -10,6 +10,7 @@ from signorini_fx.quantities.digits import solved_prices
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.requests import contact_of, power_of
 from signorini_fx.quantities.step_columns import by_axis, turnings
+from signorini_fx.quantities.text import has_friction
 
 if TYPE_CHECKING:
     from signorini_fx.model import Model
@@ -86,8 +87,7 @@ class PeakShear(Quantity):
 
     def cards(self, summary: Summary) -> list[Card]:
         """See ``Quantity``; none without friction."""
-        slides = any(entry.get("friction") for entry in summary["scene"].get("contact", []))
-        return super().cards(summary) if slides else []
+        return super().cards(summary) if has_friction(summary) else []
 
 
 QUANTITIES = (PressureIntegral(), PeakPressure(), PeakShear())

@@ -5,9 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.quantities.digits import percent
 from signorini_fx.quantities.kinds import Number, Row, described
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.text import row
+from signorini_fx.records import PROVED_FOR_BODY
+
+# Of live loads that pressures balance by themselves, whatever their size: no share of the friction is used up.
+NO_FRICTION_NEEDED = "the live loads need no friction"
 
 
 class SafetyFigures(Row):
@@ -88,7 +93,7 @@ def safety_assumed(safety: dict[str, Any]) -> list[str]:
 def safety_proved(safety: dict[str, Any]) -> str:
     """Of what a safety factor is proved: of the body, or only of its mesh."""
     if safety["of_body"]:
-        return "proved for the body"
+        return PROVED_FOR_BODY
     if safety["reason"]:
         return f"proved for its mesh ({safety['reason']})"
     low, high = safety["body"]
@@ -111,8 +116,18 @@ def friction_in_use(safety: dict[str, Any]) -> list[str]:
     if safety["exact"]:
         return []
     used = safety["friction_used"]
+    if used == 0:
+        return [NO_FRICTION_NEEDED]
     share = "" if used is None else f": the live loads use {100 * used:.3g} % of it, with the pressures as they are"
     return [f"friction may give way before{share}"]
+
+
+def used_friction(safety: dict[str, Any]) -> str:
+    """How much of its friction a result uses, in few words; "": that is not known."""
+    used = safety["friction_used"]
+    if used is None:
+        return ""
+    return f"friction used: {percent(used)}" if used else NO_FRICTION_NEEDED
 
 
 QUANTITIES = (SafetyOfSolution(), HeldBySupports())
