@@ -39,7 +39,7 @@ from signorini_fx.pictures.style import (
 )
 from signorini_fx.pictures.tones import spaced, upper_tone
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, STACKED_PANELS, SURFACE_MARGIN
-from signorini_fx.units import bracketed
+from signorini_fx.units import bracketed, unit
 
 Rows = npt.NDArray[np.int64]
 PANELS = ("pressure", "state")
@@ -52,6 +52,7 @@ _POLYGONS = {
 }
 _UNTOUCHED = "#f0f0f0"
 _ARROWS = 28  # number of arrows side by side along the longer side
+_LONG_NAME = 40  # letters of the name of a boundary behind which its title goes on in another line
 _MANY = 1000  # polygons from which on they are drawn as an image
 
 
@@ -137,6 +138,7 @@ def contact_surface(
     title: str = "",
     panels: Sequence[str] = PANELS,
     suffixes: Sequence[str] = SCREEN,
+    boundary: str | None = None,
 ) -> None:
     """Draw each contact boundary of a body in space, seen along its outward normal through the body.
 
@@ -154,18 +156,23 @@ def contact_surface(
         title: title of the picture.
         panels: which of the two to draw.
         suffixes: of the files to write.
+        boundary: the only one to draw; None: all.
 
     Raises:
         ValueError: the table has no rows.
     """
     with mpl.rc_context(STYLE):
-        finish(contact_figure(table, facets, panels), path_stem, title, suffixes)
+        finish(contact_figure(table, facets, panels, boundary), path_stem, title, suffixes)
 
 
-def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS) -> Figure:
+def boundaries_shown(table: Table, facets: Rows) -> list[str]:
+    """The contact boundaries that have a picture: one whose nodes belong to facets of others alone has none to show."""
+    return list(dict.fromkeys(side.name for side in sides_of(table, facets) if side.polygons.size))
+
+
+def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS, boundary: str | None = None) -> Figure:
     """The figure that ``contact_surface`` writes."""
-    # A boundary whose nodes belong to facets of others alone has none to show.
-    sides = [side for side in sides_of(table, facets) if side.polygons.size]
+    sides = [side for side in sides_of(table, facets) if side.polygons.size and boundary in (None, side.name)]
     if not sides:
         raise ValueError("the contact table has no rows")
     friction = any(side.has_friction for side in sides)
@@ -191,9 +198,10 @@ def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS) ->
             _frame(panel_axes, side, low, high)
         sight = f"seen along ${view.combination(-side.view.toward)}$" + (", the part in contact" if part else "")
         sight += ", the other side is open" if side.hidden and not part else ""
+        between = "\n" if len(side.name) > _LONG_NAME else " "
         for panel, panel_axes in zip(shown, axes, strict=True):
             if panel == "pressure":
-                _pressure_panel(figure, panel_axes, side, low, high, f"{side.name}, {sight}")
+                _pressure_panel(figure, panel_axes, side, low, high, f"{side.name},{between}{sight}")
             elif side.has_friction:
                 seen.update(_state_panel(panel_axes, side, low, high, f"{side.name}: state"))
             else:
@@ -289,13 +297,18 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
         longest = largest_of(side.floats("shear"))
         drawn = _arrows(axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high)
         if drawn > 0:
-            text += f"\narrows: shear stress $\\mu$, the longest ${math_number(float(f'{drawn:.3g}'))}$"
+            text += f"\narrows: shear stress $\\mu$, the longest ${math_number(float(f'{drawn:.3g}'))}${_of_stress()}"
     wet = side.shown & (side.water > 0)
     if wet.any():
         axes.plot(*nodes[wet].T, linestyle="", marker="o", markersize=2.5, color=BLUE, zorder=4)
         reach = tuple(math_number(float(f"{value:.3g}")) for value in (side.water[wet].min(), side.water[wet].max()))
-        text += f"\ndots: fluid, pressure {' to '.join(f'${value}$' for value in dict.fromkeys(reach))}"
+        text += f"\ndots: fluid, pressure {' to '.join(f'${value}$' for value in dict.fromkeys(reach))}{_of_stress()}"
     axes.set_title(text, loc="left", fontsize=8)
+
+
+def _of_stress() -> str:
+    """The unit behind a figure in a title; "": it is not known."""
+    return f" {plain(unit('stress'))}".rstrip()
 
 
 def _state_panel(axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str) -> set[str]:

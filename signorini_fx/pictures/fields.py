@@ -32,6 +32,11 @@ class Field:
     of_stress: bool = True
     quantity: str = "stress"
 
+    @property
+    def in_words(self) -> str:
+        """The label as plain text, without the signs of formulas."""
+        return self.label.replace("$", "").replace("_", "")
+
     def told(self, *, at_points: bool) -> Field:
         """The field with a label that says what is seen: at points the recovered stress, else one value per cell."""
         suffix = ", one value per cell" if not at_points else ", recovered" if self.of_stress else ""

@@ -8,6 +8,8 @@ from typing import Any
 
 # Digits of a figure without an estimate, and the most that are shown of one with an estimate.
 _UNKNOWN, _MOST_DIGITS = 4, 6
+# Two values of a stress that are closer to each other than this do not say how many digits it has.
+_CLOSE = 1e-3
 
 
 def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -19,19 +21,21 @@ def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
 def between(stress: Mapping[str, Any]) -> float | None:
     """By how much the largest von Mises stress of ``stress`` and the recovered one differ, relative to the larger one.
 
-    Digits beyond that mean nothing; it says nothing about the error, least of all where the stress has no limit.
+    Digits beyond that mean nothing; it says nothing about the error, least of all where the stress has no limit: so it
+    is None, not known, where they differ in the fourth digit only.
     """
     values = [(entry or {}).get("von_mises", {}).get("value") for entry in (stress, stress.get("recovered"))]
     if None in values or not max(values) > 0:
         return None
-    return float((max(values) - min(values)) / max(values))
+    apart = float((max(values) - min(values)) / max(values))
+    return apart if apart > _CLOSE else None
 
 
 def figure(value: Any, error: float | None = None) -> str:
     """A number or a vector, rounded at the first digit that is uncertain.
 
     Args:
-        value: a number, or components, which are rounded alike.
+        value: a number, or components, which are as uncertain as the vector is.
         error: estimated error relative to its size; None: not known, four digits are shown.
     """
     if isinstance(value, list | tuple):
@@ -44,7 +48,7 @@ def figure(value: Any, error: float | None = None) -> str:
 
 
 def components(vector: list[float], error: float | None = None) -> list[str]:
-    """The components of a vector one by one, rounded alike, see ``figure``."""
+    """The components of a vector one by one, see ``figure``; with an estimated error they are rounded alike."""
     size = math.hypot(*vector)
     return [_rounded(component, size, error) for component in vector]
 
@@ -55,8 +59,10 @@ def _rounded(value: float, size: float, error: float | None) -> str:
     if value == 0 or size == 0:
         return "0"
     largest = math.floor(math.log10(size))
-    uncertain = largest - _MOST_DIGITS + 1 if error == 0 else largest - _UNKNOWN + 1
-    if error:
+    uncertain = largest - _MOST_DIGITS + 1
+    if error is None and value:  # a small component beside a large one has digits of its own
+        uncertain = max(math.floor(math.log10(abs(value))) - _UNKNOWN + 1, uncertain)
+    elif error:
         uncertain = max(math.floor(math.log10(error * size) + 1e-9), largest - _MOST_DIGITS + 1)
     rounded = round(value, -uncertain)
     if rounded == 0:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from typing import Any
 
+from signorini_fx.quantities.validity import was_solved
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.report.markup import (
     drawn_by,
@@ -20,6 +22,7 @@ from signorini_fx.report.markup import (
 )
 from signorini_fx.report.templating import Markup
 from signorini_fx.result_files import ResultFiles
+from signorini_fx.units import unit
 
 _MOST_FACTORS = 8  # are listed in the table of the scene
 
@@ -52,7 +55,8 @@ def certificate(summary: dict[str, Any]) -> Markup:
         missed = limit is not None and not (is_number(value) and value <= limit)
         verdict = "reported" if limit is None else "violated" if missed else "holds"
         judged = "" if limit is None else f"<= {limit:g}"
-        rows.append((_named(name.replace("_", " "), meaning), _two_digits(value), verdict, judged))
+        told = _two_digits(value) if math.isfinite(value) else "not finite"
+        rows.append((_named(name.replace("_", " "), meaning), told, verdict, judged))
         classes.append("missed" if missed else "")
     law = f" The law is {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
     figures = {name: value for name, value in summary["certificate"].items() if is_number(value) and value is not None}
@@ -78,7 +82,10 @@ def certificate(summary: dict[str, Any]) -> Markup:
     bound = "Guaranteed error" if error.get("guaranteed") else known
     for name, title in (("error_bound", bound), ("uniqueness", "Uniqueness")):
         if name in summary:
-            parts.append(tag("p", in_text(f"{title}: {summary[name]['statement']}.")))
+            statement = f"{title}: {summary[name]['statement']}."
+            if "energy between" in statement and unit("energy"):
+                statement += f" Energies are in {unit('energy')}."
+            parts.append(tag("p", in_text(statement)))
     return joined(parts)
 
 
@@ -212,6 +219,9 @@ def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any
         if dimension == 3:  # slip has no sign
             history = {{"slip_plus": "slip"}.get(key, key): c for key, c in history.items() if key != "slip_minus"}
         parts += [folded("Convergence history", drawn), long_table("Every linear solve", history, "history.csv")]
+    events = list(dict.fromkeys(summary.get("events", ())))
+    if events:
+        parts.append(folded("What happened", tag("ul", *(tag("li", in_text(event)) for event in events))))
     outer = folder.columns("outer.csv")
     if outer:
         parts.append(long_table("Every regularised problem", outer, "outer.csv"))
@@ -221,10 +231,11 @@ def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any
 def made_with(summary: dict[str, Any], size: str) -> Markup:
     """When and with what: date, versions, ranks, compiled forms and times; ``size``: of the problem, in words."""
     versions = summary["versions"]
+    done = "Solved" if was_solved(summary) else "Tried"
     when = (
-        f"Solved on {summary['finished'].replace('T', ' ').replace('+00:00', ' UTC')}"
+        f"{done} on {summary['finished'].replace('T', ' ').replace('+00:00', ' UTC')}"
         if "finished" in summary
-        else "Solved"
+        else done
     )
     ranks = f"{summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"
     programs = " and ".join(f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name))

@@ -25,6 +25,8 @@ from signorini_fx.result_files import ResultFiles, in_space, read_summary
 from signorini_fx.units import labelled, names_of
 
 PAGE = "report.html"
+# The chapters that consist of figures, which say of what they are where there is no solution.
+_OF_FIGURES = {"Contact surface", "Contact boundary", "Forces and areas", "Forces and zones", "Forces", "Load steps"}
 # By this a page is known to be one of these.
 _MADE_BY = '<meta name="generator" content="signorini_fx'
 
@@ -54,7 +56,8 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     solved = was_solved(summary)
     contact = folder.columns("contact.csv", summary["contact_nodes"]) if solved and "contact_nodes" in summary else {}
     stressed = "stress" in summary["scene"].get("forms", ["stress"])
-    overview = sections.overview(folder, solid=solid, stressed=stressed, solved=validity_of(summary).solved)
+    no_result = "" if validity_of(summary).solved else sections.no_result(summary)
+    overview = sections.overview(folder, solid=solid, stressed=stressed, no_result=no_result)
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
     chapters = {
         "Outcome": sections.outcome(summary, overview, evidence.cost(summary)),
@@ -89,6 +92,9 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     if contact:
         columns = folder.columns("history.csv", summary["linear_solves"])
         chapters["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
+    if no_result:
+        for name in chapters.keys() & _OF_FIGURES:
+            chapters[name] = joined([tag("p", no_result, class_="note"), chapters[name]])
     chapters["Made with"] = evidence.made_with(summary, sections.size(summary))
     files = resources.files("signorini_fx.report")
     block = summary["scene"].get("title_block", {})
@@ -98,7 +104,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         title=summary["title"] or name,
         status=status_in_words(summary),
         name=name,
-        day=f"solved on {summary['finished'].partition('T')[0]}" if "finished" in summary else "",
+        day=f"{sections.done(summary)} on {summary['finished'].partition('T')[0]}" if "finished" in summary else "",
         block={key: entry for key, entry in block.items() if entry},
         head=joined(head() if 'class="plots' in chapters.get("Contact boundary", "") else []),
         style=Markup(files.joinpath("report.css").read_text(encoding="utf-8")),

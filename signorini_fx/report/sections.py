@@ -16,12 +16,12 @@ from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import components, figure, percent
 from signorini_fx.quantities.quantity import Card
 from signorini_fx.quantities.registry import quantities, shown_cards
-from signorini_fx.quantities.text import kinematics_of, named_components
+from signorini_fx.quantities.text import has_friction, kinematics_of, named_components
 from signorini_fx.quantities.validity import Validity, validity_of, was_solved
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import drawn_by, in_text, joined, long_table, picture, table, tag
 from signorini_fx.report.templating import Markup, rendered
-from signorini_fx.result_files import ResultFiles, seconds_of
+from signorini_fx.result_files import ResultFiles, in_space, seconds_of
 from signorini_fx.units import bracketed, unit
 
 _TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
@@ -37,7 +37,8 @@ def outcome(summary: dict[str, Any], overview: str = "", cost: str = "") -> Mark
     validity = validity_of(summary)
     verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
     if not validity.solved:
-        verdict = f"{verdict} All figures are of the last iterate: do not use them."
+        of = "this state, which means nothing" if summary["certificate"]["holds"] else "the last iterate"
+        verdict = f"{verdict} All figures are of {of}: do not use them."
         if not was_solved(summary):
             verdict = "Nothing was solved, so there are no figures."
     elif "results_of" in summary:
@@ -57,6 +58,17 @@ def outcome(summary: dict[str, Any], overview: str = "", cost: str = "") -> Mark
         cost=cost,
         warnings=_warnings(summary),
     )
+
+
+def done(summary: dict[str, Any]) -> str:
+    """What was done with the scene, in a word."""
+    return "solved" if was_solved(summary) else "tried"
+
+
+def no_result(summary: dict[str, Any]) -> str:
+    """Of what figures and pictures are that are none of a solution."""
+    found = summary["certificate"]["holds"]
+    return "Of the state that was found, which is no result." if found else "Of the last iterate, which is no solution."
 
 
 def figures(summary: dict[str, Any]) -> Markup:
@@ -110,7 +122,6 @@ def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 _COLOURS = "Colour: von Mises stress, recovered, which smooths peaks narrower than a cell"
 _CIRCLE = "; circle: the largest one, recovered or raw. "
-_ITERATE = "The last iterate, which is no solution. "
 _DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
 _PLANE_BODY = "Hatched: the foundation. The title says what is magnified."
 _SETUP = "What the scene prescribes, before it is solved. Orange: contact; blue: loads; green: supports."
@@ -125,14 +136,14 @@ _APART = (
 )
 
 
-def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True, solved: bool = True) -> Markup:
+def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True, no_result: str = "") -> Markup:
     """The picture of the deformed body, or why there is none.
 
     Args:
         folder: of the result.
         solid: whether the body is in space.
         stressed: whether its stress is known.
-        solved: whether it is a solution, of which the largest stress is marked.
+        no_result: of what it is where there is no solution; "": it is one, of which the largest stress is marked.
     """
     data = folder.picture("setup.png")
     if data is not None:
@@ -143,8 +154,8 @@ def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True,
         if solid:
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
         return tag("p", f"No picture: {reason}.", class_="note")
-    colours = f"{_COLOURS}{_CIRCLE if solved else '. '}" if stressed else _DISPLACEMENT
-    caption = f"{'' if solved else _ITERATE}{colours}{_SOLID_BODY if solid else _PLANE_BODY}"
+    colours = f"{_COLOURS}{'. ' if no_result else _CIRCLE}" if stressed else _DISPLACEMENT
+    caption = f"{no_result}{' ' * bool(no_result)}{colours}{_SOLID_BODY if solid else _PLANE_BODY}"
     return picture(data, "png", "deformed body on its foundation", caption, "still overview")
 
 
@@ -154,7 +165,7 @@ def further_pictures(folder: ResultFiles, *, solid: bool = False) -> Markup:
     inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]
     inside += [] if apart is None else [picture(apart, "png", "bodies moved apart", _APART)]
     further = inside + [
-        picture(data, "png", field.label, f"{field.label[0].upper()}{field.label[1:]}{field.remark}.")
+        picture(data, "png", field.in_words, f"{field.in_words[0].upper()}{field.in_words[1:]}{field.remark}.")
         for name, field in FIELDS.items()
         if (data := folder.picture(f"field_{name}.png")) is not None
     ]
@@ -176,7 +187,7 @@ def profiles(contact: dict[str, Any]) -> Markup:
         drawn_by(boundary_profiles, contact, sides=[side], caption=caption, class_="still curves")
         for side, caption in sides.items()
     ]
-    signs = f"Normal displacement above {opposite} is penetration; shear has the sign of the slip."
+    signs = f"Normal displacement above {opposite} is penetration{'; shear has the sign of the slip' * frictional}."
     if "shear_z" in contact:
         signs += " Friction acts along the section and around the axis: both parts together are bounded."
     apart = contact["state"] == "open"
@@ -215,6 +226,8 @@ def _resultants(summary: dict[str, Any]) -> Markup | None:
     note = "Forces on the body."
     if turns:
         note += " Moments are about the origin" + (", counterclockwise." if len(moments[0]) == 1 else ".")
+    if any(places):
+        note += " The point is one of the line on which the force acts."
     if any(places) and not all(places):
         note += " Where no point is named the force acts far outside the body or nowhere: the moment counts."
     return joined([table(["boundary", "by", *names], rows), tag("p", note, class_="note")])
@@ -250,6 +263,10 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
         "moment_limit": f"moment limit{bracketed('moment')}",
     }
     used = [key for key in names if any(entry.get(key) is not None for entry in entries)]
+    if not has_friction(summary):
+        used = [key for key in used if key not in ("tangential_force", "friction_limit")]
+    if in_space(summary):  # the table of areas has them
+        used = [key for key in used if key not in ("area", "contact_area")]
     rows = [tuple(figure(entry.get(key)) if key != "boundary" else entry[key] for key in used) for entry in entries]
     return table([names[key] for key in used], rows)
 

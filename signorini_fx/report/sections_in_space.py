@@ -80,20 +80,22 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
     if len(areas) > 1:
         areas.append(("all", *(sum(column) for column in list(zip(*areas, strict=True))[1:])))
     shown = [(name, *map(figure, sizes)) for name, *sizes in areas]
-    parts.append(table(["area of", "whole", "in contact", "sticks", "slips"], shown))
+    measured = [f"{part}{bracketed('area')}" for part in ("whole", "in contact", "sticks", "slips")]
+    parts.append(table(["area of", *measured], shown))
     note = "Moments are about the origin. Areas are sums of weights of nodes, stick and slip where friction can act."
     return joined([*parts, tag("p", note, class_="note")])
 
 
 def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
     """The contact surface seen along its normal, and the table of its nodes."""
-    from signorini_fx.pictures.contact_surface import contact_surface
+    from signorini_fx.pictures.contact_surface import boundaries_shown, contact_surface
 
     captions = {"pressure": "Contact pressure, shear as arrows."}
     if np.any(contact["bound"] != 0) or np.any(contact["friction"] != "none"):
         captions["state"] = "State of each node, and slip as arrows, magnified as stated above."
     pictures = [
-        drawn_by(contact_surface, contact, facets, panels=[panel], caption=caption)
+        drawn_by(contact_surface, contact, facets, panels=[panel], boundary=boundary, caption=caption)
+        for boundary in boundaries_shown(contact, facets)
         for panel, caption in captions.items()
     ]
     drawn = tag("div", *pictures, class_="pictures")

@@ -41,8 +41,9 @@ class Safety:
             With Coulomb friction ``bound`` is an upper bound only, because the pressures that hold most need not be
             those that arise.
         friction_used: with Coulomb friction the share of the friction of this solution that its live loads use: they
-            move the body away at 1 / ``friction_used`` of their size if no friction bound changes.  It describes this
-            solution and sets no limit, because the pressures change with the loads.  None without Coulomb friction.
+            move the body away at 1 / ``friction_used`` of their size if no friction bound changes and only the nodes
+            in contact press.  It describes this solution and sets no limit, because the pressures change with the
+            loads.  None without Coulomb friction.
         motion: the motion beyond ``factor``, in words; "" where there is no limit.
         sliding: the largest multiple that the law balances in all translations, and in what else moves the body along
             the contact without opening it: however it would tip.  At least ``factor``.
@@ -108,7 +109,7 @@ def safety_of(d: Model, contact: ContactState, step: float) -> Safety | None:
     present = None
     if d.statement.has_coulomb:
         bounds = as_given(contact.bound)
-        present = reactions(at_contact, bounds, contact.bilateral, pressing)
+        present = reactions(at_contact, bounds, contact.bilateral, contact.in_contact | contact.bilateral)
     if parallel.any_rank(d.comm, not np.isfinite(contact.pressure).all()):
         return None
     if law is not None and parallel.any_rank(d.comm, bool(law.exceeds_envelope(contact.pressure).any())):

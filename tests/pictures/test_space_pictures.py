@@ -431,7 +431,8 @@ def test_page(folder):
     kinds = [kind for kind, _ in pictures(found)]
     rubs = any(row["friction"] != "none" for row in rows_of(folder / "contact.csv"))
     of_steps = ["gif", "svg+xml"] if "steps" in summary else []
-    assert kinds == ["png", "png", *["svg+xml"] * (1 + rubs), *of_steps, "svg+xml"]
+    boundaries = len({entry["boundary"] for entry in summary["scene"]["contact"]})
+    assert kinds == ["png", "png", *["svg+xml"] * (1 + rubs) * boundaries, *of_steps, "svg+xml"]
     cells = found.of("td")
     size = max(np.abs(summary["contact_force"] + summary["friction_force"]))
     for name in ("contact_force", "friction_force"):

@@ -275,7 +275,7 @@ def test_summary():
     assert rows["bottom"]["acts_at"][1] == 0.0
     lines = [" ".join(line.split()) for line in render(found).splitlines()]
     assert "friction bottom: 1.5 of at most 3.6" in lines
-    used = "friction may give way before: the live loads use 41.7 % of it, with the pressures as they are"
+    used = "friction may give way before: the live loads use 41.7 % of it, with its bounds as they are"
     assumed = "assumed: the foundation presses where the body touches it now"
     assert f"safety factor no limit by statics; {used}; proved for the body; {assumed}" in lines
     assert "forces top: (0, -6) by traction, acts at (1, 3)" in lines

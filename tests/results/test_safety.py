@@ -359,3 +359,30 @@ def test_figures_do_not_depend_on_the_view(changes, law, materials):
     if law == "coulomb":
         assert found.factor == pytest.approx(alone(groove()).safety.factor, rel=1e-9)
         assert found.friction_used == pytest.approx(reference.friction_used, rel=1e-9)
+
+
+def test_friction_of_a_wheel_is_that_of_the_nodes_in_contact():
+    """A braked wheel that is pushed: it would rest at steeper nodes if it slid, which this solution does not use."""
+    push, weight, radius = 0.6, 2.0, 4.0
+    wheel = {"shape": "circle", "centre": [5.0, 3.0 + radius], "radius": radius, "pivot": [5.0, 3.0 + radius]}
+    wheel |= {"force": [push, -weight], "prescribed": {"rotation": 0.0}}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 10.0, "height": 3.0, "nx": 40, "ny": 12}},
+            "material": {"young": 20.0, "poisson": 0.3},
+            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            "contact": {"boundary": "top", "foundation": wheel, "friction": {"law": "coulomb", "coefficient": 0.5}},
+        }
+    )
+    solution = alone(scene)
+    table = solution.table.columns
+    touching = table["state"] != "open"
+    normal = np.column_stack((table["n_x"], table["n_y"]))[touching]
+    along = np.column_stack((-normal[:, 1], normal[:, 0]))
+    bound = (table["bound"] * table["weight"])[touching]
+    # Forces of the wheel on the body: pressures along -n, shears within their bounds; the multiple is the last unknown.
+    rows = np.column_stack((-normal.T, along.T, [-push, weight]))
+    limits = [(0, None)] * len(bound) + [(-b, b) for b in bound] + [(0, None)]
+    best = linprog([0.0] * (2 * len(bound)) + [-1.0], A_eq=rows, b_eq=[0.0, 0.0], bounds=limits)
+    assert 1.0 < -best.fun < 10.0
+    assert solution.safety.friction_used == pytest.approx(-1 / best.fun, rel=1e-6)

@@ -118,7 +118,7 @@ def friction_in_use(safety: dict[str, Any]) -> list[str]:
     used = safety["friction_used"]
     if used == 0:
         return [NO_FRICTION_NEEDED]
-    share = "" if used is None else f": the live loads use {100 * used:.3g} % of it, with the pressures as they are"
+    share = "" if used is None else f": the live loads use {100 * used:.3g} % of it, with its bounds as they are"
     return [f"friction may give way before{share}"]
 
 

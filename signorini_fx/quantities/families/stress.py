@@ -100,7 +100,7 @@ class Utilisation(Quantity):
             return []
         largest = summary[self.key]
         region = f" in {largest['region']}" if largest.get("region") else ""
-        text = f"at {point_in_words(largest['place'])}{region}"
+        text = f"at {with_unit(point_in_words(largest['place']), 'length')}{region}"
         if largest["value"] is not None and largest["value"] > 1:
             text += "; it would yield, which linear elasticity does not know"
         if why := largest.get("no_limit"):
