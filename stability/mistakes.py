@@ -4128,7 +4128,7 @@ MUTANTS = (
         "free.getArray()[self.system.contact.fixed] = 0.0",
         "pass",
         "units: what is prescribed is a force",
-        within="Problem._measure",
+        within="Problem._acting",
         tests=("units::test_the_size_of_the_forces",),
     ),
     Mutant(

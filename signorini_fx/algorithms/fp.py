@@ -107,8 +107,10 @@ def _changes(newton: SemismoothNewton, g: Nodal) -> Nodal:
     following, shear = newton.multipliers()
     problem, points, groups = newton.problem, newton.problem.points, newton.problem.groups
     # The relative change of a pressure that vanishes is 1.
-    now, last = groups.norms(points.felt(following, shear)), groups.norms(points.felt(g))
-    return shares(groups.norms(following - g), problem.scales(np.where(now > 0, now, last), newton.x))
+    size = groups.norms(points.felt(following, shear))
+    if not size.all():
+        size = np.where(size > 0, size, groups.norms(points.felt(g)))
+    return shares(groups.norms(following - g), problem.scales(size, newton.x))
 
 
 def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction) -> float:

@@ -24,8 +24,7 @@ from signorini_fx.records import Status
 def hold(
     following: ActiveSets,
     sets: ActiveSets,
-    pressure: Nodal,
-    shear: Nodal,
+    multipliers: Callable[[], tuple[Nodal, Nodal]],
     data: RegularisedData,
     motions: FreeMotions,
     escaping: Callable[[], Status | None],
@@ -35,8 +34,7 @@ def hold(
     Args:
         following: the sets that follow from the iterate.
         sets: those that it was computed with.
-        pressure: lambda of the iterate with ``sets``.
-        shear: mu of the iterate with ``sets``.
+        multipliers: gives lambda and mu of the iterate with ``sets``.
         data: the problem.
         motions: free rigid motions at the contact points.
         escaping: how the body moves away whatever the sets are, see ``statics.no_balance``; None: it may stay.
@@ -47,6 +45,7 @@ def hold(
     unresisted = motions.unheld(following.contact, _stick(following, data))
     if not unresisted.any():
         return following, None, False
+    pressure, shear = multipliers()
     # The convergence test ends the iteration: such numbers have no order to choose sets by.
     if parallel.any_rank(motions.points.comm, not (np.isfinite(pressure).all() and np.isfinite(shear).all())):
         return following, None, False

@@ -45,6 +45,8 @@ def inner(a: Nodal, b: Nodal) -> Nodal:
 
 def unit(vectors: Nodal) -> Nodal:
     """Each row over its length; the first axis where a row is zero.  In R^1: the sign, +1 for zero."""
+    if vectors.shape[1] == 1:
+        return np.where(vectors < 0, -1.0, 1.0)
     size = length(vectors)
     units = np.zeros_like(vectors)
     units[:, :1] = 1.0
@@ -295,10 +297,14 @@ def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedDat
     the side to which it moves; ``transmitting`` leaves it out.
     """
     trial = trial_pressure(u_n, data)
+    return _following(trial, data.friction_bound(trial), u_t, xi, mu, data)
+
+
+def _following(trial: Nodal, bound: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
+    """``next_sets`` from the trial pressure and the friction bound there."""
     contact = keep_closed(trial > 0, data)
     if data.bound is None:
         return ActiveSets.of(contact, np.zeros_like(u_t))
-    bound = data.friction_bound(trial)
     size = length(mu)
     over = size - bound
     # sigma (|mu + xi / sigma|^2 - F^2 g^2) = sigma (|mu|^2 - F^2 g^2) + this.
@@ -326,15 +332,15 @@ def _directed(
 
 def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
     """The active sets k + 1 from the iterate y^k, which was computed with ``sets``."""
-    trial = trial_shear(u_t, data)
+    trial, pressure = trial_shear(u_t, data), trial_pressure(u_n, data)
+    bound = data.friction_bound(pressure)
     if data.bound is None:
-        return next_sets(u_n, u_t, trial, trial, data)
+        return _following(pressure, bound, u_t, trial, trial, data)
     # At slip points mu is at its bound by construction, also where the pressure has changed sign, or mu its direction.
-    bound = data.friction_bound(trial_pressure(u_n, data))
     shear = sliding_shear(sets, bound, trial, data.gamma_t)
     direction = np.where(inner(shear, shear)[:, None] > 0, unit(shear), sets.direction)
     mu = np.where(sets.slip[:, None], np.where(sets.slip, bound, 0.0)[:, None] * direction, trial)
-    return next_sets(u_n, u_t, slip_multiplier(sets, mu, u_t, data), mu, data)
+    return _following(pressure, bound, u_t, slip_multiplier(sets, mu, u_t, data), mu, data)
 
 
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:

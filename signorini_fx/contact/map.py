@@ -59,8 +59,9 @@ class ContactMap:
 
     def add_forces(self, pressure: Nodal, shear: Nodal, force: PETSc.Vec) -> None:
         """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, prescribed unknowns left out; collective."""
-        traction = np.column_stack((pressure, shear)) * self.points.weight[:, None]
-        self._relative.getArray()[:] = traction.ravel()
+        traction, weight = self._relative.getArray().reshape(-1, self.points.dimension), self.points.weight
+        np.multiply(pressure, weight, out=traction[:, 0])
+        np.multiply(shear, weight[:, None], out=traction[:, 1:])
         self.operator.multTranspose(self._relative, self._force)
         self._force.getArray()[self.fixed] = 0.0
         force.axpy(1.0, self._force)

@@ -137,7 +137,7 @@ class ExactProblem(Problem):
         """See ``Problem``."""
         trial = self.next.trial if self._forced_first else self._classify(x)
         pressure, shear = self.multipliers(x, self.sets)
-        self._hold(linearised(trial, pressure, self.data), pressure, shear)
+        self._hold(linearised(trial, pressure, self.data), lambda: (pressure, shear))
         sets = self.next.sets
         dofs, values = self._constraints(sets)
         shear = np.zeros((self.points.size, self._unknown.shape[1] - 1))

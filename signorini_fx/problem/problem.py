@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -94,6 +95,7 @@ class Problem(ABC):
         self._lifted = None if moved.norm() == 0.0 else self.system.load.duplicate()
         if self._lifted is not None:
             self.system.matrix.mult(moved, self._lifted)
+        self._load_size = self._acting(self.system.load)
         self._escaping: tuple[Escape | None] | None = None
         self._forced_first = first_sets is not None
         if data.bound is not None:  # sets of the previous problem may slip where this one has no limit
@@ -220,8 +222,8 @@ class Problem(ABC):
         if jacobian.handle in self._definite:
             jacobian.setOption(PETSc.Mat.Option.SPD, True)
 
-    def _hold(self, trial: ActiveSets, pressure: Nodal, shear: Nodal) -> None:
-        """Choose next sets that hold the body, or note that it moves away."""
+    def _hold(self, trial: ActiveSets, multipliers: Callable[[], tuple[Nodal, Nodal]]) -> None:
+        """Choose next sets that hold the body, or note that it moves away; ``multipliers``: see ``hold``."""
         points, motions, resultant = self.points, self._motions, self.system.resultant
 
         def escaping() -> Status | None:
@@ -235,7 +237,7 @@ class Problem(ABC):
             (verdict,) = self._escaping
             return None if verdict is None else verdict.status
 
-        sets, escapes, repaired = hold(trial, self.sets, pressure, shear, self.data, motions, escaping)
+        sets, escapes, repaired = hold(trial, self.sets, multipliers, self.data, motions, escaping)
         self.next = NextSets(sets, trial, repaired, escapes)
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
@@ -244,17 +246,24 @@ class Problem(ABC):
         In a prescribed row there is no force, but the value that is prescribed times an arbitrary factor.  Beside one
         there is its force on the free rows, however large; only what differs from a rigid motion does anything.
         """
-        acting = []
-        for vector in (forces, self.system.load):
-            free = vector.copy()
-            if self._lifted is not None:
-                free.axpy(-1.0, self._lifted)
-            free.getArray()[self.system.contact.fixed] = 0.0
-            acting.append(free.norm())
+        acting = [self._acting(forces), self._load_size]
         if self.system.contact.paired:
             area = float(np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2))))
             acting.append(area * self._least_traction(x))
         self.force_scale = max(*acting, ATTAINABLE_SHARE * self._stiffness * x.norm())
+
+    def _acting(self, forces: PETSc.Vec) -> float:
+        """Size of forces without those beside a prescribed row, and in it; collective."""
+        free = self._scratch
+        forces.copy(free)
+        if self._lifted is not None:
+            free.axpy(-1.0, self._lifted)
+        free.getArray()[self.system.contact.fixed] = 0.0
+        return float(free.norm())
+
+    @cached_property
+    def _scratch(self) -> PETSc.Vec:
+        return self.system.load.duplicate()
 
     def _least_traction(self, x: PETSc.Vec) -> float:
         """What the penalty makes of ``ATTAINABLE_SHARE`` times the largest displacements of two bodies, stress; in

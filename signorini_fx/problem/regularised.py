@@ -57,8 +57,9 @@ class RegularisedProblem(Problem):
         """See ``Problem``."""
         u_n, u_t = self.system.contact.traces(x)
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
-        trial = linearised(trial, trial_pressure(u_n, self.data), self.data)
-        self._hold(trial, *multipliers(self.sets, u_n, u_t, self.data))
+        if self.data.follows is not None:
+            trial = linearised(trial, trial_pressure(u_n, self.data), self.data)
+        self._hold(trial, lambda: multipliers(self.sets, u_n, u_t, self.data))
         self.imbalance(x, *multipliers(self.next.sets, u_n, u_t, self.data), f)
 
     def imbalance(self, x: PETSc.Vec, pressure: Nodal, shear: Nodal, f: PETSc.Vec) -> None:

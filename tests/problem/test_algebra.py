@@ -120,6 +120,6 @@ def test_sets_that_hold_no_body_are_not_kept(friction):
     open_sets = ActiveSets.of(none > 0, np.ones((gap.size, 1)))
     bound = None if friction is None else none + friction
     data = RegularisedData(gap, 1e6, 1e6, np.inf, none, none[:, None], bound)
-    found, status, repaired = hold(open_sets, open_sets, none, none[:, None], data, motions, lambda: None)
+    found, status, repaired = hold(open_sets, open_sets, lambda: (none, none[:, None]), data, motions, lambda: None)
     assert (status, repaired) == (None, True)
     assert motions.held_by(found.contact, ~found.slip & (bound is not None))
