@@ -29,6 +29,7 @@ from signorini_fx import (
     Foundation,
     LoadPath,
     NonlinearContactProblem,
+    Pair,
     Solution,
     Tresca,
     solve,
@@ -48,7 +49,7 @@ SAME = 1e-8
 
 @dataclass(frozen=True)
 class RandomProblem:
-    """A rectangle, a body of revolution or a box over a floor, or over a rigid circle or sphere.
+    """A rectangle, a body of revolution or a box over a floor, a rigid circle or sphere, or another rectangle.
 
     Attributes:
         kind: *plane strain*, *axisymmetric* or *space*.
@@ -64,6 +65,7 @@ class RandomProblem:
         gap: of the floor at the origin, length, and its slope along x[0].
         radius: of the rigid circle; None: there is a floor.
         wall: the gap of a wall on the right; None: there is none.
+        below: counts of cells of another rectangle that it lies on, as long as twice its length; None: there is none.
         law: of friction, with its bound or coefficient.
         factors: of the loads, by load step.
         times: of the load steps.
@@ -84,6 +86,7 @@ class RandomProblem:
     gap: tuple[float, float]
     radius: float | None
     wall: float | None
+    below: tuple[int, int] | None
     law: tuple[str, float]
     factors: tuple[float, ...]
     times: tuple[float, ...]
@@ -119,6 +122,11 @@ class RandomProblem:
         # Forms that are multiplied by a measure do not say what the modulus is, the scale of gamma.
         if rng.random() < 0.5 or kind == "axisymmetric":
             settings |= {"gamma_n": 1e4 * young, "gamma_t": 1e4 * young}
+        below = None
+        if kind == "plane strain" and rng.random() < 0.35:
+            below = int(rng.integers(6, 20)), int(rng.integers(2, 6))
+        circle = kind != "axisymmetric" and below is None and rng.random() < 0.35
+        wall = kind == "plane strain" and rng.random() < 0.3
         return cls(
             kind=kind,
             cell=str(rng.choice(cells)),
@@ -131,8 +139,9 @@ class RandomProblem:
             down=down,
             traction=pull,
             gap=(float(strain * rng.uniform(-0.2, 0.3)), float(strain * rng.uniform(-0.2, 0.2))),
-            radius=float(rng.uniform(1.0, 4.0)) if rng.random() < 0.35 and kind != "axisymmetric" else None,
-            wall=float(strain * rng.uniform(0.0, 0.3)) if kind == "plane strain" and rng.random() < 0.3 else None,
+            radius=float(rng.uniform(1.0, 4.0)) if circle else None,
+            wall=float(strain * rng.uniform(0.0, 0.3)) if wall else None,
+            below=below,
             law=(name, float(rng.uniform(0.1, 0.6)) * size),
             factors=tuple(factors.tolist()),
             times=tuple((begin + np.arange(steps)).tolist()),
@@ -154,6 +163,10 @@ class RandomProblem:
         name = "sphere" if self.kind == "space" else "circle"
         return {"shape": name, "centre": centre, "radius": self.radius}
 
+    def named(self, boundary: str) -> str:
+        """The name of a boundary of the body."""
+        return boundary if self.below is None else f"high.{boundary}"
+
     def stated(self) -> dict[str, Any]:
         """The scene as TOML has it."""
         in_space, sides = self.kind == "space", ("length", "width", "height") if self.kind == "space" else ()
@@ -164,35 +177,46 @@ class RandomProblem:
         law = {"law": self.law[0]}
         if self.law[0] != "none":
             law |= {"bound" if self.law[0] == "tresca" else "coefficient": self.law[1]}
-        contact: dict[str, Any] = {"boundary": "bottom", "friction": law}
-        if self.shape is None:
+        contact: dict[str, Any] = {"boundary": self.named("bottom"), "friction": law}
+        if self.below is not None:
+            contact |= {"against": "low.top", "points": "boundary", "gap": abs(self.gap[0])}
+        elif self.shape is None:
             contact["gap"] = f"{self.gap[0]!r} + ({self.gap[1]!r}) * x[0]"
         else:
             contact |= {"gap": self.gap[0], "foundation": self.shape}
         contacts = [contact]
         if self.wall is not None:
-            contacts.append({"boundary": "right", "gap": self.wall, "friction": law})
+            contacts.append({"boundary": self.named("right"), "gap": self.wall, "friction": law})
         supports: list[dict[str, Any]] = []
         tractions: list[dict[str, Any]] = []
         if self.held:
             moved = dict(zip(self.axes, self.down.tolist(), strict=True))
-            supports.append({"boundary": "top", **moved, "factors": factors})
+            supports.append({"boundary": self.named("top"), **moved, "factors": factors})
         else:
             pull = dict(zip(self.axes, self.traction[0].tolist(), strict=True))
-            tractions.append({"boundary": "top", **pull, "factors": factors})
+            tractions.append({"boundary": self.named("top"), **pull, "factors": factors})
         if self.kind == "axisymmetric":
             supports.append({"boundary": "left", "x": 0.0, "factors": factors})
         else:
             pull = dict(zip(self.axes, self.traction[1].tolist(), strict=True))
-            tractions.append({"boundary": "left", **pull, "factors": factors})
+            tractions.append({"boundary": self.named("left"), **pull, "factors": factors})
         material: dict[str, Any] = {"young": self.young, "poisson": self.poisson}
         if not in_space:
             material["hypothesis"] = self.kind
         steps: dict[str, Any] = {"times": self.times} if len(self.times) > 1 else {}
         if self.ramp is not None:
             steps["steps"] = self.ramp
+        mesh: dict[str, Any] = {"generator": "box" if in_space else "rectangle", "parameters": parameters}
+        bodies: dict[str, Any] = {"mesh": mesh}
+        if self.below is not None:
+            supports.append({"boundary": "low.bottom", "x": 0.0, "y": 0.0, "factors": factors})
+            length, height = 2 * self.sizes[0], 0.7 * self.sizes[1]
+            cells = {"nx": self.below[0], "ny": self.below[1], "cell": self.cell}
+            under = {"generator": "rectangle", "parameters": {"length": length, "height": height, **cells}}
+            shift = [0.5 * self.sizes[0], height]
+            bodies = {"body": [{"name": "low", "mesh": under}, {"name": "high", "mesh": mesh, "shift": shift}]}
         return {
-            "mesh": {"generator": "box" if in_space else "rectangle", "parameters": parameters},
+            **bodies,
             "material": material,
             "element": {"degree": self.degree},
             "displacement": supports,
@@ -227,23 +251,33 @@ class RandomProblem:
         for name, pull in (("top", self.traction[0]), ("left", self.traction[1])):
             if (name == "top" and self.held) or (name == "left" and measure is not None):
                 continue
-            ds = ufl.ds(domain=mesh, subdomain_data=tagged.facet_tags, subdomain_id=tagged.boundaries[name])
+            boundary = tagged.boundaries[self.named(name)]
+            ds = ufl.ds(domain=mesh, subdomain_data=tagged.facet_tags, subdomain_id=boundary)
             L += factor * around * ufl.inner(fem.Constant(mesh, pull), v) * ds
         bcs, moved = [], fem.Function(V)
         if self.held:
-            bcs.append(fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, tagged.facets("top"))))
+            bcs.append(
+                fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, tagged.facets(self.named("top"))))
+            )
         if measure is not None:
             dofs = fem.locate_dofs_topological(V.sub(0), dim - 1, tagged.facets("left"))
             bcs.append(fem.dirichletbc(0.0, dofs, V.sub(0)))
+        if self.below is not None:
+            held = fem.locate_dofs_topological(V, dim - 1, tagged.facets("low.bottom"))
+            bcs.append(fem.dirichletbc(np.zeros(dim), held, V))
         law = {"none": None, "tresca": Tresca(self.law[1]), "coulomb": Coulomb(self.law[1])}[self.law[0]]
         common: dict[str, Any] = {"friction": law} | ({} if measure is None else {"measure": measure})
-        if self.shape is None:
-            floor = Foundation(tagged.facets("bottom"), gap=self.gap[0] + self.gap[1] * x[0], **common)
+        floor: Foundation | Pair
+        if self.below is not None:
+            sides = tagged.facets(self.named("bottom")), tagged.facets("low.top")
+            floor = Pair(*sides, gap=abs(self.gap[0]), friction=law)
+        elif self.shape is None:
+            floor = Foundation(tagged.facets(self.named("bottom")), gap=self.gap[0] + self.gap[1] * x[0], **common)
         else:
-            floor = Foundation(tagged.facets("bottom"), gap=self.gap[0], shape=self.shape, **common)
-        contact = [floor]
+            floor = Foundation(tagged.facets(self.named("bottom")), gap=self.gap[0], shape=self.shape, **common)
+        contact: list[Foundation | Pair] = [floor]
         if self.wall is not None:
-            contact.append(Foundation(tagged.facets("right"), gap=self.wall, **common))
+            contact.append(Foundation(tagged.facets(self.named("right")), gap=self.wall, **common))
 
         def at(time: float) -> None:
             factor.value = np.interp(time, self.times, self.factors)
@@ -275,7 +309,7 @@ class Forms:
     inner: Callable[[Any], Any]
     L: Any
     bcs: list[fem.DirichletBC]
-    contact: list[Foundation]
+    contact: list[Foundation | Pair]
     stress: Any
     at: Callable[[float], None]
     space: fem.FunctionSpace
@@ -378,7 +412,8 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
     if scene.converged and forms.stress is not None:
         differences.look_at_accuracy(scene, other)
     # A residual does not say what its modulus is, the scale of gamma, and has shapes at the displaced points.
-    if drawn.ramp is None and drawn.shape is None and drawn.kind != "axisymmetric" and "gamma_n" in drawn.settings:
+    alone = drawn.shape is None and drawn.below is None and drawn.kind != "axisymmetric"
+    if alone and drawn.ramp is None and "gamma_n" in drawn.settings:
         third = by_residual(drawn, forms)
         if len(third) != len(solved):
             differences.found.append(f"residual: {len(third)} of {len(solved)} load steps")

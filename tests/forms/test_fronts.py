@@ -11,7 +11,7 @@ from stability.fronts import SAME, Differences, RandomProblem, compared
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("seed", [4, 5, 7])
+@pytest.mark.parametrize("seed", [4, 5, 7, 18])
 def test_fronts_agree(seed):
     """Status, load steps, forces, displacements, pressures, states, estimated error and guaranteed bound."""
     _, found = compared(RandomProblem.drawn(seed), MPI.COMM_WORLD)
