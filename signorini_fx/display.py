@@ -31,7 +31,7 @@ def clean(value: Any, scale: float) -> Any:
 
 def duration(seconds: float) -> str:
     """A time that is only known roughly."""
-    if seconds < 10:
+    if seconds < 9.5:
         return "below 0.01 s" if seconds < 0.01 else f"{seconds:.1g} s"
     if seconds < 600:
         return f"{seconds:.0f} s"

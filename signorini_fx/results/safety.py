@@ -109,7 +109,7 @@ def safety_of(d: Model, contact: ContactState, step: float) -> Safety | None:
     present = None
     if d.statement.has_coulomb:
         bounds = as_given(contact.bound)
-        present = reactions(at_contact, bounds, contact.bilateral, contact.in_contact | contact.bilateral)
+        present = reactions(at_contact, bounds, contact.bilateral, contact.bilateral | contact.in_contact)
     if parallel.any_rank(d.comm, not np.isfinite(contact.pressure).all()):
         return None
     if law is not None and parallel.any_rank(d.comm, bool(law.exceeds_envelope(contact.pressure).any())):

@@ -121,6 +121,7 @@ def test_what_happened_is_in_the_report():
         ((0.001, 0.04), "up to 0.04 s"),
         ((0.01, 0.04), "0.01 to 0.04 s"),
         ((2.0, 2.0), "about 2 s"),
+        ((9.6, 21.0), "10 to 21 s"),  # and not 1e+01
     ],
 )
 def test_times_from_and_to(seconds, text):
