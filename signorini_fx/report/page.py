@@ -93,8 +93,8 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         columns = folder.columns("history.csv", summary["linear_solves"])
         chapters["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
     if no_result:
-        for name in chapters.keys() & _OF_FIGURES:
-            chapters[name] = joined([tag("p", no_result, class_="note"), chapters[name]])
+        for heading in chapters.keys() & _OF_FIGURES:
+            chapters[heading] = joined([tag("p", no_result, class_="note"), chapters[heading]])
     chapters["Made with"] = evidence.made_with(summary, sections.size(summary))
     files = resources.files("signorini_fx.report")
     block = summary["scene"].get("title_block", {})

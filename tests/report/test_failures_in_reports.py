@@ -66,6 +66,7 @@ def test_a_solve_that_fails_has_a_report(status, monkeypatch, tmp_path):
     write_results(solution, tmp_path / "result", pictures=False, fields=False)
     page = write_report(tmp_path / "result").read_text(encoding="utf-8")
     assert f"<strong>{status.value}</strong>" in page
+    assert "<h1>result</h1>" in page  # the name of the folder, as the scene has no title
     assert "What to do" in page
     own = status in (Status.NOT_FINITE, Status.NOT_CERTIFIED)
     assert ("it may also be that Odd contradicts itself where it was not tried" in page) == own
