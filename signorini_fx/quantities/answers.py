@@ -232,12 +232,12 @@ def _limit_of_statics(summary: dict[str, Any]) -> tuple[str, list[str]]:
 def _stress(summary: dict[str, Any]) -> Answer:
     validity, details = validity_of(summary), list[str]()
     if not validity.solved:
-        why = "no solution was found, and so no stress"
+        reason = "no solution was found, and so no stress"
         if _status(summary) in _MOVES_AWAY:
-            why = "there is no solution, and so no stress"
+            reason = "there is no solution, and so no stress"
         elif summary["certificate"]["holds"]:
-            why = _failure(summary)
-        return Answer("", "not known", (why,))
+            reason = _failure(summary)
+        return Answer("", "not known", (reason,))
     if pressed := summary.get("max_pressure"):
         pressure = with_unit(figure(pressed, error_of(summary, "max_pressure")), "stress")
         details.append(f"largest contact pressure {pressure}")
