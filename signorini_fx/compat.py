@@ -63,8 +63,13 @@ def geometry_element(domain: mesh.Mesh) -> Any:
     """The Lagrange element of the geometry of the cells, as basix has it."""
     geometry: Any = domain.geometry
     cmap = geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
-    cell = getattr(basix.CellType, domain.topology.cell_name())
-    return basix.create_element(basix.ElementFamily.P, cell, cmap.degree, basix.LagrangeVariant(cmap.variant))
+    return lagrange(domain.topology.cell_name(), cmap.degree, basix.LagrangeVariant(cmap.variant))
+
+
+@cache
+def lagrange(cell: str, degree: int, variant: basix.LagrangeVariant) -> Any:
+    """The scalar Lagrange element on a kind of cell, as basix has it."""
+    return basix.create_element(basix.ElementFamily.P, getattr(basix.CellType, cell), degree, variant)
 
 
 def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:

@@ -1035,8 +1035,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/points",
-        "self.points.comm.Allreduce(found, total, op=MPI.MAX)",
-        "total[:] = found",
+        "parallel.largest_of_each(self.points.comm, found)",
+        "found",
         "groups: the largest of the points of this rank",
         ranks=2,
         tests=("augmentation::test_every_rank_judges_alike",),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import basix
-import basix.ufl
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
@@ -34,8 +33,8 @@ def gradients(displacement: fem.Function, points: Array) -> Iterator[tuple[Array
 
     def slopes(degree: int) -> Array:
         """Derivatives of the scalar basis functions, shape (d, points, functions)."""
-        element = basix.ufl.element("Lagrange", cell, degree, lagrange_variant=basix.LagrangeVariant.equispaced)
-        return np.asarray(element.tabulate(1, points)[1:])
+        element = compat.lagrange(cell, degree, basix.LagrangeVariant.equispaced)
+        return np.asarray(element.tabulate(1, points)[1:, :, :, 0])
 
     x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64)
     y = displacement.x.array.reshape(-1, mesh.geometry.dim)[space.dofmap.list[owned]]

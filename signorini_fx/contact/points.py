@@ -218,10 +218,9 @@ class PointGroups:
 
     def largest(self, values: Nodal) -> Nodal:
         """The largest of values that are not below zero, shape (n,), in each group, shape (g,)."""
-        found, total = np.zeros(self.count), np.empty(self.count)
+        found = np.zeros(self.count)
         np.maximum.at(found, self.number, values)
-        self.points.comm.Allreduce(found, total, op=MPI.MAX)
-        return total
+        return parallel.largest_of_each(self.points.comm, found)
 
     def scales(self, sizes: Nodal, *, lengths: bool = False) -> Nodal:
         """What each group is judged by, shape (g,), at least what is round-off of the largest of all sizes.

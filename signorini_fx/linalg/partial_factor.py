@@ -81,8 +81,9 @@ class PartialFactor:
         upper = (row < inside) & (column >= row) & ((column < inside) | (rows.data != 0.0))
         values, row, column = rows.data[upper], row[upper], column[upper]
         retained_entries = np.flatnonzero(column >= inside)
-        toward = values[retained_entries], (row[retained_entries], column[retained_entries] - inside)
-        self.toward: Any = sp.csr_array(toward, shape=(inside, count))[self._order]
+        unknown = np.argsort(self._order)  # of each place in the order the number among inner ones
+        toward = values[retained_entries], (unknown[row[retained_entries]], column[retained_entries] - inside)
+        self.toward: Any = sp.csr_array(toward, shape=(inside, count))
         values /= self._unit
         scaled = [load[self.inner] / size for load, size in zip(loads, self._sizes, strict=True)]
         last = np.arange(inside, inside + count + len(loads), dtype=row.dtype)  # the diagonal, zero

@@ -89,8 +89,14 @@ class TaggedMesh(TaggedMeshBase):
             raise MeshError(f"the mesh has no boundary {name!r}; its boundaries are: {names}")
         # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept, on every version.
         tagged = _tagged(self.facet_tags, self.boundaries[name])
-        self.mesh.topology.create_connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
-        return np.intersect1d(tagged, dmesh.exterior_facet_indices(self.mesh.topology)).astype(np.int32)
+        return np.asarray(tagged[np.isin(tagged, self._exterior)], dtype=np.int32)
+
+    @cached_property
+    def _exterior(self) -> npt.NDArray[np.int32]:
+        """All exterior facets whose cell this rank owns; a topology does not change."""
+        topology = self.mesh.topology
+        topology.create_connectivity(topology.dim - 1, topology.dim)
+        return np.asarray(dmesh.exterior_facet_indices(topology))
 
     @cached_property
     def size(self) -> float:

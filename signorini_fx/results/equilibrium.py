@@ -195,7 +195,8 @@ def share(comm: MPI.Comm, parts: Nodal, wholes: Nodal) -> float:
     """The largest share over the ranks, see ``ratio``; collective."""
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(parts <= 0, 0.0, parts / wholes)
-    return parallel.global_max(comm, float(np.nan_to_num(np.max(shares, initial=0.0), nan=np.inf)))
+    largest = float(np.max(shares, initial=0.0))
+    return parallel.global_max(comm, np.inf if np.isnan(largest) else largest)
 
 
 def _norm(comm: MPI.Comm, values: Nodal) -> float:

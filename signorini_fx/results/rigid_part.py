@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.pieces import find_pieces
@@ -67,11 +66,12 @@ class RigidPart:
             piece: which piece each belongs to, -1: to none; None: values are those of the owned nodes.
         """
         piece = self.piece if piece is None else piece
-        local_largest = np.zeros(self.count)
-        np.maximum.at(local_largest, piece[piece >= 0], np.nan_to_num(values, nan=np.inf)[piece >= 0])
-        total = np.empty_like(local_largest)
-        self._comm.Allreduce(local_largest, total, op=MPI.MAX)
-        return total
+        local_largest, inside = np.zeros(self.count), piece >= 0
+        if self.count == 1:
+            local_largest[:] = np.max(values, where=inside, initial=0.0)
+        else:
+            np.maximum.at(local_largest, piece[inside], values[inside])
+        return parallel.largest_of_each(self._comm, np.where(np.isnan(local_largest), np.inf, local_largest))
 
     def norms(self, vectors: Array, piece: npt.NDArray[Any] | None = None) -> Array:
         """The norms of vectors at the owned nodes of each piece, or at others, shape (pieces,); collective."""
