@@ -229,11 +229,15 @@ class Task:
             xi=slip_multiplier(sets, shear, u_t, data) if data.bound is not None else slip_of(u_t, data),
         )
 
-    def promised(self, outcome: Outcome) -> tuple[float, float]:
-        """(gamma_1, gamma_2) of the contact law that a result promises to satisfy; infinite: without regularisation."""
+    def promised(self, outcome: Outcome) -> tuple[float, float, float]:
+        """(gamma_1, gamma_2) of the contact law that a result promises to satisfy, infinite: without regularisation;
+        and the largest finite gamma that its tractions were computed with, 0: none.
+        """
+        gammas = outcome.problem.data.gamma_n, outcome.problem.data.gamma_t
+        penalty = max((gamma for gamma in gammas if np.isfinite(gamma)), default=0.0)
         if outcome.augmented or (self.settings.algorithm in ("alm", "exact") and not outcome.regularised):
-            return np.inf, np.inf
-        return outcome.problem.data.gamma_n, outcome.problem.data.gamma_t
+            gammas = np.inf, np.inf
+        return *gammas, penalty
 
     def with_algorithm(self, algorithm: Literal["ssn", "alm"]) -> Task:
         """The same problem with the same iterates by another algorithm."""

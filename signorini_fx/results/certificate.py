@@ -313,9 +313,9 @@ def judged(
     farther = np.where(at[1] < 0, drawn, np.maximum(far[at[0]], far[at[1]]))
     terms = NO_FORCE * np.maximum(largest(np.maximum(nodes.terms(y), farther)), np.where(alone, reach, 0.0))
     penalty = terms * max((gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0)
-    # With a larger gamma nothing is known of the tractions.
+    # With a larger gamma nothing is known of the tractions.  Those of a body without stress are the method's round-off.
     strains = mean > LOST_UNITS * NO_FORCE * moduli * reach / sizes
-    penalty = np.where(strains, np.minimum(penalty, ABOVE_THE_MEAN * mean), penalty)
+    penalty = np.where(strains, np.minimum(penalty, ABOVE_THE_MEAN * mean), np.maximum(penalty, terms * law.penalty))
     length, stress = np.maximum(length, terms), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.

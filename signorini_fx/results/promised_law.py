@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,10 +27,13 @@ class Law:
     Attributes:
         gamma_n: stress per length.
         gamma_t: stress per length.
+        penalty: stress per length, by which the tractions were computed from displacements whatever the law is, also by
+            augmentation: they have the round-off of these times it; 0: they were not.
     """
 
     gamma_n: float = np.inf
     gamma_t: float = np.inf
+    penalty: float = field(default=0.0, compare=False)
 
     @property
     def regularised(self) -> bool:
