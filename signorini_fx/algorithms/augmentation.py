@@ -87,13 +87,13 @@ class Augmentation:
         )
         now, last_size = (groups.norms(movement) + groups.norms(floor) for movement, floor in (felt, felt_before))
         changes = groups.norms(moved[0]), groups.norms(moved[1])
-        floors = newton.problem.round_off(newton.x) if newton.problem.bonds_alone else 0.0
-        size = np.maximum(groups.scales(np.where(now > 0, now, last_size)), floors)
+        round_off = newton.problem.round_off(newton.x) if newton.problem.bonds_alone else np.zeros(len(moved[0]))
+        size = np.maximum(groups.scales(np.where(now > 0, now, last_size)), groups.norms(round_off))
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.system.contact.traces(newton.x)
         length = groups.scales(groups.largest(np.maximum(np.abs(u_n), length_of(u_t))), lengths=True)
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
-        stress = np.maximum(groups.scales(groups.largest(np.maximum(*felt))), floors)
+        stress = np.maximum(groups.scales(groups.largest(np.maximum(*felt))), groups.largest(round_off))
         length = np.maximum(length, shares(FAINT_DISPLACEMENT * stress, self._stiffness))
         lengths, stresses = (np.where(movement > 0, movement, 1.0)[groups.number] for movement in (length, stress))
         # At its bound, that of the problem just solved, the shear gives no information about slip.

@@ -152,7 +152,7 @@ class Problem(ABC):
         scales = self.groups.scales(sizes)
         if self.groups.count == 1:
             return scales
-        floors = self.round_off(x)
+        floors = self.groups.largest(self.round_off(x))
         # Where no group carries more than that, nothing is pressed, and only a change tells round-off from convergence.
         return np.asarray(np.maximum(scales, floors)) if np.any(scales > floors) or self.bonds_alone else scales
 
@@ -163,15 +163,15 @@ class Problem(ABC):
         return not parallel.any_rank(self.points.comm, bool(opens.any())) and self.holds(self.sets, self.data)
 
     def round_off(self, x: PETSc.Vec) -> Nodal:
-        """What the penalty, or the stiffness, makes of the round-off of displacements, stress of each group, shape
-        (groups,); collective.
+        """What the penalty, or the stiffness, makes of the round-off of displacements, a stress at each point, shape
+        (n,); collective.
         """
         unsigned = x.copy()
         unsigned.abs()
         rates = [gamma for gamma in (self.data.gamma_n, self.data.gamma_t) if np.isfinite(gamma)]
         rate = max(rates) if rates else self._point_stiffness
         terms = length(np.column_stack(self._unsigned.traces(unsigned)))
-        return np.asarray(NO_FORCE * self.groups.largest(rate * terms))
+        return np.asarray(NO_FORCE * rate * terms)
 
     def least_share(self, x: PETSc.Vec) -> float:
         """The tractions of the group with the smallest ones as a share of the largest; collective."""
