@@ -139,3 +139,27 @@ def test_gap_added_to_a_shape():
     problem = NonlinearContactProblem(residual(u), u, bcs=bcs, contact=contact, algorithm="alm")
     problem.solve()
     assert problem.state.forces[0][1] == pytest.approx(stress_of_block(0.8), rel=1e-8)
+
+
+@pytest.mark.parametrize("hollow", [False, True])
+def test_a_bilateral_shape_in_tension(hollow):
+    """It pulls the body, whose normals turn as under pressure; a node of two such shapes has both curvatures."""
+    space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
+    u, radius = fem.Function(space), 4.0
+    centre = (1.0, 1.0 + radius * (-1 if hollow else 1))
+    roof = {"shape": "circle", "centre": centre, "radius": radius, "hollow": hollow}
+    wall = {"shape": "circle", "centre": (2.0 + radius, 0.5), "radius": radius}
+    contact = [
+        Foundation(side(1, 1.0), shape=roof, bilateral=True),
+        Foundation(side(0, 2.0), shape=wall, bilateral=True),
+    ]
+    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+    for step in range(1, 5):
+        problem.place(0, shift=(0.0, 0.05 * step))
+        problem.place(1, shift=(0.03 * step, 0.0))
+        problem.solve()
+        problem.advance()
+        assert problem.certificate.worst < 1e-9
+        assert problem.iterations <= 6
+    assert problem.state.forces_of_each[0][0][1] > 0.0
+    assert problem.state.pressure.min() < 0.0
