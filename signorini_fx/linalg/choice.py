@@ -103,8 +103,9 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
         return "krylov", multigrid
     if against is not None:
         return "full", against
-    memory = f"{3 * 8 * size.retained**2 / 2**20:.0f} MB dense"
-    return "condensed", f"{size.retained} of {size.unknowns} unknowns are on the contact boundary, {memory}"
+    megabytes = 3 * 8 * size.retained**2 / 2**20
+    memory = f"{megabytes:.0f} MB" if megabytes >= 1 else "less than 1 MB"
+    return "condensed", f"{size.retained} of {size.unknowns} unknowns are on the contact boundary, {memory} dense"
 
 
 def for_multigrid(size: SystemSize) -> str | None:
