@@ -1233,8 +1233,8 @@ MUTANTS = (
     ),
     Mutant(
         "solving/to_accuracy",
-        "if unsolved is not None:",
-        "if False:",
+        "unsolved is not None",
+        "False",
         "a mesh that was given up leaves nothing of the one before",
         tests=("accuracy::test_time_ends_after_the_linear_solve_in_which_it_has_passed",),
     ),
