@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from dolfinx import fem
 
-from signorini_fx import parallel
 from signorini_fx.accuracy.data_error import DataError
 from signorini_fx.accuracy.error_estimates import Errors, combined
 from signorini_fx.accuracy.level_results import compliance_of, level_result
 from signorini_fx.accuracy.mesh_level import LevelResult
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
-from signorini_fx.check.findings import result_findings
 from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.check.shapes_in_results import shapes_in_results
 from signorini_fx.errors import FormError
@@ -30,7 +25,7 @@ from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.scene.load_steps import LoadPath
 from signorini_fx.solving.load_steps import StepProgress, step_result
-from signorini_fx.solving.one_mesh import contact_solution, used_parameters
+from signorini_fx.solving.one_mesh import contact_solution, findings_of_steps, used_parameters
 
 
 def solution_of(
@@ -56,8 +51,8 @@ def solution_of(
     # Of a load step that has failed the forms are not those of the results, which are of one before it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
     body = model_of(solver, path, title)
-    findings = tuple(_findings(solver, body, steps))
-    solution = contact_solution(body, steps, solver.task, ended, solver.timings, lambda: findings)
+    findings = findings_of_steps(body, steps, solver.doubtful_laws(), solver.foundations.placed_shapes)
+    solution = contact_solution(body, steps, solver.task, ended, solver.timings, lambda: tuple(findings))
     return replace(solution, mechanics=replace(solver.mechanics, settled=settled))
 
 
@@ -106,34 +101,16 @@ def _step_of(solver: FormSolver) -> StepResult:
     return replace(result, tools=solver.tools)
 
 
-def _findings(solver: FormSolver, body: Model, steps: Sequence[StepResult]) -> list[Finding]:
-    """What is odd about the results of load steps; collective."""
-    contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
-    touching = parallel.any_rank(body.comm, bool(np.any(contacts)))
-    lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
-    unjudged = [body.motions.pieces.called(piece) for piece in lost]
-    return [
-        *solver.doubtful_laws(),
-        *_inside(solver, [(step.contact, step.displacement) for step in steps]),
-        *(step.reason for step in steps if step.reason is not None),
-        *result_findings([step.deformation for step in steps], touching=touching, unjudged=unjudged),
-    ]
-
-
 def findings_of_last(solver: FormSolver) -> tuple[Finding, ...]:
     """See ``ContactProblem.findings``; collective."""
     warnings, outcome, certificate = list[Finding](), solver.outcome, solver.certificate
     if outcome is not None and certificate is not None and solver.status is Status.CONVERGED:
         parameters = used_parameters(outcome, outcome.problem.data, certificate.strain_energy)
         warnings = asked_law(solver.settings, {1: certificate}, parameters.get("regularisation_error")).findings
-    return (*warnings, *solver.doubtful_laws(), *_inside(solver, [(solver.state, solver.u)]))
-
-
-def _inside(solver: FormSolver, results: Sequence[tuple[ContactState | None, fem.Function]]) -> list[Finding]:
-    """What is inside a foundation in some results, and in the last one what no contact node sees; collective."""
-    held = [held_in_result(state, y, solver.foundations.pairs) for state, y in results]
-    pushed = pushed_nodes(solver.space.mesh.comm, held, solver.scales.size)
-    return [*pushed, *shapes_in_results(solver.foundations.placed_shapes, results[-1][1])]
+    held = held_in_result(solver.state, solver.u, solver.foundations.pairs)
+    pushed = pushed_nodes(solver.space.mesh.comm, [held], solver.scales.size)
+    inside = shapes_in_results(solver.foundations.placed_shapes, solver.u)
+    return (*warnings, *solver.doubtful_laws(), *pushed, *inside)
 
 
 def errors_of(solver: FormSolver, stress: RawStresses) -> Errors:

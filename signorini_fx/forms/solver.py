@@ -142,6 +142,7 @@ class FormSolver:
         self.outcome: Outcome | None = None
         self.coarser = CoarserMesh()
         self._last_pattern: tuple[bytes, bytes] | None = None
+        self._last_modulus: tuple[bytes, float | None] = b"", None
         self._last: StepEnd | None = None  # at the last advance
         self._start: Start | None = None  # of the present step, in the frames of the present foundations
         self._solution: LastSolution | None = None  # from which the next solve may begin
@@ -331,9 +332,7 @@ class FormSolver:
             self._start, resting = self._last.seen_from(boundary, held=held, spin=spin)
         self.boundary, self._first = boundary, None
         elastic = self.elastic = self._body(fixed[:owned], boundary)
-        law = self.forms.stress
-        modulus = None if law is None or self.forms.weighted else natural_modulus(law, space)
-        self.scales = scales_of(elastic, boundary, self.foundations.facets, modulus)
+        self.scales = scales_of(elastic, boundary, self.foundations.facets, self._natural_modulus())
         task = elastic.task(
             [self._case(values)],
             np.ones(1),
@@ -347,6 +346,20 @@ class FormSolver:
             resting = task.rest
             self._fallen = np.zeros(0) if resting is None else elastic.motions.displacement(resting.motion).ravel()
         self.task = replace(task, rest=resting)
+
+    def _natural_modulus(self) -> float | None:
+        """See ``natural_modulus``: looked for anew when the coefficients of ``a`` change, not when foundations do;
+        collective.
+        """
+        law = self.forms.stress
+        if law is None or self.forms.weighted:
+            return None
+        fingerprint = digest(self.forms.compiled[0])
+        last, modulus = self._last_modulus
+        if parallel.any_rank(self.space.mesh.comm, fingerprint != last):
+            modulus = natural_modulus(law, self.space)
+            self._last_modulus = fingerprint, modulus
+        return modulus
 
     def _case(self, values: Array) -> LoadCase:
         """See ``case_of``."""

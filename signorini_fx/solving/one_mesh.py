@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -204,29 +205,45 @@ def _found(model: Model, steps: tuple[StepResult, ...]) -> Callable[[], tuple[Fi
 
 def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
-    solved = steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
+    solved = _solved(steps)
     findings = scene_findings(model, estimates=not solved)
     findings += _doubtful_laws(model, steps[-1])
-    if not solved:
-        return [*findings, *(step.reason for step in steps if step.reason is not None)]
+    if solved and (last := steps[-1]).contact is not None:
+        findings += tilted_frames(placed(model, last.place), 0.0, last.contact)
+    contact = enumerate(model.statement.placed(_shown(steps).place).contact)
+    foundations = [(f"contact[{k}].foundation", effect.surface, effect.gap) for k, effect in contact]
+    return findings_of_steps(model, steps, findings, foundations)
+
+
+def findings_of_steps(
+    model: Model, steps: Sequence[StepResult], further: Sequence[Finding], foundations: Iterable[tuple[str, Any, Any]]
+) -> list[Finding]:
+    """What is odd about the results of load steps; where the last one has none, why there is none; collective.
+
+    Args:
+        model: the body.
+        steps: up to the last one that was tried.
+        further: what else is known.
+        foundations: see ``shapes_in_results``, as they are in the last result.
+    """
+    if not _solved(steps):
+        return [*further, *(step.reason for step in steps if step.reason is not None)]
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
     touching = parallel.any_rank(model.comm, bool(np.any(contacts))) if contacts else None
-    if (last := steps[-1]).contact is not None:
-        findings += tilted_frames(placed(model, last.place), 0.0, last.contact)
-    shown = _shown(steps)
-    contact = enumerate(model.statement.placed(shown.place).contact)
-    foundations = [(f"contact[{k}].foundation", effect.surface, effect.gap) for k, effect in contact]
-    inside = shapes_in_results(foundations, shown.displacement)
     held = [held_in_result(step.contact, step.displacement, model.pairs) for step in steps]
-    pushed = pushed_nodes(model.comm, held, model.tagged.size)
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     names = [model.motions.pieces.called(piece) for piece in lost]
     return [
-        *pushed,
-        *inside,
-        *findings,
+        *pushed_nodes(model.comm, held, model.tagged.size),
+        *shapes_in_results(foundations, _shown(steps).displacement),
+        *further,
         *result_findings([step.deformation for step in steps], touching=touching, unjudged=names),
     ]
+
+
+def _solved(steps: Sequence[StepResult]) -> bool:
+    """Whether the last load step has a result that something can be said about."""
+    return steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
 
 
 def _doubtful_laws(model: Model, last: StepResult) -> list[Finding]:
