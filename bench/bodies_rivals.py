@@ -31,8 +31,8 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx import solve
-from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 Floats = npt.NDArray[np.float64]
 

@@ -27,10 +27,10 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx import solve
-from signorini_fx.decks.draft import draft
-from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.addons.decks.draft import draft
+from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.reading import read_scene
+from signorini_fx.scenes.reading import read_scene
 
 Floats = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import contestants
 import numpy as np
 
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 
 Key = tuple[str, int]
 """A contestant and the number of cells along the bottom."""

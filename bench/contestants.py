@@ -15,7 +15,7 @@ from example1 import Answer
 from mpi4py import MPI
 
 from signorini_fx import solve, sweep
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 
 COEFFICIENTS = [float(value) for value in np.linspace(0.05, 1.0, 20)]
 # The plain way is stopped after this many seconds, and runs in the first round only.

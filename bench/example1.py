@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import Scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Scene
 
 Floats = npt.NDArray[np.float64]
 

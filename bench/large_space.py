@@ -30,15 +30,15 @@ from row import Row, Say
 from space import Run
 from space_rows import space_levels
 
-from signorini_fx.accuracy.price_list import peak_memory
-from signorini_fx.body.block_stiffness import block_stiffness, why_not
-from signorini_fx.body.discretisation import prepare
-from signorini_fx.body.mesh_levels import MeshLevel
-from signorini_fx.linalg.multigrid import Hierarchy
-from signorini_fx.linalg.petsc_c import call
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.linalg.multigrid import Hierarchy
+from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.mechanics.body.block_stiffness import block_stiffness, why_not
+from signorini_fx.mechanics.body.discretisation import prepare
+from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.records import Timings
-from signorini_fx.scene.scene import Scene
+from signorini_fx.results.accuracy.price_list import peak_memory
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import KRYLOV_TOLERANCE, SMOOTHED_SPECTRUM
 
 _GAMMA = 1e7

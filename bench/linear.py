@@ -17,7 +17,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 
 # Fastest for one factorisation: PETSc's default also tries METIS, which takes longer than it saves.
 PACKAGES: dict[str, dict[str, str]] = {"mumps": {}, "cholmod": {"mat_cholmod_nmethods": "1"}}

@@ -26,7 +26,8 @@ from petsc4py import PETSc
 from space_rows import space_levels
 
 from signorini_fx import records, solve
-from signorini_fx.solving import meshed_problem, scene_meshes
+from signorini_fx.scenes import mesh_sequence
+from signorini_fx.solving import meshed_problem
 
 _MEGABYTE = 2**20
 _INDEX = np.dtype(PETSc.IntType).itemsize
@@ -120,7 +121,7 @@ def main() -> None:
     solve(space.scene(given.law, 12, "hexahedron", 1e7, 2), MPI.COMM_SELF, check=False)  # loads and compiles
     start = resident("VmRSS")
     records.Timings.phase = phase  # type: ignore[method-assign]
-    noted(scene_meshes, "estimate_errors")
+    noted(mesh_sequence, "estimate_errors")
     noted(meshed_problem, "level_result")
     solution = solve(made, MPI.COMM_SELF, check=False)
     dofs = solution.model.dofs

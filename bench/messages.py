@@ -3,7 +3,7 @@
     ./env mpirun -n 4 python3 bench/messages.py [--cells 48] [--law coulomb]
 
 PETSc counts the messages of its vectors and matrices; the gathers and reductions of the package go through
-``signorini_fx.parallel``, where they are counted here.  What dolfinx sends while it makes meshes is not counted.
+``machine.parallel``, where they are counted here.  What dolfinx sends while it makes meshes is not counted.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ import space
 from petsc4py import PETSc
 from space_rows import space_levels
 
-from signorini_fx import parallel, records, solve
+from signorini_fx import records, solve
+from signorini_fx.machine import parallel
 
 _OUTSIDE = "estimates"
 

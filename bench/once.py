@@ -18,9 +18,10 @@ import example1
 import linear
 from mpi4py import MPI
 
-from signorini_fx import TaggedMesh, parallel, solve
-from signorini_fx.accuracy.price_list import peak_memory
-from signorini_fx.solving import scene_meshes, solver
+from signorini_fx import TaggedMesh, solve
+from signorini_fx.machine import parallel
+from signorini_fx.results.accuracy.price_list import peak_memory
+from signorini_fx.scenes import mesh_sequence, solver
 
 _WARM = 96  # cells along the bottom of the first solve, which loads and compiles everything
 
@@ -28,7 +29,7 @@ _WARM = 96  # cells along the bottom of the first solve, which loads and compile
 @contextmanager
 def stopwatch(clock: Callable[[], float] = time.perf_counter) -> Iterator[list[float]]:
     """The seconds of making each mesh."""
-    make, seconds, callers = solver.load_mesh, [], (solver, scene_meshes)
+    make, seconds, callers = solver.load_mesh, [], (solver, mesh_sequence)
 
     def timed(*arguments: Any) -> TaggedMesh:
         start = clock()

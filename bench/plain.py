@@ -24,7 +24,7 @@ from dolfinx.fem import petsc as fem_petsc
 from example1 import Answer, Floats
 from petsc4py import PETSc
 
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 
 FIRST_GAMMA = 1e4
 _FACTOR = 10.0

@@ -17,7 +17,7 @@ from dolfinx import fem
 from example1 import Answer, Floats
 from petsc4py import PETSc
 
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 
 # The fastest sequences of one symbolic and many numeric factorisations: CHOLMOD's own nested dissection, tried beside
 # AMD where that takes little time.

@@ -22,13 +22,13 @@ from once import stopwatch
 from petsc4py import PETSc
 
 from signorini_fx import solve, sweep
-from signorini_fx.linalg import krylov, multigrid
-from signorini_fx.linalg.elasticity import Level
-from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
+from signorini_fx.algebra.linalg import krylov, multigrid
+from signorini_fx.algebra.linalg.elasticity import Level
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import Scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import KRYLOV_TOLERANCE
 
 YOUNG, POISSON = 5000.0, 0.4

@@ -25,7 +25,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 from space import Answer, Flags, Floats, Run
 
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 
 NEWTON_STEPS = 60
 # Reduction of the residual by a linear solve, while sets change and when they stay.  Tuned at 42,483 unknowns, between

@@ -17,7 +17,7 @@ from mpi4py import MPI
 from row import Row, Say, Sizes
 from space import Answer, Run
 
-from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
 
 # A gamma for the times, and all for which the counts must hold.
 _SPACE_GAMMA, _SPACE_GAMMAS = 1e7, (1e5, 1e7, 1e9)

@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from signorini_fx import Solution, solve
-from signorini_fx.mesh.files.gmsh_files import read_gmsh
-from signorini_fx.mesh.files.gmsh_session import gmsh_session
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.mechanics.mesh.files.gmsh_files import read_gmsh
+from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
+from signorini_fx.scenes.reading import parse_scene
 
 RADIUS = 2.0
 
@@ -76,7 +76,7 @@ def drawing(file: Path, dimension: int) -> None:
 
 def from_a_drawing(dimension: int, cells: int, facets: int) -> None:
     """Print what a tool of so many facets takes over the same by formula."""
-    from signorini_fx.shapes.surface import surface_of
+    from signorini_fx.mechanics.shapes.surface import surface_of
 
     # Of a triangle with this side the area is 0.43 times its square.
     size = 2 * math.pi * RADIUS / facets if dimension == 2 else RADIUS * math.sqrt(4 * math.pi / 0.43 / facets)

@@ -24,14 +24,14 @@ from row import Row, Say, Sizes
 from space import Run
 
 from signorini_fx import solve
-from signorini_fx.body import paired_points
 from signorini_fx.extensions import GENERATORS, register
-from signorini_fx.mesh import tagged as meshes
-from signorini_fx.mesh.cuts import partitioner, shares
-from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
+from signorini_fx.mechanics.body import paired_points
+from signorini_fx.mechanics.mesh.cuts import partitioner, shares
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.meshes import generator
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import Scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Scene
 
 # Between both blocks, so that their boundaries can be told apart.
 _APART = 1e-3
@@ -155,7 +155,7 @@ def rows(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
             say(f"two-bodies, {name}, round {repeat + 1} of {repeats}")
             made = scene(nx, dimension, gamma=1e7, **settings)
             if dimension == 2:
-                made = made.model_copy(update={"mesh": meshes.load_mesh(made, MPI.COMM_SELF)})
+                made = made.model_copy(update={"mesh": load_mesh(made, MPI.COMM_SELF)})
             run, pairing, solves = package(made)
             unit = as_one(nx, dimension)
             found.append(run.cpu / unit.cpu if run.converged else np.inf)

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from matplotlib.ticker import LogLocator
 
 from signorini_fx import Accuracy, MeshGenerator, read_scene, solve, write_results
-from signorini_fx.pictures.style import STYLE
+from signorini_fx.addons.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "192"))

@@ -34,7 +34,7 @@ from signorini_fx import (
     solve,
     write_results,
 )
-from signorini_fx.pictures.style import STYLE
+from signorini_fx.addons.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "60"))  # facets along each flank

@@ -17,11 +17,11 @@ from mpi4py import MPI
 from scipy.optimize import least_squares
 
 from signorini_fx import MeshGenerator, Scene, sensitivity
-from signorini_fx.effects.contact import UnilateralContact
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.traction import SurfaceTraction
-from signorini_fx.laws.coulomb import Coulomb
-from signorini_fx.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.effects.contact import UnilateralContact
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.laws.coulomb import Coulomb
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
 
 CELLS = int(os.environ.get("CELLS", "48"))
 POINTS = [f"displacement {x},0 x" for x in (0.4, 0.8, 1.3, 1.8, 2.3, 2.7)]

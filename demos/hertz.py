@@ -30,7 +30,7 @@ from signorini_fx import (
     solve,
     write_results,
 )
-from signorini_fx.pictures.style import STYLE
+from signorini_fx.addons.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "40"))  # facets along the half-width

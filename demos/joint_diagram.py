@@ -22,8 +22,8 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import solve, write_results
-from signorini_fx.pictures.style import STYLE
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.addons.pictures.style import STYLE
+from signorini_fx.scenes.reading import parse_scene
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "2"))  # along a millimetre

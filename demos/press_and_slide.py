@@ -21,7 +21,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
-from signorini_fx.pictures.style import STYLE
+from signorini_fx.addons.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "60"))

@@ -47,8 +47,8 @@ from signorini_fx import (
     solve,
     write_results,
 )
-from signorini_fx.body.contact_table import contact_table
-from signorini_fx.pictures.style import STYLE
+from signorini_fx.addons.pictures.style import STYLE
+from signorini_fx.mechanics.body.contact_table import contact_table
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "5"))  # quadratic facets along the radius of contact

@@ -36,8 +36,8 @@ from signorini_fx import (
     solve,
     write_results,
 )
-from signorini_fx.body.contact_table import contact_table
-from signorini_fx.pictures.style import STYLE
+from signorini_fx.addons.pictures.style import STYLE
+from signorini_fx.mechanics.body.contact_table import contact_table
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 from torsion_oracle import torsion

@@ -20,7 +20,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import signorini_fx as sfx
-from signorini_fx.pictures.style import STYLE
+from signorini_fx.addons.pictures.style import STYLE
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "60"))  # along the block

@@ -18,12 +18,12 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "answers.md"
 sys.path.insert(0, str(ROOT))
 
-from signorini_fx.accuracy.next_digit import CostOfAccuracy  # noqa: E402
-from signorini_fx.cli.exit_codes import of_solve  # noqa: E402
 from signorini_fx.quantities.answers import answers  # noqa: E402
 from signorini_fx.quantities.validity import Validity  # noqa: E402
 from signorini_fx.records import SHORT_OF_ACCURACY, Status  # noqa: E402
+from signorini_fx.results.accuracy.next_digit import CostOfAccuracy  # noqa: E402
 from signorini_fx.results.short_answer import short_answer  # noqa: E402
+from signorini_fx.scenes.cli.exit_codes import of_solve  # noqa: E402
 
 QUESTIONS = ("Does it hold?", "How much is left?", "Where is the largest stress?", "How sure is it?")
 _LAW = "the regularised law, gamma_n = 3.16e+04, gamma_t = 3.16e+04"

@@ -20,75 +20,58 @@ PICTURE = DOCS / "images" / "architecture.svg"
 
 # What only looks at a solved problem, or only makes a mesh.  The others import none of them: they are entry points.
 ADD_ONS = (
-    "studies",
-    "derivatives",
-    "bounds",
-    "uniqueness",
-    "report",
-    "picture_data",
-    "pictures",
+    "addons.studies",
+    "addons.derivatives",
+    "addons.bounds",
+    "addons.uniqueness",
+    "addons.report",
+    "addons.picture_data",
+    "addons.pictures",
     "meshes",
-    "decks",
+    "addons.decks",
 )
-# From the top down.  A layer that is not a folder is a set of top-level modules; a folder may have some beside it.
+# From the top down.  A layer that is no package, or not only one, has modules beside it.
 LAYERS = (
     *ADD_ONS,
-    "cli",
-    "nonlinear",
+    "scenes.cli",
+    "scenes",
+    "forms.nonlinear",
     "forms",
     "solving",
-    "check",
-    "interfaces",
+    "solving.check",
+    "solving.interfaces",
     "results",
     "quantities",
-    "accuracy",
-    "body",
-    "pairs",
-    "shapes",
-    "mesh",
-    "effects",
-    "materials",
-    "laws",
-    "scene",
-    "algorithms",
-    "problem",
-    "linalg",
-    "contact",
-    "ground",
-    "kinematics",
+    "results.accuracy",
+    "mechanics.body",
+    "mechanics.pairs",
+    "mechanics.shapes",
+    "mechanics.mesh",
+    "mechanics.effects",
+    "mechanics.materials",
+    "mechanics.laws",
+    "mechanics.statement",
+    "algebra.algorithms",
+    "algebra.problem",
+    "algebra.linalg",
+    "algebra.contact",
+    "algebra",
+    "mechanics.kinematics",
+    "records",
     "machine",
-    "errors",
-    "constants",
+    "ground",
 )
 # The packages that solve a contact problem given by matrices: they import nothing of those above them.
-CORE = ("algorithms", "problem", "linalg", "contact")
-TOP_LEVEL = {
-    "cli": ("__main__",),
-    "body": ("model",),
-    "scene": ("statement",),
-    "ground": (
-        *(
-            "attempts",
-            "compat",
-            "csv_text",
-            "display",
-            "extensions",
-            "manifest",
-            "method",
-            "parallel",
-            "petsc_start",
-            "records",
-            "result_files",
-        ),
-        *("scales", "units"),
-    ),
-    "errors": ("errors",),
-    "constants": ("tuned",),
+CORE = ("algebra.algorithms", "algebra.problem", "algebra.linalg", "algebra.contact")
+BESIDE = {
+    "scenes.cli": ("__main__",),
+    "mechanics.body": ("mechanics.model", "mechanics.scales"),
+    "records": ("records", "machine.display"),
+    "ground": ("errors", "extensions", "tuned"),
 }
 SAYS = {
-    "ground": "Outcomes, records, plan of attempts, ranks, files of results, start of PETSc, versions, scales.",
-    "errors": "The ways in which a request can fail.",
-    "constants": "What was tuned, in one table.",
+    "records": "Outcomes, what has happened in a solve, and words for it.",
+    "ground": "The ways in which a request can fail, what other packages add, and what was tuned.",
 }
 # Packages of others, as the picture names them.
 OUTSIDE = (
@@ -121,21 +104,27 @@ def files() -> dict[str, Path]:
 
 @cache
 def packages() -> list[str]:
-    """The layers that are folders."""
-    return [layer for layer in LAYERS if (PACKAGE / layer).is_dir()]
+    """The layers that are folders, by their names with dots."""
+    return [layer for layer in LAYERS if folder_of(layer).is_dir()]
+
+
+def folder_of(layer: str) -> Path:
+    """Where the modules of a layer are."""
+    return PACKAGE.joinpath(*layer.split("."))
 
 
 @cache
 def layer_of(module: str) -> str:
-    """The layer of a module: its package, or the set of modules of the top level that it belongs to.
+    """The layer of a module: one that it lies beside, else the innermost package that is one.
 
     Raises:
         KeyError: it is in none.
     """
-    package = module.partition(".")[0]
-    if package in packages():
-        return package
-    return {name: layer for layer, modules in TOP_LEVEL.items() for name in modules}[module]
+    beside = {name: layer for layer, modules in BESIDE.items() for name in modules}
+    # A house of several layers alone, such as ``addons``, belongs to the uppermost of them.
+    houses = {layer.partition(".")[0]: layer for layer in reversed(LAYERS)}
+    parents = (module.rsplit(".", count)[0] for count in range(module.count(".") + 1))
+    return beside.get(module) or next((name for name in parents if name in packages()), "") or houses[module]
 
 
 @cache
@@ -179,7 +168,7 @@ def says(layer: str) -> str:
     """What a layer does, in one sentence."""
     if layer in SAYS:
         return SAYS[layer]
-    text = ast.get_docstring(ast.parse((PACKAGE / layer / "__init__.py").read_text(encoding="utf-8"))) or ""
+    text = ast.get_docstring(ast.parse((folder_of(layer) / "__init__.py").read_text(encoding="utf-8"))) or ""
     return text.split("\n\n")[0].replace("\n", " ")
 
 

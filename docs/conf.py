@@ -26,7 +26,7 @@ sys.path[:0] = [str(_ROOT), str(_ROOT / "docs")]
 from percent import as_markdown  # noqa: E402  # in this folder
 
 import signorini_fx  # noqa: E402
-from signorini_fx.attempts import PLAN  # noqa: E402
+from signorini_fx.algebra.attempts import PLAN  # noqa: E402
 from signorini_fx.extensions import ADD_ONS  # noqa: E402
 from signorini_fx.quantities.table import markdown  # noqa: E402
 
@@ -60,7 +60,7 @@ autodoc_mock_imports = [
     "scipy",
     "ufl",
 ]
-autodoc_mock_imports += ["signorini_fx.compat"]  # it refuses other versions of dolfinx
+autodoc_mock_imports += ["signorini_fx.machine.compat"]  # it refuses other versions of dolfinx
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented_params"

@@ -1,4 +1,4 @@
-"""Write docs/decks.md: what becomes of each keyword of an Abaqus input file, from signorini_fx/decks/keywords.py.
+"""Write docs/decks.md: what becomes of each keyword of an Abaqus input file, from addons/decks/keywords.py.
 
     ./env python3 docs/decks.py
 
@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "decks.md"
 sys.path.insert(0, str(ROOT))
 
-from signorini_fx.decks.keywords import RULES, Grade, Rule  # noqa: E402
+from signorini_fx.addons.decks.keywords import RULES, Grade, Rule  # noqa: E402
 
 HEAD = """# How a deck is read
 

@@ -2,7 +2,7 @@
 
     ./env python3 docs/refusals.py
 
-See ``signorini_fx/scene/features.py``.  A test checks that the page is up to date.
+See ``signorini_fx/mechanics/statement/features.py``.  A test checks that the page is up to date.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "refusals.md"
 sys.path.insert(0, str(ROOT))
 
-from signorini_fx import effects, materials  # noqa: E402
-from signorini_fx.body import limits  # noqa: E402
-from signorini_fx.bounds import bounded_scene  # noqa: E402
-from signorini_fx.derivatives import of_scene  # noqa: E402
-from signorini_fx.kinematics import KINDS  # noqa: E402
-from signorini_fx.scene.effect import Effect  # noqa: E402
-from signorini_fx.scene.features import REFUSED_BY_SETTINGS  # noqa: E402
-from signorini_fx.studies import reference  # noqa: E402
-from signorini_fx.uniqueness import contact_stiffness  # noqa: E402
+from signorini_fx.addons.bounds import bounded_scene  # noqa: E402
+from signorini_fx.addons.derivatives import of_scene  # noqa: E402
+from signorini_fx.addons.studies import reference  # noqa: E402
+from signorini_fx.addons.uniqueness import contact_stiffness  # noqa: E402
+from signorini_fx.mechanics import effects, materials  # noqa: E402
+from signorini_fx.mechanics.body import limits  # noqa: E402
+from signorini_fx.mechanics.kinematics import KINDS  # noqa: E402
+from signorini_fx.mechanics.statement.effect import Effect  # noqa: E402
+from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS  # noqa: E402
 
 # What is computed of a scene, and the features that it does not know.
 COMPUTED = {

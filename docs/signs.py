@@ -12,7 +12,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 
-from signorini_fx.pictures.style import STYLE
+from signorini_fx.addons.pictures.style import STYLE
 
 PICTURE = Path(__file__).resolve().parent / "images" / "signs.svg"
 BODY, GROUND, FORCE, MOTION = "#dfe8ef", "#8a8a8a", "#b3372f", "#1f5fa8"

@@ -8,6 +8,6 @@ adaptive refinement need to know.  Outlines and solids that several of them draw
 Bodies in space have the axis x[2] upwards and the foundation below.
 """
 
-from signorini_fx.scene.generators import Length, cells_of_grid, generator, refuse, refuse_too_large
+from signorini_fx.mechanics.statement.generators import Length, cells_of_grid, generator, refuse, refuse_too_large
 
 __all__ = ["Length", "cells_of_grid", "generator", "refuse", "refuse_too_large"]

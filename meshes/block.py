@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import Field
 
-from signorini_fx.mesh.tagged import gmsh_mesh
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, cells_of_grid, generator, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=5_000)]

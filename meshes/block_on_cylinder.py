@@ -24,8 +24,8 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import Field
 
-from signorini_fx.mesh.drawing import Drawing, Sizes, mesh_surface
-from signorini_fx.mesh.tagged import gmsh_mesh
+from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, mesh_surface
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse
 
 Angle = Annotated[float, Field(gt=0, le=90, allow_inf_nan=False)]

@@ -21,8 +21,8 @@ import numpy as np
 from mpi4py import MPI
 from pydantic import Field
 
-from signorini_fx.mesh.grid import create_box
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.mesh.grid import create_box
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.meshes import Length, generator, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=2_000)]

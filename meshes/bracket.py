@@ -27,8 +27,8 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.mesh.drawing import Drawing, Sizes, Surface, approximate_cells, mesh_solid, plane
-from signorini_fx.mesh.tagged import gmsh_mesh
+from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, Surface, approximate_cells, mesh_solid, plane
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse, refuse_too_large
 
 

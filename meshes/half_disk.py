@@ -20,8 +20,8 @@ from typing import Any, Literal
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.mesh.drawing import Drawing, Sizes, approximate_cells, mesh_surface
-from signorini_fx.mesh.tagged import gmsh_mesh
+from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, approximate_cells, mesh_surface
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse_too_large
 
 

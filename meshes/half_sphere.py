@@ -23,8 +23,8 @@ from typing import Any, Literal
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.mesh.drawing import Drawing, Part, Sizes, approximate_cells, cut_to_part, mesh_solid, plane
-from signorini_fx.mesh.tagged import gmsh_mesh
+from signorini_fx.mechanics.mesh.drawing import Drawing, Part, Sizes, approximate_cells, cut_to_part, mesh_solid, plane
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse_too_large
 
 

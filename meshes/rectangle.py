@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import Field
 
-from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.meshes import Length, cells_of_grid, generator, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=20_000)]

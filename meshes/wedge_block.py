@@ -18,8 +18,8 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import Field
 
-from signorini_fx.mesh.drawing import Drawing, mesh_extruded
-from signorini_fx.mesh.tagged import gmsh_mesh
+from signorini_fx.mechanics.mesh.drawing import Drawing, mesh_extruded
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse_too_large
 from signorini_fx.meshes.wedge import Angle, draw_section
 

@@ -12,21 +12,21 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
-    "effects.body_force": ("BodyForce",),
-    "effects.contact": (
+    "mechanics.effects.body_force": ("BodyForce",),
+    "mechanics.effects.contact": (
         "BilateralContact",
         "BondedContact",
         "UnilateralContact",
     ),
-    "effects.displacement": ("PrescribedDisplacement",),
-    "effects.fluid": ("Fluid",),
-    "effects.force": ("TotalForce",),
-    "effects.gravity": ("Gravity",),
-    "effects.preload": ("Preload",),
-    "effects.rotation": ("Rotation",),
-    "effects.springs": ("Springs",),
-    "effects.temperature": ("TemperatureChange",),
-    "effects.traction": ("SurfaceTraction",),
+    "mechanics.effects.displacement": ("PrescribedDisplacement",),
+    "mechanics.effects.fluid": ("Fluid",),
+    "mechanics.effects.force": ("TotalForce",),
+    "mechanics.effects.gravity": ("Gravity",),
+    "mechanics.effects.preload": ("Preload",),
+    "mechanics.effects.rotation": ("Rotation",),
+    "mechanics.effects.springs": ("Springs",),
+    "mechanics.effects.temperature": ("TemperatureChange",),
+    "mechanics.effects.traction": ("SurfaceTraction",),
     "errors": (
         "FormError",
         "InstallationError",
@@ -39,18 +39,18 @@ _PUBLIC = {
     ),
     "forms.contact_problem": ("ContactProblem",),
     "forms.meshes": ("solve_nested", "solve_to_accuracy"),
-    "mesh.section": ("section_in_space",),
-    "body.foundation": ("Foundation", "Pair"),
-    "laws.coulomb": ("Coulomb",),
-    "laws.none": ("NoFriction",),
-    "laws.protocol": ("FrictionLaw", "Parameter"),
-    "laws.tresca": ("Tresca",),
-    "materials.directed": ("DirectedMaterial",),
-    "materials.isotropic": ("LinearElastic",),
-    "materials.orthotropic": ("OrthotropicElastic",),
-    "materials.protocol": ("Material",),
-    "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
-    "nonlinear.problem": ("NonlinearContactProblem",),
+    "mechanics.mesh.section": ("section_in_space",),
+    "mechanics.body.foundation": ("Foundation", "Pair"),
+    "mechanics.laws.coulomb": ("Coulomb",),
+    "mechanics.laws.none": ("NoFriction",),
+    "mechanics.laws.protocol": ("FrictionLaw", "Parameter"),
+    "mechanics.laws.tresca": ("Tresca",),
+    "mechanics.materials.directed": ("DirectedMaterial",),
+    "mechanics.materials.isotropic": ("LinearElastic",),
+    "mechanics.materials.orthotropic": ("OrthotropicElastic",),
+    "mechanics.materials.protocol": ("Material",),
+    "mechanics.mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
+    "forms.nonlinear.problem": ("NonlinearContactProblem",),
     "quantities.quantity": ("Quantity",),
     "quantities.read_results": ("read_results",),
     "records": ("Status",),
@@ -58,12 +58,13 @@ _PUBLIC = {
     "results.progress_line": ("ProgressLine",),
     "results.solution": ("ConvergenceError", "Solution"),
     "results.summary": ("print_progress",),
-    "scene.load_steps": ("LoadPath", "LoadSteps"),
-    "scene.scene": ("Body", "MeshFile", "MeshGenerator", "Scene"),
-    "scene.settings": ("Accuracy", "Box", "Discretised", "SolverSettings", "TitleBlock", "Units"),
-    "scene.reading": ("read_scene",),
-    "solving.solver": ("solve",),
-    "solving.sweep": ("SweepPoint", "sweep"),
+    "mechanics.statement.load_steps": ("LoadPath", "LoadSteps"),
+    "mechanics.statement.mesh_sources": ("Body", "MeshFile", "MeshGenerator"),
+    "scenes.scene": ("Scene",),
+    "mechanics.statement.settings": ("Accuracy", "Box", "Discretised", "SolverSettings", "TitleBlock", "Units"),
+    "scenes.reading": ("read_scene",),
+    "scenes.solver": ("solve",),
+    "scenes.sweep": ("SweepPoint", "sweep"),
 }
 # Those of add-ons.
 _ADDED = ("plot", "pyvista_grid", "sensitivity")
@@ -73,7 +74,7 @@ _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in name
 
 if TYPE_CHECKING:
     from signorini_fx.results.solution import ConvergenceError as ConvergenceError
-    from signorini_fx.solving.solver import solve as solve
+    from signorini_fx.scenes.solver import solve as solve
 
 __all__ = sorted((*_MODULE_OF, *_ADDED))
 

@@ -2,6 +2,6 @@
 
 import sys
 
-from signorini_fx.cli import main
+from signorini_fx.scenes.cli import main
 
 sys.exit(main())

@@ -194,10 +194,10 @@ def solved_load(scene: dict[str, Any]) -> float:
     """The resultant of the load as the mesh integrates it."""
     from mpi4py import MPI
 
-    from signorini_fx.body.discretisation import discretise
-    from signorini_fx.mesh.tagged import load_mesh
+    from signorini_fx.mechanics.body.discretisation import discretise
     from signorini_fx.records import Timings
-    from signorini_fx.scene.reading import parse_scene
+    from signorini_fx.scenes.mesh import load_mesh
+    from signorini_fx.scenes.reading import parse_scene
 
     parsed = parse_scene(scene)
     applied = discretise(parsed.statement, load_mesh(parsed, MPI.COMM_SELF), Timings()).applied

@@ -18,12 +18,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import sensitivity
-from signorini_fx.derivatives.entries import default_entries, varied
-from signorini_fx.derivatives.of_scene import Sensitivity
+from signorini_fx.addons.derivatives.entries import default_entries, varied
+from signorini_fx.addons.derivatives.of_scene import Sensitivity
 from signorini_fx.errors import SceneError
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import Scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Scene
 
 COMM = MPI.COMM_WORLD
 # Relative error allowed, and data of each scene.

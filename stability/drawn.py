@@ -146,7 +146,7 @@ def mutants(file: str, source: str, lines: set[int], known: Mapping[str, Any], c
 
 def rooms(files: Sequence[str]) -> list[str]:
     """The folders of tests about some modules, and the one about all of the method."""
-    names = {Path(file).parts[1] for file in files} | {"verification"}
+    names = {folder for file in files for folder in Path(file).parts[1:-1]} | {"verification"}
     return sorted(f"tests/{name}" for name in names if (ROOT / "tests" / name).is_dir())
 
 

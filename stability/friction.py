@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.check.checks import check_scene
-from signorini_fx.contact.laws import ActiveSets, Nodal
+from signorini_fx.algebra.contact.laws import ActiveSets, Nodal
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
 from stability.case import CONVERGED, Case, Finding
 from stability.measure import REGULARISED, apart, difference, found, solved, solved_from
 from stability.scenes import example1

@@ -34,12 +34,12 @@ from signorini_fx import (
     Tresca,
     solve,
 )
-from signorini_fx.body.quadrature import strain_degree
-from signorini_fx.kinematics.axisymmetric import AXISYMMETRIC
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.body.quadrature import strain_degree
+from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Status
 from signorini_fx.results.solution import StepResult
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 Array = npt.NDArray[np.float64]
 # By how much two fronts may differ, relative to the largest value of all load steps: two assemblies of one problem

@@ -27,16 +27,17 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx import effects, extensions, shapes
+from signorini_fx import extensions
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files import gmsh_files, reading_process
-from signorini_fx.mesh.files.raw import RawMesh
-from signorini_fx.mesh.tagged import read_mesh
+from signorini_fx.mechanics import effects, shapes
+from signorini_fx.mechanics.mesh.files import gmsh_files, reading_process
+from signorini_fx.mechanics.mesh.files.raw import RawMesh
+from signorini_fx.mechanics.mesh.tagged import read_mesh
+from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.records import Status
-from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.reading import parse_scene, parse_scene_text
-from signorini_fx.scene.template import starting_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene, parse_scene_text
+from signorini_fx.scenes.solver import solve
+from signorini_fx.scenes.template import starting_scene
 from stability.case import CONVERGED, Case, Finding
 from stability.mutations import repeated, spoilt_bytes, spoilt_expression, spoilt_text
 from stability.scenes import example1

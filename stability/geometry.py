@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.results.solution import Solution
 from stability.case import Case, Finding
 from stability.measure import REGULARISED, counts, difference, found, solved, worst

@@ -9,16 +9,16 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.laws import ActiveSets, Nodal
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.contact.laws import ActiveSets, Nodal
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import Scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving.one_mesh import contact_task, solve_contact
-from signorini_fx.solving.solver import solve
 from stability.case import Finding
 
 

@@ -555,7 +555,7 @@ MUTANTS = (
         tests=("elliptic_friction",),
     ),
     Mutant(
-        "scene/point_values",
+        "statement/point_values",
         "values[far(at)] = np.nan",
         "pass",
         "temperature of a mesh: also where its hull covers the body, and no cell does",
@@ -674,7 +674,7 @@ MUTANTS = (
         tests=("springs",),
     ),
     Mutant(
-        "scene/effect",
+        "statement/effect",
         "-self.reaction(y, on)",
         "self.reaction(y, on)",
         "error estimate: springs push",
@@ -4611,7 +4611,7 @@ MUTANTS = (
         tests=("jumping_loads::test_what_is_guaranteed",),
     ),
     Mutant(
-        "scene/expressions",
+        "statement/expressions",
         "_degree(node) <= 1 and not _jumps(node)",
         "_degree(node) <= 1",
         "bounds: a comparison of functions that jump says where",

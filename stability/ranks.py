@@ -12,8 +12,8 @@ from mpi4py import MPI
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 from stability.case import Case, Finding
 from stability.measure import counts, difference, found
 from stability.scenes import LAWS, example1

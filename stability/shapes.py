@@ -10,7 +10,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.mesh.tagged import TaggedMesh, gmsh_mesh, tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, gmsh_mesh, tag_boundaries
 
 Points = npt.NDArray[np.float64]
 Marker = Callable[[Points], npt.NDArray[np.bool_]]

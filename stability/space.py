@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.laws import ActiveSets
+from signorini_fx.algebra.contact.laws import ActiveSets
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
 from stability.case import CONVERGED, Case, Finding

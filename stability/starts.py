@@ -8,8 +8,8 @@ from functools import cache, partial
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.laws import ActiveSets
+from signorini_fx.algebra.contact.laws import ActiveSets
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.results.solution import Solution
 from stability.case import Case, Finding
 from stability.measure import apart, found, solved, solved_from

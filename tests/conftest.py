@@ -14,7 +14,7 @@ from pathlib import Path
 # Read where MPI starts: ranks that wait let others have the core.
 os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
 
-from mpi4py import MPI  # first, see signorini_fx.body
+from mpi4py import MPI  # first, see signorini_fx.mechanics.body
 
 # isort: split
 import pytest
@@ -26,7 +26,7 @@ from hypothesis.strategies import none
 from loaded_reader import LoadedReader
 from tiers import NOT_THERE, costly, node_of, slow_on
 
-from signorini_fx.mesh.files import reading
+from signorini_fx.mechanics.mesh.files import reading
 
 if os.environ.get("SFX_WITHOUT_ADD_ONS"):
     pytest_plugins = ["without_add_ons"]

@@ -16,10 +16,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from signorini_fx.body.contact_table import ContactTable
-from signorini_fx.picture_data.body_cells import gather_cells
-from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh
-from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.addons.picture_data.body_cells import gather_cells
+from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
+from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.mechanics.body.contact_table import ContactTable
 from signorini_fx.results.solution import Solution
 
 from . import laboratory as lab

@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import Box, Coulomb, Scene, TaggedMesh, Tresca, generate_mesh, tag_boundaries
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_SELF
 GRID = (120, 40)

@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.csv_text import write_csv
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import MeshGenerator, Scene
-from signorini_fx.scene.settings import Accuracy, SolverSettings
-from signorini_fx.solving.solver import solve
-from signorini_fx.studies.reference import Reference, reference_errors
+from signorini_fx.addons.studies.reference import Reference, reference_errors
+from signorini_fx.machine.csv_text import write_csv
+from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
+from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
 
 QUANTITIES = ("energy", "pressure", "force")
 TARGETS = {"energy": 0.25, "pressure": 0.2, "force": 0.02}

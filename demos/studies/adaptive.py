@@ -19,9 +19,9 @@ from cases import reference_of, scene_of
 from effectivity import as_asked, one_after_the_other
 from matplotlib.figure import Figure
 
-from signorini_fx.csv_text import write_csv
-from signorini_fx.pictures.style import RULE, STYLE, finish
-from signorini_fx.studies.reference import on_mesh
+from signorini_fx.addons.pictures.style import RULE, STYLE, finish
+from signorini_fx.addons.studies.reference import on_mesh
+from signorini_fx.machine.csv_text import write_csv
 
 SCENE = "example2_tresca"
 # Element: sizes of uniform cells relative to those of the demo, what the adaptive meshes are asked for.

@@ -26,13 +26,13 @@ import random_scenes
 from mpi4py import MPI
 from cases import reference_of, scene_of
 
-from signorini_fx.csv_text import write_csv
+from signorini_fx.addons.studies.methods import methods
+from signorini_fx.addons.studies.reference import on_mesh
+from signorini_fx.addons.studies.work_precision import work_of
 from signorini_fx.errors import SignoriniError
-from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.solver import solve
-from signorini_fx.studies.methods import methods
-from signorini_fx.studies.reference import on_mesh
-from signorini_fx.studies.work_precision import work_of
+from signorini_fx.machine.csv_text import write_csv
+from signorini_fx.mechanics.statement.settings import Accuracy
+from signorini_fx.scenes.solver import solve
 
 SCENES = ("example1_tresca", "example1_coulomb", "hertz_degree2", "hertz")
 TARGETS = (1e-1, 1e-2, 1e-3)

@@ -4,8 +4,8 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.studies.reference import Reference, divided, reference_errors, reference_solution
+from signorini_fx.addons.studies.reference import Reference, divided, reference_errors, reference_solution
+from signorini_fx.scenes.reading import parse_scene, read_scene
 
 SCENES = Path(__file__).parent.parent / "scenes"
 UNKNOWNS = 200_000

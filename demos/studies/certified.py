@@ -14,11 +14,11 @@ from pathlib import Path
 from mpi4py import MPI
 
 from signorini_fx.errors import SignoriniError
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.scene.scene import Scene
-from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
 
 SCENES = Path(__file__).parent.parent / "scenes"
 # A run that takes longer ends by name.

@@ -22,14 +22,14 @@ from mpi4py import MPI
 from cases import reference_of, scene_of
 from dolfinx import fem
 
-from signorini_fx.accuracy.price_list import price_list
-from signorini_fx.csv_text import write_csv
-from signorini_fx.mesh.hierarchy import scene_on
-from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.machine.csv_text import write_csv
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
-from signorini_fx.scene.settings import Accuracy
+from signorini_fx.results.accuracy.price_list import price_list
+from signorini_fx.scenes.hierarchy import scene_on
+from signorini_fx.scenes.mesh_sequence import SceneMesh, meshes_of
 from signorini_fx.solving.meshed_problem import SolvedMesh
-from signorini_fx.solving.scene_meshes import SceneMesh, meshes_of
 from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 
 # Sizes of the cells, relative to those of the scene.

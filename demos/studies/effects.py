@@ -19,11 +19,11 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from signorini_fx.accuracy.price_list import peak_memory
-from signorini_fx.csv_text import write_csv
-from signorini_fx.mesh.tagged import generate_mesh
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.machine.csv_text import write_csv
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.results.accuracy.price_list import peak_memory
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 PRESSED = {"boundary": "top", "y": "-20 if 1 <= x[0] <= 2 else 0"}
 CONTACT = {"boundary": "bottom", "gap": "0.003*(x[0] - 1.5)**2 + 0.001"}

@@ -34,7 +34,7 @@ def _scene(scene: Any, first: float = 1.0) -> Callable[[float], Any]:
     from mpi4py import MPI
 
     from signorini_fx import solve
-    from signorini_fx.mesh.hierarchy import scene_on
+    from signorini_fx.scenes.hierarchy import scene_on
 
     return lambda finer: solve(scene_on(scene, first / finer), MPI.COMM_SELF)
 
@@ -42,7 +42,7 @@ def _scene(scene: Any, first: float = 1.0) -> Callable[[float], Any]:
 def parsed(
     cells: tuple[int, int], size: tuple[float, float] = (3.0, 1.0), cell: str = "quadrilateral", **data: Any
 ) -> Any:
-    from signorini_fx.scene.reading import parse_scene
+    from signorini_fx.scenes.reading import parse_scene
 
     mesh = {
         "generator": "rectangle",
@@ -101,7 +101,7 @@ def _drawn(seed: int, linear: int, quadratic: int) -> Problems:
 
 
 def _no_friction() -> Any:
-    from signorini_fx.laws.none import NoFriction
+    from signorini_fx.mechanics.laws.none import NoFriction
 
     return NoFriction()
 
@@ -166,7 +166,7 @@ def _pair(
     cell: str = "quadrilateral",
 ) -> Any:
     """A body of 2 x 1 that is pressed on one of ``wide`` x 1, with so many cells per unit of length."""
-    from signorini_fx.scene.reading import parse_scene
+    from signorini_fx.scenes.reading import parse_scene
 
     hypothesis = {"hypothesis": "axisymmetric"} if turned else {}
 

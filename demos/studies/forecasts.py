@@ -140,7 +140,7 @@ def main() -> None:
         problem = problems(kinds, kind)[int(number)]
         print(json.dumps(row_of(problem, None if options.needed is None else _needed(options.needed, problem))))
         return
-    from signorini_fx.csv_text import write_csv
+    from signorini_fx.machine.csv_text import write_csv
 
     rows = []
     for kind in options.kind or kinds:

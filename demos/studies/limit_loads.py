@@ -25,9 +25,9 @@ from scipy.optimize import linprog
 
 from signorini_fx.records import IterationRecord, OuterRecord, Progress, Record, Status, StepRecord
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import Scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
 
 Values = npt.NDArray[np.float64]
 WIDEST, FURTHEST, MOST_WORK = 0.01, 0.01, 5.0

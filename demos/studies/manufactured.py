@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import ufl
 
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 YOUNG, POISSON = 200.0, 0.3
 MU = YOUNG / (2 * (1 + POISSON))

@@ -35,8 +35,8 @@ def levels_of(name: str) -> None:
     from mpi4py import MPI
     from effectivity import one_after_the_other
 
-    from signorini_fx.accuracy.price_list import peak_memory
-    from signorini_fx.mesh.hierarchy import scene_on
+    from signorini_fx.results.accuracy.price_list import peak_memory
+    from signorini_fx.scenes.hierarchy import scene_on
 
     scene = accuracy_in_space.SCENES[name]() if name in accuracy_in_space.SCENES else scene_of(name)
     # Forms are compiled, libraries loaded.
@@ -49,7 +49,7 @@ def levels_of(name: str) -> None:
 
 def measured(name: str) -> list[dict]:
     """One row per mesh that could be predicted."""
-    from signorini_fx.accuracy.price_list import Price, predict
+    from signorini_fx.results.accuracy.price_list import Price, predict
 
     command = [sys.executable, __file__, "--levels-of", name]
     rounds = [
@@ -102,7 +102,7 @@ def main() -> None:
     if options.levels_of:
         levels_of(options.levels_of)
         return
-    from signorini_fx.csv_text import write_csv
+    from signorini_fx.machine.csv_text import write_csv
 
     options.out.mkdir(parents=True, exist_ok=True)
     rows = [row for name in options.scene or SCENES for row in measured(name)]

@@ -20,12 +20,12 @@ import numpy as np
 from mpi4py import MPI
 from matplotlib.tri import Triangulation
 
-from signorini_fx.bounds.error_bound import Bounded
+from signorini_fx.addons.bounds.error_bound import Bounded
 from signorini_fx.quantities.statements import ErrorBound
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.results.summary import summarise
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 # How much finer the mesh of the reference is, and the share of a force or a width that is round-off.
 FINER, ROUND_OFF = 4, 1e-12

@@ -15,18 +15,19 @@ import numpy as np
 from mpi4py import MPI
 from dolfinx import mesh as dmesh
 
-from signorini_fx import compat
+from signorini_fx.addons.studies.reference import EXACT, Reference
+from signorini_fx.addons.studies.work_precision import work_of
 from signorini_fx.errors import SignoriniError
-from signorini_fx.mesh.refinement import mark, refine
-from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.mesh.refinement import mark, refine
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
+from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scene.scene import MeshGenerator, Scene
-from signorini_fx.scene.settings import SolverSettings
-from signorini_fx.solving.scene_meshes import SceneMesh
-from signorini_fx.solving.solver import solve
-from signorini_fx.studies.reference import EXACT, Reference
-from signorini_fx.studies.work_precision import work_of
+from signorini_fx.scenes.mesh_sequence import SceneMesh
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
 
 NEAR = 1e-9
 QUANTITIES = ("energy", "pressure", "force")

@@ -33,10 +33,10 @@ def run(name: str) -> None:
     from mpi4py import MPI
     from cases import scene_of
 
-    from signorini_fx import parallel
-    from signorini_fx.accuracy.price_list import peak_memory
-    from signorini_fx.solving.solver import solve
-    from signorini_fx.studies.reference import on_mesh
+    from signorini_fx.addons.studies.reference import on_mesh
+    from signorini_fx.machine import parallel
+    from signorini_fx.results.accuracy.price_list import peak_memory
+    from signorini_fx.scenes.solver import solve
 
     factor, settings = METHODS[name]
     scene, comm = on_mesh(scene_of(SCENE), factor, "Q1", settings), MPI.COMM_WORLD
@@ -68,7 +68,7 @@ def main() -> None:
     if options.run:
         run(options.run)
         return
-    from signorini_fx.csv_text import write_csv
+    from signorini_fx.machine.csv_text import write_csv
 
     rows = []
     for name in METHODS:

@@ -21,10 +21,10 @@ from unittest import mock
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.algorithms import ssn
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import Scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.algebra.algorithms import ssn
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
 
 LAWS = {"none": None, "tresca": {"law": "tresca", "bound": 0.05}, "coulomb": {"law": "coulomb", "coefficient": 0.3}}
 

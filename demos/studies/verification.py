@@ -21,9 +21,9 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.scene.scene import Scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 TABLE = SCENES.parents[1] / "docs" / "evidence" / "benchmarks.csv"

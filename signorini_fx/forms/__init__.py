@@ -3,4 +3,4 @@
 It knows UFL forms, function spaces and Dirichlet conditions.  It must not know materials or scenes.
 """
 
-import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body

@@ -12,13 +12,13 @@ import ufl
 from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
 
-from signorini_fx import compat, parallel
-from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.laws.protocol import FrictionLaw
-from signorini_fx.mesh.section import is_section
-from signorini_fx.scene.settings import SolverSettings
-from signorini_fx.scene.values import kind_of
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
+from signorini_fx.mechanics.laws.protocol import FrictionLaw
+from signorini_fx.mechanics.mesh.section import is_section
+from signorini_fx.mechanics.statement.settings import SolverSettings
+from signorini_fx.mechanics.statement.values import kind_of
 
 Facets = npt.NDArray[np.int32]
 # Settings of a scene that concern its meshes, or its first load step.

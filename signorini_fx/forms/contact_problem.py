@@ -10,15 +10,7 @@ from dolfinx import fem
 from dolfinx.mesh import MeshTags
 from petsc4py import PETSc
 
-from signorini_fx import parallel
-from signorini_fx.accuracy.error_estimates import Errors
-from signorini_fx.accuracy.price_list import Price, price_list
-from signorini_fx.algorithms.task import Outcome
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.contact_table import ContactTable
-from signorini_fx.body.deformation import Deformation
-from signorini_fx.body.foundation import Foundation, Pair
-from signorini_fx.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms import options
@@ -29,13 +21,21 @@ from signorini_fx.forms.mechanics import NO_STRESS
 from signorini_fx.forms.results import errors_of, findings_of_last, level_of, model_of, solution_of
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import Clock, FormSteps, checkpoint_of, solve_path
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.body.deformation import Deformation
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, History, Status
+from signorini_fx.results.accuracy.error_estimates import Errors
+from signorini_fx.results.accuracy.price_list import Price, price_list
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.scene.load_steps import LoadPath
-from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.load_steps import StepProgress
 from signorini_fx.solving.restart import MeshCheckpoint
 
@@ -395,7 +395,7 @@ class ContactProblem:
         Args:
             number: of the foundation in ``contact``.
             placement: its shift, rotation and pivot, or its force, moment and prescribed components, see
-                ``scene.rigid_shape.Shape``; what is left out stays.
+                ``statement.rigid_shape.Shape``; what is left out stays.
 
         Raises:
             FormError: it has no shape, or the placement is wrong.

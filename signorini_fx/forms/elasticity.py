@@ -13,19 +13,19 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
-from signorini_fx import compat, parallel
-from signorini_fx.body.assembly import facet_entities
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.pieces import find_pieces
-from signorini_fx.body.rigid_bodies import Driven
+from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.kinematics import CARTESIAN
-from signorini_fx.linalg.elasticity import LoadCase
-from signorini_fx.mesh.tagged import diameter_of
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.pieces import find_pieces
+from signorini_fx.mechanics.body.rigid_bodies import Driven
+from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.mesh.tagged import diameter_of
+from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Inventory
-from signorini_fx.scales import Scales
-from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.tuned import SAME_ENTRY
 
 Array = npt.NDArray[np.float64]

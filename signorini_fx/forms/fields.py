@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.node_positions import node_positions
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.node_positions import node_positions
 
 
 @dataclass(frozen=True)

@@ -16,17 +16,18 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.assembly import action, assemble
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.foundation import Foundation, Pair
-from signorini_fx.body.foundations import FoundationData
 from signorini_fx.forms.given import Facets, GivenForms
 from signorini_fx.forms.resultants import FormResultants, integrals_of
 from signorini_fx.forms.stated_data import stated_body
 from signorini_fx.forms.stress import stresses_of
-from signorini_fx.model import Model
+from signorini_fx.mechanics.body.assembly import action, assemble
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
+from signorini_fx.mechanics.body.foundations import FoundationData
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.scales import Scales
 from signorini_fx.quantities.statements import Refused
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.equilibrium import Balance
 from signorini_fx.results.safety import Safety
@@ -34,7 +35,6 @@ from signorini_fx.results.sections import SectionForce
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
-from signorini_fx.scales import Scales
 
 Nodal = npt.NDArray[np.float64]
 NO_STRESS = "only the form knows the stresses: give stress=, a function of the displacement"

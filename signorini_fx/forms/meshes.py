@@ -10,26 +10,26 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dolfinx import mesh as dmesh
 
-from signorini_fx.accuracy.error_estimates import Errors
-from signorini_fx.accuracy.mesh_level import LevelResult
-from signorini_fx.accuracy.plan import refuse_adaptive_peak
-from signorini_fx.accuracy.pressure_error import polygon_error
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.foundation import Pair
-from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.forms.results import solution_of
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
-from signorini_fx.mesh.refinement import check_divisible, refine
-from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.foundation import Pair
+from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
+from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
+from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
+from signorini_fx.results.accuracy.error_estimates import Errors
+from signorini_fx.results.accuracy.local_estimates import refuse_adaptive_peak
+from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
-from signorini_fx.scene.load_steps import LoadPath
-from signorini_fx.scene.settings import Accuracy, SolverSettings
-from signorini_fx.scene.values import kind_of
 from signorini_fx.solving import nested, to_accuracy
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.first_start import CoarserMesh

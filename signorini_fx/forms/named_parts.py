@@ -11,23 +11,23 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from pydantic import BaseModel
 
-from signorini_fx import parallel
-from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.foundation import Foundation, Pair
-from signorini_fx.body.rigid_bodies import RigidBodies
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
+from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given import Facets, GivenForms
-from signorini_fx.kinematics import of_components
-from signorini_fx.laws.none import NoFriction
-from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.model import Model
-from signorini_fx.scene.load_steps import LoadPath, LoadSteps
-from signorini_fx.scene.settings import Discretised
-from signorini_fx.statement import Statement
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
+from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
+from signorini_fx.mechanics.kinematics import of_components
+from signorini_fx.mechanics.laws.none import NoFriction
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.load_steps import LoadPath, LoadSteps
+from signorini_fx.mechanics.statement.settings import Discretised
+from signorini_fx.mechanics.statement.statement import Statement
 
 if TYPE_CHECKING:
-    from signorini_fx.body.paired_points import PairedSides
+    from signorini_fx.mechanics.body.paired_points import PairedSides
 
 
 def names_of(forms: GivenForms) -> tuple[list[str], dict[int, str]]:

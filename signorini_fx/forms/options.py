@@ -8,8 +8,8 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from signorini_fx.check.petsc_options import refuse_exchanged, refused
-from signorini_fx.linalg.options import PREFIX
+from signorini_fx.algebra.linalg.options import PREFIX
+from signorini_fx.solving.check.petsc_options import refuse_exchanged, refused
 
 
 @contextmanager

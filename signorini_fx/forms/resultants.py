@@ -13,10 +13,10 @@ import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
-from signorini_fx import parallel
-from signorini_fx.body.assembly import action, assemble, facet_nodes
 from signorini_fx.forms.stress import exterior_facets
+from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.body.assembly import action, assemble, facet_nodes
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.equilibrium import Balance
 from signorini_fx.results.promised_law import Tractions

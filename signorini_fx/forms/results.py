@@ -6,24 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from signorini_fx.accuracy.data_error import DataError
-from signorini_fx.accuracy.error_estimates import Errors, combined
-from signorini_fx.accuracy.level_results import compliance_of, level_result
-from signorini_fx.accuracy.mesh_level import LevelResult
-from signorini_fx.body.assembly import facet_entities
-from signorini_fx.body.contact_table import contact_table
-from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
-from signorini_fx.check.shapes_in_results import shapes_in_results
 from signorini_fx.errors import FormError
 from signorini_fx.forms.named_parts import named_body
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import FormSteps
-from signorini_fx.model import Model
+from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Finding, Status
+from signorini_fx.results.accuracy.data_error import DataError
+from signorini_fx.results.accuracy.error_estimates import Errors, combined
+from signorini_fx.results.accuracy.level_results import compliance_of, level_result
+from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.asked_law import asked_law
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.scene.load_steps import LoadPath
+from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
+from signorini_fx.solving.check.shapes_in_results import shapes_in_results
 from signorini_fx.solving.load_steps import StepProgress, step_result
 from signorini_fx.solving.one_mesh import contact_solution, findings_of_steps, used_parameters
 

@@ -11,23 +11,12 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx import parallel
-from signorini_fx.accuracy.price_list import peak_memory
-from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.assembly import assemble
-from signorini_fx.body.averages import averaging
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.deformation import Deformation, deformation_of
-from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.foundation import Foundation, Pair
-from signorini_fx.body.foundations import FoundationData, Foundations, ShapeDistances
-from signorini_fx.body.rigid_bodies import RigidBodies, RigidBodyMotion
-from signorini_fx.body.supports import prescribed
-from signorini_fx.check.laws_in_results import laws_in_results
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.algebra.algorithms.strategy import solve_task
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.algebra.linalg.elasticity import LoadCase
+from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of
@@ -36,15 +25,26 @@ from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.given import GivenForms
 from signorini_fx.forms.mechanics import FormMechanics
 from signorini_fx.forms.stress import natural_modulus
-from signorini_fx.linalg.elasticity import LoadCase
+from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
-from signorini_fx.method import Settings
+from signorini_fx.mechanics.body.assembly import assemble
+from signorini_fx.mechanics.body.averages import averaging
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
+from signorini_fx.mechanics.body.foundations import FoundationData, Foundations, ShapeDistances
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodies, RigidBodyMotion
+from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
+from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
-from signorini_fx.scales import Scales
-from signorini_fx.scene.settings import SolverSettings
+from signorini_fx.solving.check.laws_in_results import laws_in_results
 from signorini_fx.solving.first_start import CoarserMesh, first_start
 from signorini_fx.solving.load_steps import judged as judged_status
 

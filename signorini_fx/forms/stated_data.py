@@ -17,16 +17,16 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.corealg.traversal import unique_pre_traversal
 
-from signorini_fx.body.assembly import action, facet_nodes
-from signorini_fx.effects.body_force import BodyForce
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.forms.given import Facets, GivenForms
 from signorini_fx.forms.named_parts import tagged_mesh
 from signorini_fx.forms.stated_values import stated
 from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.model import Model
+from signorini_fx.mechanics.body.assembly import action, facet_nodes
+from signorini_fx.mechanics.effects.body_force import BodyForce
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.tuned import SAME_DIRECTION, SAME_ENTRY
 

@@ -12,8 +12,8 @@ from ufl.algorithms import expand_derivatives
 from ufl.algorithms.analysis import extract_constants
 from ufl.algorithms.expand_indices import expand_indices
 
-from signorini_fx import compat
-from signorini_fx.scene.expressions import Expression
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.statement.expressions import Expression
 
 _FUNCTIONS = {"sin": "sin", "cos": "cos", "exp": "exp", "sqrt": "sqrt", "tan": "tan", "tanh": "tanh", "ln": "log"}
 _BETWEEN = {

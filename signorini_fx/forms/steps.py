@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.accuracy.price_list import peak_memory
-from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.joint_pressure import JointPressure
-from signorini_fx.contact.laws import Nodal
+from signorini_fx.algebra.algorithms.strategy import solve_task
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.forms.stated_values import constants_of
-from signorini_fx.linalg import ElasticSystem
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
+from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.promised_law import PreviousStep
 from signorini_fx.results.solution import StepResult
-from signorini_fx.scene.load_steps import LoadPath
-from signorini_fx.scene.values import kind_of
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.load_steps import StepProgress, all_load_steps, step_result
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint

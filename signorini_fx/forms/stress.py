@@ -15,15 +15,15 @@ from dolfinx import mesh as dmesh
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
-from signorini_fx import parallel
-from signorini_fx.accuracy.stress_recovery import StressRecovery, squared_residual
-from signorini_fx.body.assembly import facet_nodes
-from signorini_fx.body.elastic_law import cellwise_stress
-from signorini_fx.body.element_stress import ElementStress, stress_by
 from signorini_fx.errors import FormError
-from signorini_fx.kinematics import CARTESIAN
-from signorini_fx.mesh.section import is_section
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import facet_nodes
+from signorini_fx.mechanics.body.elastic_law import cellwise_stress
+from signorini_fx.mechanics.body.element_stress import ElementStress, stress_by
+from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.mesh.section import is_section
 from signorini_fx.records import Inventory
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import SAME_ENTRY

@@ -1,4 +1,4 @@
-"""The machine: the launcher, the requirements, the terminal and the compiler.
+"""The machine: ranks, the launcher, versions and requirements, the terminal, the compiler, and files in text.
 
-These modules do not know scenes, or how problems are solved.
+These modules do not know what is solved, or how.
 """

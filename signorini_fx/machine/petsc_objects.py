@@ -10,7 +10,7 @@ from __future__ import annotations
 import weakref
 from dataclasses import dataclass
 
-import mpi4py.MPI as MPI  # first, see signorini_fx.body
+import mpi4py.MPI as MPI  # first, see signorini_fx.mechanics.body
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 

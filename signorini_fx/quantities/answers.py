@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from signorini_fx.display import load_step
+from signorini_fx.machine.display import load_step
+from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import between, figure, percent, solved_prices
 from signorini_fx.quantities.families.cost import cost_in_words
 from signorini_fx.quantities.families.safety import used_friction
@@ -18,7 +19,6 @@ from signorini_fx.quantities.registry import error_of
 from signorini_fx.quantities.text import point_in_words
 from signorini_fx.quantities.validity import Validity, validity_of, was_solved
 from signorini_fx.records import CERTIFICATE_TOLERANCE, PROVED_FOR_BODY, Status
-from signorini_fx.units import with_unit
 
 # Of a share of the yield stress at a place where the stress has no limit, which the first answer tells.
 _NOT_SHOWN = "strength is not shown"

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
-from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.laws import Nodal
-from signorini_fx.mesh.points import cells_of_points
-from signorini_fx.model import Model
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.mesh.points import cells_of_points
+from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.quantities.registry import requested
 from signorini_fx.tuned import SAME_PLACE_IN_CELL

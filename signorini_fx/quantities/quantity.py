@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import figure
 from signorini_fx.quantities.kinds import Number
 from signorini_fx.quantities.text import digits, row
-from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
-    from signorini_fx.model import Model
+    from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
     from signorini_fx.quantities.statements import Interval
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from signorini_fx.errors import InstallationError, ResultError
+from signorini_fx.machine.result_files import read_csv, read_summary
 from signorini_fx.quantities.run import Run
 from signorini_fx.quantities.schema import summary_model
-from signorini_fx.result_files import read_csv, read_summary
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from pydantic import Field, create_model
@@ -11,7 +12,6 @@ from signorini_fx.quantities.kinds import DESCRIPTIONS, ExtremeOfStress, Number
 from signorini_fx.quantities.quantity import Quantity
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.quantities.run import RowOfSteps, Run
-from signorini_fx.scene.scene import Scene
 
 TITLE = "summary.json of signorini_fx"
 # Definitions that stand beside the table of the summary.
@@ -46,13 +46,13 @@ class _PlainSchema(GenerateJsonSchema):
         return self.generate_inner(schema["schema"])
 
 
-def summary_schema() -> dict[str, Any]:
-    """The JSON schema of summary.json with all quantities."""
+def schema_of_summary(tables: Iterable[str]) -> dict[str, Any]:
+    """The JSON schema of summary.json with all quantities; ``tables``: those of a scene."""
     raw = summary_model().model_json_schema(schema_generator=_PlainSchema)
     definitions = raw.pop("$defs")
     schema: dict[str, Any] = _plain(raw, definitions)
     schema["properties"]["scene"] |= {
-        "properties": {name: {} for name in Scene.model_fields}
+        "properties": {name: {} for name in tables}
         | {"forms": {"description": "Of a `ContactProblem` the forms that it was given, in place of what they hold."}},
         "additionalProperties": False,
     }

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import UNREGULARISED, Law
-from signorini_fx.scene.settings import SolverSettings
 
 # The algorithms whose result is to have no regularisation.
 _UNREGULARISED = ("alm", "exact")

@@ -26,9 +26,11 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx import parallel
-from signorini_fx.body.rigid_bodies import Drive, RigidBodyMotion
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.families.certificate import JUDGED, REPORTED
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
@@ -44,12 +46,10 @@ from signorini_fx.results.nodal_forces import NodalForces, left_over
 from signorini_fx.results.promised_law import UNREGULARISED, Law, PreviousStep, Tractions
 from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
-from signorini_fx.scales import Scales
-from signorini_fx.statement import Statement
 from signorini_fx.tuned import ABOVE_THE_MEAN, FAINT, LOST_UNITS, NO_FORCE
 
 if TYPE_CHECKING:
-    from signorini_fx.body.paired_points import PairedSides
+    from signorini_fx.mechanics.body.paired_points import PairedSides
 
 Nodal = npt.NDArray[np.float64]
 

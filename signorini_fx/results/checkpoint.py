@@ -25,13 +25,12 @@ from mpi4py import MPI
 from pydantic import BaseModel
 from scipy.spatial import cKDTree
 
-from signorini_fx import manifest, parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.errors import MeshError, OutputError, SceneError, cannot_be_written
-from signorini_fx.mesh.files.formats import files_of
+from signorini_fx.machine import manifest, parallel
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.mesh.files.formats import files_of
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, reserve
-from signorini_fx.scene.scene import Scene
 from signorini_fx.tuned import SAME_LENGTH
 
 Nodal = npt.NDArray[np.float64]
@@ -62,7 +61,9 @@ class Checkpoint:
         OutputError: there are files in its place that no run has written.
     """
 
-    def __init__(self, comm: MPI.Comm, folder: str | Path, scene: Scene | Mapping[str, Any], *, restart: bool) -> None:
+    def __init__(
+        self, comm: MPI.Comm, folder: str | Path, scene: BaseModel | Mapping[str, Any], *, restart: bool
+    ) -> None:
         self.path = Path(folder) / CHECKPOINT
         self._comm = comm
         self._scene = scene
@@ -358,7 +359,7 @@ def _size_of(displacement: fem.Function) -> float:
     return 8.0 * cells * space.dofmap.list.shape[1] * space.dofmap.index_map_bs + 1e5
 
 
-def _described(scene: Scene | Mapping[str, Any]) -> dict[str, Any]:
+def _described(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
     """The scene as JSON with all defaults, its files by content, without what changes no result: title, remarks."""
     if isinstance(scene, Mapping):
         return dict(json.loads(json.dumps(scene)))

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx import parallel
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.statement import Statement
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import CLOSED_BOUNDARY
 
 Array = npt.NDArray[np.float64]

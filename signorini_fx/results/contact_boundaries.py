@@ -9,10 +9,10 @@ import numpy.typing as npt
 from mpi4py import MPI
 from scipy.optimize import minimize
 
-from signorini_fx import parallel
-from signorini_fx.body.contact_state import ContactState
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.closed_boundaries import one_or_three, turning_of
-from signorini_fx.statement import Statement
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]

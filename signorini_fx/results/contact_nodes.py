@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx import parallel
-from signorini_fx.body.rigid_bodies import Drive, RigidBodyMotion
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature

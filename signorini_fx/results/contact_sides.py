@@ -9,15 +9,15 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.body.node_positions import node_positions
-from signorini_fx.effects.contact import BilateralContact, BondedContact
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.expressions import in_space, sample
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.contact_nodes import ContactSide
-from signorini_fx.scene.expressions import in_space, sample
-from signorini_fx.statement import Statement
 
 if TYPE_CHECKING:
-    from signorini_fx.body.paired_points import PairedSides
+    from signorini_fx.mechanics.body.paired_points import PairedSides
     from signorini_fx.results.paired_claim import Claim
 
 Nodal = npt.NDArray[np.float64]
@@ -39,7 +39,7 @@ def sides_of(
     factor = statement.kinematics.measure_at(x)
     claims: dict[int, Claim] = {}
     if any(effect.against is not None for effect in statement.contact):
-        from signorini_fx.body.discretisation import pairs_of
+        from signorini_fx.mechanics.body.discretisation import pairs_of
         from signorini_fx.results.paired_claim import claim_of
 
         paired = pairs_of(statement, tagged, space) if pairs is None else pairs

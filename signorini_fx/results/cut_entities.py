@@ -16,10 +16,10 @@ import numpy.typing as npt
 from dolfinx.mesh import Mesh, entities_to_geometry
 from scipy.spatial import Delaunay, QhullError
 
-from signorini_fx import compat
-from signorini_fx.body.quadrature import has_affine_parts
-from signorini_fx.scene.effect import Effect
-from signorini_fx.scene.expressions import Expression, in_space
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.body.quadrature import has_affine_parts
+from signorini_fx.mechanics.statement.effect import Effect
+from signorini_fx.mechanics.statement.expressions import Expression, in_space
 from signorini_fx.tuned import AFFINE, NO_PART
 
 Array = npt.NDArray[np.float64]

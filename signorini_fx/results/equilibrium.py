@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx import parallel
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
-from signorini_fx.scales import Scales
 from signorini_fx.tuned import FAINT, LOST_UNITS, NO_FORCE
 
 Nodal = npt.NDArray[np.float64]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from dolfinx import fem, io
 from dolfinx.plot import vtk_mesh
 
-from signorini_fx import compat, parallel
+from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.fenicsx import needs_fenicsx
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.vtu import bytes_of, write_vtu

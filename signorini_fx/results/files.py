@@ -15,23 +15,23 @@ import numpy.typing as npt
 from mpi4py import MPI
 from pydantic import BaseModel
 
-from signorini_fx import parallel
-from signorini_fx.body.contact_table import ContactTable, contact_table
-from signorini_fx.csv_text import Table, write_columns, write_csv
 from signorini_fx.errors import InstallationError, PictureError, cannot_be_written
 from signorini_fx.extensions import add_on
+from signorini_fx.machine import parallel
+from signorini_fx.machine.csv_text import Table, write_columns, write_csv
+from signorini_fx.machine.result_files import read_csv, read_facets
 from signorini_fx.machine.terminal import printable, say
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.body.contact_table import ContactTable, contact_table
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.registry import quantities, stage_of
 from signorini_fx.records import as_columns
-from signorini_fx.result_files import read_csv, read_facets
 from signorini_fx.results import afterthoughts
 from signorini_fx.results.fields import FIELD_FILES, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summary_of
-from signorini_fx.scene.values import kind_of
 
 T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.

@@ -19,9 +19,8 @@ from typing import Self
 
 from mpi4py import MPI
 
-from signorini_fx import manifest, parallel
 from signorini_fx.errors import OutputError, SignoriniError, cannot_be_written
-from signorini_fx.machine import signals
+from signorini_fx.machine import manifest, parallel, signals
 
 SUMMARY = "summary.json"
 # The complete load steps of a run that has not ended.

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signorini_fx import parallel
-from signorini_fx.contact.laws import Nodal, RegularisedData, inner, length, project, trial_pressure
-from signorini_fx.contact.state import PointState
+from signorini_fx.algebra.contact.laws import Nodal, RegularisedData, inner, length, project, trial_pressure
+from signorini_fx.algebra.contact.state import PointState
+from signorini_fx.machine import parallel
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 from dolfinx import default_scalar_type, fem
 
-from signorini_fx import compat
+from signorini_fx.machine import compat
 from signorini_fx.machine.compilation import compiling
 
 

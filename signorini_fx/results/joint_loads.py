@@ -11,9 +11,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, laplacian
 from scipy.sparse.linalg import spsolve
 
-from signorini_fx import parallel
-from signorini_fx.body.assembly import facet_nodes
-from signorini_fx.body.joint_pressure import Flags
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import facet_nodes
+from signorini_fx.mechanics.body.joint_pressure import Flags
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import PreviousStep, Tractions

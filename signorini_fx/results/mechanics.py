@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from dolfinx import fem
 
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.contact_state import ContactState
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.resultants import Resultants, StatedResultants
@@ -16,7 +16,7 @@ from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import RawStresses, Stresses
 
 if TYPE_CHECKING:
-    from signorini_fx.model import Model
+    from signorini_fx.mechanics.model import Model
     from signorini_fx.results.sections import SectionForce
 
 
@@ -38,7 +38,7 @@ class Mechanics(Protocol):
         Args:
             model: the body.
             y: the displacement, length.
-            step: the place, see ``scene.load_steps``.
+            step: the place, see ``statement.load_steps``.
             shared: where what projects is kept for other displacements.
 
         Raises:

@@ -18,21 +18,21 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx import parallel
-from signorini_fx.body.assembly import adjugates, assemble
-from signorini_fx.body.elastic_laws import volume_forces
-from signorini_fx.body.jumps import Jump, jumps_in
-from signorini_fx.body.loads import FormCoefficients, compile_loads
-from signorini_fx.body.moduli import reduced_degree
-from signorini_fx.body.quadrature import strain_degree
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import adjugates, assemble
+from signorini_fx.mechanics.body.elastic_laws import volume_forces
+from signorini_fx.mechanics.body.jumps import Jump, jumps_in
+from signorini_fx.mechanics.body.loads import FormCoefficients, compile_loads
+from signorini_fx.mechanics.body.moduli import reduced_degree
+from signorini_fx.mechanics.body.quadrature import strain_degree
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Points, Resistance
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
 from signorini_fx.results.cut_entities import cut_rules
 from signorini_fx.results.quadrature_points import QuadraturePoints
 from signorini_fx.results.surface_quadrature import QuadratureFacets, SurfaceQuadrature
-from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance
-from signorini_fx.scene.expressions import Expression, in_space, sample
-from signorini_fx.statement import Statement
 from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]

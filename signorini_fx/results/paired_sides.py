@@ -19,9 +19,9 @@ import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx import parallel
-from signorini_fx.body.averages import from_owners
-from signorini_fx.body.node_positions import node_positions
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.averages import from_owners
+from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.results.paired_claim import Claim
 from signorini_fx.tuned import PARTNERS_REACH
 

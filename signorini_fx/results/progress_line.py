@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
-from signorini_fx import parallel
-from signorini_fx.display import duration
-from signorini_fx.machine import terminal
+from signorini_fx.machine import parallel, terminal
+from signorini_fx.machine.display import duration
 from signorini_fx.tuned import PROGRESS_PAUSE
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.joint_pressure import JointPressure
-from signorini_fx.body.rigid_bodies import RigidBodyMotion
-from signorini_fx.contact.laws import Nodal
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.results.surface_quadrature import QuadratureFacets
-from signorini_fx.scene.effect import Effect
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class QuadraturePoints:
-    """Points of quadrature in cells or on facets with the same places in their reference cell, ``scene.effect.Points``.
+    """Points of quadrature in cells or on facets with equal places in the reference cell, ``statement.effect.Points``.
 
     Attributes:
         forces: ``NodalForces`` of the body.

@@ -11,25 +11,25 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx import parallel
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.node_positions import node_positions
-from signorini_fx.display import clean, html_table
-from signorini_fx.kinematics import CARTESIAN
-from signorini_fx.kinematics.cartesian import Kinematics
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.machine import parallel
+from signorini_fx.machine.display import clean, html_table
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.effect import Force, Resistance
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
-from signorini_fx.scene.effect import Force, Resistance
-from signorini_fx.statement import Statement
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
-    from signorini_fx.body.paired_points import PairedSides
+    from signorini_fx.mechanics.body.paired_points import PairedSides
 
 Array = npt.NDArray[np.float64]
 
@@ -242,7 +242,7 @@ class StatedResultants(Resultants):
     tractions of the contact.
 
     Attributes:
-        place: of the load step in the lists of factors, see ``scene.load_steps``.
+        place: of the load step in the lists of factors, see ``statement.load_steps``.
         pairs: bodies in contact as the solver has paired them, see ``sides_of``.
     """
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx import parallel
-from signorini_fx.body.pieces import find_pieces
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.pieces import find_pieces
 
 Array = npt.NDArray[np.float64]
 

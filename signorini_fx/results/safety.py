@@ -7,23 +7,23 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx import parallel
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.joint_pressure import work_on_motions
-from signorini_fx.body.limits import LimitSurface, Unproved, factor_at_least, factor_at_most, surface_of
-from signorini_fx.body.motion_names import names_of
-from signorini_fx.body.rigid import RigidMotions
-from signorini_fx.contact.friction import as_given
-from signorini_fx.contact.laws import Nodal
-from signorini_fx.contact.motions import FreeMotions, RigidLoad, total_work
-from signorini_fx.contact.reactions import Reactions, reactions
-from signorini_fx.contact.resting_place import resting_place
-from signorini_fx.contact.statics import Limit, along_contact, largest_multiple, null_space
-from signorini_fx.model import Model
+from signorini_fx.algebra.contact.friction import as_given
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad, total_work
+from signorini_fx.algebra.contact.reactions import Reactions, reactions
+from signorini_fx.algebra.contact.resting_place import resting_place
+from signorini_fx.algebra.contact.statics import Limit, along_contact, largest_multiple, null_space
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.joint_pressure import work_on_motions
+from signorini_fx.mechanics.body.limits import LimitSurface, Unproved, factor_at_least, factor_at_most, surface_of
+from signorini_fx.mechanics.body.motion_names import names_of
+from signorini_fx.mechanics.body.rigid import RigidMotions
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.stated import STRAIGHT_CELLS
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.effect import Force
-from signorini_fx.scene.stated import STRAIGHT_CELLS
-from signorini_fx.statement import Statement
 from signorini_fx.tuned import ALONG_CONTACT, SAME_LENGTH, SAME_LIMIT
 
 

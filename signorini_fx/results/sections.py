@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx import parallel
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.effect import Force
-from signorini_fx.statement import Statement
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any
 
-from signorini_fx.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
+from signorini_fx.machine.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.quantities.answers import error_in_words
 from signorini_fx.quantities.digits import between, figure

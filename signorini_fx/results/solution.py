@@ -11,23 +11,24 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import signorini_fx
-from signorini_fx import parallel
-from signorini_fx.accuracy.mesh_level import LevelResult
-from signorini_fx.accuracy.next_digit import CostOfAccuracy, crowded_share, from_one_mesh, from_prices
-from signorini_fx.accuracy.price_list import Price
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.contact_table import ContactTable, contact_table
-from signorini_fx.body.deformation import Deformation
-from signorini_fx.body.rigid_bodies import RigidBodyMotion
-from signorini_fx.display import html_table
+from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import LINEAR_SOLVERS, add_on, is_of_package, names_of
-from signorini_fx.linalg.choice import krylov_from
-from signorini_fx.model import Model
+from signorini_fx.machine import parallel
+from signorini_fx.machine.display import html_table
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.contact_table import ContactTable, contact_table
+from signorini_fx.mechanics.body.deformation import Deformation
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.registry import requested
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
+from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.next_digit import CostOfAccuracy, crowded_share, from_one_mesh, from_prices
+from signorini_fx.results.accuracy.price_list import Price
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.asked_law import AskedLaw, asked_law
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.closed_boundaries import Turning, turning_of
@@ -38,7 +39,6 @@ from signorini_fx.results.mechanics import Mechanics, StatedMechanics
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.statement import Statement
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.statements import ErrorBound, FixedPoint, Interval, Uniqueness
@@ -56,7 +56,7 @@ class StepResult:
 
     Attributes:
         step: its number, from 1.
-        place: its place in the lists of factors, see ``scene.load_steps``: 0 for the first factor.
+        place: its place in the lists of factors, see ``statement.load_steps``: 0 for the first factor.
         time: its time.
         name: its name; "": it has none.
         status: how it ended.

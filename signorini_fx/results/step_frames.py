@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx import parallel
-from signorini_fx.algorithms.task import Outcome, Start
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.laws import ActiveSets, length, unit
-from signorini_fx.contact.laws import Nodal as Array
-from signorini_fx.contact.resting_place import RestingMotion
+from signorini_fx.algebra.algorithms.task import Outcome, Start
+from signorini_fx.algebra.contact.laws import ActiveSets, length, unit
+from signorini_fx.algebra.contact.laws import Nodal as Array
+from signorini_fx.algebra.contact.resting_place import RestingMotion
 from signorini_fx.errors import FormError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.results.promised_law import PreviousStep
 from signorini_fx.tuned import SAME_DIRECTION
 

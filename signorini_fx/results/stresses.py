@@ -17,13 +17,13 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from signorini_fx import parallel
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.element_stress import ElementStress, element_stress
-from signorini_fx.body.moduli import of_materials
-from signorini_fx.body.node_positions import node_positions
-from signorini_fx.model import Model
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
+from signorini_fx.mechanics.body.moduli import of_materials
+from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Inventory
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.no_limit import why_no_limit
 from signorini_fx.results.nodal_forces import NodalForces
@@ -205,7 +205,7 @@ class RawStresses(StressFields):
     Attributes:
         recovery: gives what projects.
         energy: gives the strain energy of the displacement.
-        place: of the load step in the lists of factors, see ``scene.load_steps``.
+        place: of the load step in the lists of factors, see ``statement.load_steps``.
     """
 
     recovery: Callable[[], StressRecovery]

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx import parallel
-from signorini_fx.accuracy import price_list
-from signorini_fx.body.pieces import extent
-from signorini_fx.display import effort_in_words, results_of, status_in_words
+from signorini_fx.machine import parallel
+from signorini_fx.machine.display import effort_in_words, results_of, status_in_words
 from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.mechanics.body.pieces import extent
 from signorini_fx.quantities.registry import quantities, shown_lines, stage_of
 from signorini_fx.quantities.run import SCHEMA_VERSION
 from signorini_fx.quantities.text import row
 from signorini_fx.records import OuterRecord, Record, StepRecord
+from signorini_fx.results.accuracy import price_list
 from signorini_fx.results.afterthoughts import columns_of, proved
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.versions import versions

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx import parallel
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.expressions import sample
 from signorini_fx.tuned import SAME_DIRECTION
 
 Nodal = npt.NDArray[np.float64]

@@ -13,10 +13,10 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 
-from signorini_fx import compat
-from signorini_fx.body import forms
-from signorini_fx.body.assembly import adjugates, facet_entities, over_ranks
-from signorini_fx.body.node_positions import node_positions
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.body import forms
+from signorini_fx.mechanics.body.assembly import adjugates, facet_entities, over_ranks
+from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 
+from signorini_fx.algebra.linalg.failures import memory_ended
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.linalg.failures import memory_ended
 from signorini_fx.records import ACCURACY, History, Status
 from signorini_fx.results.solution import Solution
 

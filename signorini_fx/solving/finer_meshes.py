@@ -7,18 +7,18 @@ from math import ceil, inf
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx import parallel
-from signorini_fx.accuracy.plan import LOCAL
-from signorini_fx.accuracy.pressure_error import corners_of_error
-from signorini_fx.accuracy.price_list import fineness_of
-from signorini_fx.algorithms.task import Outcome, Task
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.mesh_levels import MeshLevel
+from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.refinement import cells_at, mark, refine
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.mesh.refinement import cells_at, mark, refine
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import Status
-from signorini_fx.scene.settings import Accuracy, SolverSettings
+from signorini_fx.results.accuracy.local_estimates import LOCAL
+from signorini_fx.results.accuracy.pressure_error import corners_of_error
+from signorini_fx.results.accuracy.price_list import fineness_of
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.tuned import (
     BULK,

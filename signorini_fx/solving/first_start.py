@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from signorini_fx.algorithms.task import Start, Task
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.mesh_levels import MeshLevel
-from signorini_fx.linalg.krylov import KrylovSystem
+from signorini_fx.algebra.algorithms.task import Start, Task
+from signorini_fx.algebra.linalg.krylov import KrylovSystem
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.solving.nested import carry_over
 
 

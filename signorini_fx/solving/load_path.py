@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import floor
 
-from signorini_fx.attempts import step_limit
+from signorini_fx.algebra.attempts import step_limit
+from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Status
-from signorini_fx.scene.load_steps import LoadPath
-from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.tuned import (
     EASY_STEP,
     ENCLOSED,
@@ -77,7 +77,7 @@ class Position:
 
 
 class Increments:
-    """Where a problem is on its path through load steps; places are those of ``scene.load_steps``.
+    """Where a problem is on its path through load steps; places are those of ``statement.load_steps``.
 
     Without a ramp every time is a load step, and one without a solution ends the way.  In a ramp its increment is
     halved, until the load is enclosed between one with and one without a solution, or the attempts without one have

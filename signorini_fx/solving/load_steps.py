@@ -12,18 +12,18 @@ from typing import Generic
 
 from dolfinx import fem
 
-from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.attempts import HALF, METHOD, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, Attempt, tried
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.deformation import Deformation
-from signorini_fx.contact.laws import Nodal, RegularisedData
-from signorini_fx.contact.statics import no_balance
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.attempts import HALF, METHOD, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, Attempt, tried
+from signorini_fx.algebra.contact.laws import Nodal, RegularisedData
+from signorini_fx.algebra.contact.statics import no_balance
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.deformation import Deformation
+from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History, Status, StepRecord
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
-from signorini_fx.scene.load_steps import LoadPath
-from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import MeshCheckpoint

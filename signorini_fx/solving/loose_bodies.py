@@ -11,15 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from signorini_fx import parallel
-from signorini_fx.algorithms.coulomb_statics import free_state
-from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.motion_names import names_of
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.laws import Nodal, RegularisedData, length
-from signorini_fx.contact.reactions import Reactions, reactions
-from signorini_fx.contact.statics import null_space, squeezed
+from signorini_fx.algebra.algorithms.coulomb_statics import free_state
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import Nodal, RegularisedData, length
+from signorini_fx.algebra.contact.reactions import Reactions, reactions
+from signorini_fx.algebra.contact.statics import null_space, squeezed
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.motion_names import names_of
 from signorini_fx.records import Finding, Status
 from signorini_fx.tuned import CLOSED_GAP
 

@@ -8,19 +8,19 @@ from typing import Any, Protocol, Self
 
 from mpi4py import MPI
 
-from signorini_fx.accuracy.error_estimates import Errors, worst_of
-from signorini_fx.accuracy.level_results import level_result
-from signorini_fx.accuracy.mesh_level import LevelResult
-from signorini_fx.accuracy.price_list import peak_memory
-from signorini_fx.algorithms.task import Outcome, Task
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.mesh_levels import MeshLevel
+from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.machine import signals
-from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History
+from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
+from signorini_fx.results.accuracy.level_results import level_result
+from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.settings import SolverSettings
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,15 @@ import numpy as np
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from signorini_fx import parallel
-from signorini_fx.accuracy.forecast import seconds_to_come
-from signorini_fx.accuracy.mesh_level import LevelResult
-from signorini_fx.accuracy.price_list import peak_memory, price_list, with_polygon
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.mesh_levels import MeshLevel
-from signorini_fx.contact.laws import ActiveSets, Nodal, length, unit
+from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, length, unit
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.records import History
+from signorini_fx.results.accuracy.forecast import seconds_to_come
+from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.price_list import peak_memory, price_list, with_polygon
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.meshed_problem import MeshedProblem

@@ -13,41 +13,41 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx import parallel
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.contact_data import first_sets
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.deformation import deformation_of
-from signorini_fx.body.discretisation import discretise, friction_of, placed
-from signorini_fx.body.mesh_levels import MeshLevel
-from signorini_fx.check.cost import estimated_cost
-from signorini_fx.check.findings import result_findings, scene_findings
-from signorini_fx.check.laws_in_results import laws_in_results
-from signorini_fx.check.one_step import tilted_frames
-from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
-from signorini_fx.check.refusals import refuse_beforehand
-from signorini_fx.check.shapes_in_results import shapes_in_results
-from signorini_fx.contact.laws import RegularisedData
-from signorini_fx.linalg import ElasticSystem, callbacks, finite, options
-from signorini_fx.linalg.choice import SystemSize, choose_system
-from signorini_fx.linalg.elasticity import Elasticity
-from signorini_fx.linalg.failures import factor_lacks_memory, memory_ended
-from signorini_fx.linalg.krylov import KrylovSystem
-from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.model import Model
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.laws import RegularisedData
+from signorini_fx.algebra.linalg import ElasticSystem, callbacks, finite, options
+from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
+from signorini_fx.algebra.linalg.elasticity import Elasticity
+from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended
+from signorini_fx.algebra.linalg.krylov import KrylovSystem
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_data import first_sets
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.deformation import deformation_of
+from signorini_fx.mechanics.body.discretisation import discretise, friction_of, placed
+from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.last_digits import left_by_last_digits
 from signorini_fx.results.solution import Solution, StepResult
+from signorini_fx.solving.check.cost import estimated_cost
+from signorini_fx.solving.check.findings import result_findings, scene_findings
+from signorini_fx.solving.check.laws_in_results import laws_in_results
+from signorini_fx.solving.check.one_step import tilted_frames
+from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
+from signorini_fx.solving.check.refusals import refuse_beforehand
+from signorini_fx.solving.check.shapes_in_results import shapes_in_results
 from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.load_steps import all_load_steps, judged, step_result
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.scene_steps import SceneSteps
 from signorini_fx.solving.stepped_problem import LoadStep
-from signorini_fx.statement import Statement
 from signorini_fx.tuned import LAST_DIGITS, PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.

@@ -13,18 +13,18 @@ from typing import Any, Generic
 
 import numpy as np
 from mpi4py import MPI
+from pydantic import BaseModel
 
-from signorini_fx import parallel
-from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.joint_pressure import JointPressure
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, bound_of_sets, slope_of_bound, unit
-from signorini_fx.problem.exact import ExactProblem
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData, bound_of_sets, slope_of_bound, unit
+from signorini_fx.algebra.problem.exact import ExactProblem
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
-from signorini_fx.scene.scene import Scene
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.stepped_problem import P
 
@@ -219,7 +219,7 @@ class MeshCheckpoint:
 def open_checkpoint(
     comm: MPI.Comm,
     folder: str | Path,
-    scene: Scene | Mapping[str, Any],
+    scene: BaseModel | Mapping[str, Any],
     history: History,
     *,
     restart: bool,

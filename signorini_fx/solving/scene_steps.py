@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.deformation import deformation_of
-from signorini_fx.body.discretisation import moved_since, placed
-from signorini_fx.body.joint_pressure import JointPressure
-from signorini_fx.contact.laws import Nodal
-from signorini_fx.interfaces.protocol import LoadStepStart, solve_step
-from signorini_fx.linalg import ElasticSystem
-from signorini_fx.model import Model
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.mechanics.body.deformation import deformation_of
+from signorini_fx.mechanics.body.discretisation import moved_since, placed
+from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import carried, relative_to
-from signorini_fx.scene.load_steps import LoadPath
+from signorini_fx.solving.interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.solving.load_steps import judged, step_result
 from signorini_fx.solving.stepped_problem import BegunStep, LoadStep, UncertifiedStep
 

@@ -5,21 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, Self, TypeVar
 
-from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.joint_pressure import JointPressure
-from signorini_fx.contact.laws import Nodal
-from signorini_fx.linalg import ElasticSystem
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Finding, Timings
 from signorini_fx.results.promised_law import PreviousStep
 from signorini_fx.results.solution import StepResult
-from signorini_fx.scene.load_steps import LoadPath
 
 P = TypeVar("P", bound="SteppedProblem")
 
 
 class SteppedProblem(Protocol):
-    """A problem that load steps lead through; places are those of ``scene.load_steps``; all methods are collective."""
+    """A problem that load steps lead through; places as in ``statement.load_steps``; all methods are collective."""
 
     @property
     def timings(self) -> Timings:

@@ -14,10 +14,15 @@ from math import inf
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx import parallel
-from signorini_fx.accuracy.mesh_level import LevelResult
-from signorini_fx.accuracy.plan import LOCAL
-from signorini_fx.accuracy.price_list import (
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.machine.display import duration
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.statement.settings import Accuracy
+from signorini_fx.records import History, Status
+from signorini_fx.results.accuracy.local_estimates import LOCAL
+from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.price_list import (
     Price,
     expected_rates,
     fineness_of,
@@ -27,13 +32,8 @@ from signorini_fx.accuracy.price_list import (
     price_list,
     with_polygon,
 )
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.display import duration
-from signorini_fx.errors import SceneError
-from signorini_fx.records import History, Status
 from signorini_fx.results.afterthoughts import failure_in_words
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import SolvedMesh

@@ -9,11 +9,11 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import compat
-from signorini_fx.body.contact_table import contact_table
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.body.contact_table import contact_table
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.reading import read_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import read_scene
+from signorini_fx.scenes.solver import solve
 from stability.oracle.body import Mesh, behind
 from stability.oracle.judge import Answer, Step
 from stability.oracle.units import Units, same

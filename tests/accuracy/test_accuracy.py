@@ -10,21 +10,21 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import example1, on_mesh, rectangle
 
-from signorini_fx import compat, parallel
-from signorini_fx.accuracy.price_list import fineness_of, predict
-from signorini_fx.check.checks import check_scene
+from signorini_fx.addons.studies.reference import Reference, divided
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files.formats import read_file, write_file
-from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, IterationRecord, Status
+from signorini_fx.results.accuracy.price_list import fineness_of, predict
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.scene.scene import MeshGenerator
-from signorini_fx.scene.settings import Accuracy
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh_sequence import meshes_of
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import to_accuracy
-from signorini_fx.solving.scene_meshes import meshes_of
-from signorini_fx.solving.solver import solve
-from signorini_fx.studies.reference import Reference, divided
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 FRICTION = {"tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}

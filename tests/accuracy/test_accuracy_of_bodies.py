@@ -10,12 +10,12 @@ from scipy.sparse.linalg import spsolve
 from two_bodies import facets, forms, held, per_cell
 
 from signorini_fx import MeshError, SceneError, Status, solve
-from signorini_fx.accuracy.contact_values import interpolated
-from signorini_fx.accuracy.price_list import zone_change
-from signorini_fx.body.contact_table import ContactTable
-from signorini_fx.mesh.files.formats import read_file, write_file
-from signorini_fx.mesh.tagged import generate_mesh
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.results.accuracy.contact_values import interpolated
+from signorini_fx.results.accuracy.price_list import zone_change
+from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
 YOUNG, RADII = (200.0, 300.0), (8.0, 12.0)

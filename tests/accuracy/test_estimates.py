@@ -8,15 +8,15 @@ from mpi4py import MPI
 from scenes import alone, table_of
 from scipy.integrate import quad
 
-from signorini_fx.accuracy.data_error import data_error
-from signorini_fx.accuracy.error_estimates import estimate_errors
-from signorini_fx.accuracy.pressure_error import bends, interval_squares, on_facets
-from signorini_fx.body.contact_table import ContactTable
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.kinematics import AXISYMMETRIC
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.records import Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.results.accuracy.data_error import data_error
+from signorini_fx.results.accuracy.error_estimates import estimate_errors
+from signorini_fx.results.accuracy.pressure_error import bends, interval_squares, on_facets
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.tuned import POLLUTION
 
 NX = 4

@@ -7,9 +7,9 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.accuracy import next_digit
-from signorini_fx.accuracy.price_list import predict
-from signorini_fx.check.checks import check_scene
+from signorini_fx.results.accuracy import next_digit
+from signorini_fx.results.accuracy.price_list import predict
+from signorini_fx.scenes.checks import check_scene
 from signorini_fx.tuned import CORNER_EXPONENTS, NEXT_ERROR, SPREAD_OF_SECONDS
 
 

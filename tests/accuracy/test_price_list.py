@@ -7,14 +7,14 @@ import pytest
 from effectivity import of_made_up
 from scenes import alone, example1
 
-from signorini_fx.accuracy import price_list as prices
-from signorini_fx.accuracy.force_error import force_error
-from signorini_fx.accuracy.forecast import seconds_to_come
-from signorini_fx.accuracy.pressure_error import interval_squares, pressure_square
-from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.errors import SceneError
-from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.solver import solve
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.statement.settings import Accuracy
+from signorini_fx.results.accuracy import price_list as prices
+from signorini_fx.results.accuracy.force_error import force_error
+from signorini_fx.results.accuracy.forecast import seconds_to_come
+from signorini_fx.results.accuracy.pressure_error import interval_squares, pressure_square
+from signorini_fx.scenes.solver import solve
 
 
 def table(s, pressure):

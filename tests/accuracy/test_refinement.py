@@ -5,14 +5,14 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import parallel
-from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.refinement import mark, refine
-from signorini_fx.mesh.tagged import generate_mesh, tag_boundaries
-from signorini_fx.scene.scene import Scene
-from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.solver import solve
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import facet_vertices
+from signorini_fx.mechanics.mesh.refinement import mark, refine
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
+from signorini_fx.mechanics.statement.settings import Accuracy
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
 
 SIDES = {"bottom": 3.0, "right": 1.0, "top": 3.0, "left": 1.0}
 

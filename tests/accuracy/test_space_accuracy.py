@@ -12,26 +12,26 @@ from spaces import block, box, friction_of
 from test_ranks import same_on_all_ranks
 from test_space_manufactured import YOUNG, made_up, stress
 
-from signorini_fx import parallel
-from signorini_fx.accuracy import data_error as estimated_data
-from signorini_fx.accuracy.contact_surface import ContactSurface
-from signorini_fx.accuracy.data_error import data_error
-from signorini_fx.accuracy.pressure_error import interval_squares, polygon_error, roughness_at_peak
-from signorini_fx.accuracy.price_list import border_of, fineness_of, predict, zone_change
-from signorini_fx.accuracy.surface_pressure import piece_squares
-from signorini_fx.body.assembly import facet_vertices
-from signorini_fx.body.contact_table import ContactTable
+from signorini_fx.addons.studies.reference import Reference
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files.formats import read_file, write_file
-from signorini_fx.mesh.refinement import refine
-from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import facet_vertices
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
+from signorini_fx.mechanics.mesh.refinement import refine
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
+from signorini_fx.mechanics.statement.rigid_shape import Distance
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.rigid_shape import Distance
-from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.scene_meshes import SceneMesh
-from signorini_fx.solving.solver import _solve_nested, solve
-from signorini_fx.studies.reference import Reference
+from signorini_fx.results.accuracy import data_error as estimated_data
+from signorini_fx.results.accuracy.contact_surface import ContactSurface
+from signorini_fx.results.accuracy.data_error import data_error
+from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error, roughness_at_peak
+from signorini_fx.results.accuracy.price_list import border_of, fineness_of, predict, zone_change
+from signorini_fx.results.accuracy.surface_pressure import piece_squares
+from signorini_fx.scenes.mesh_sequence import SceneMesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import _solve_nested, solve
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 
 WORLD = MPI.COMM_WORLD

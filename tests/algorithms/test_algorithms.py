@@ -6,14 +6,14 @@ from mpi4py import MPI
 from scenes import alone, example1
 from spaces import block
 
-from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.laws import ActiveSets
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.algorithms.strategy import solve_task
+from signorini_fx.algebra.contact.laws import ActiveSets
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 
 

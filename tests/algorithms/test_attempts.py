@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from scenes import example1
 
-from signorini_fx.attempts import (
+from signorini_fx.algebra.attempts import (
     AUGMENTED,
     AUGMENTED_NEWTON,
     DAMPED,
@@ -18,8 +18,8 @@ from signorini_fx.attempts import (
     step_limit,
     tried,
 )
-from signorini_fx.check.planned import attempts_for
 from signorini_fx.records import History, IterationRecord
+from signorini_fx.solving.check.planned import attempts_for
 from signorini_fx.tuned import PROBLEMS_PER_STEP
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.laws import unit
-from signorini_fx.contact.map import ContactMap
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.algorithms.augmentation import Augmentation, with_enough_digits
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import unit
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 
 FEW = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])

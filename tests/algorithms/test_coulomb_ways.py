@@ -8,12 +8,13 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import attempts, solve
-from signorini_fx.algorithms import augmented, strategy
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx import solve
+from signorini_fx.algebra import attempts
+from signorini_fx.algebra.algorithms import augmented, strategy
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import CERTIFICATE_TOLERANCE, History, Status, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.tuned import PROBLEMS_PER_STEP
 from stability.friction import STIFFNESS

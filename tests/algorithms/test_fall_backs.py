@@ -8,13 +8,13 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
-from signorini_fx import attempts
-from signorini_fx.algorithms import augmented, fall_backs, ssn, strategy
-from signorini_fx.contact import resting_place as resting
+from signorini_fx.algebra import attempts
+from signorini_fx.algebra.algorithms import augmented, fall_backs, ssn, strategy
+from signorini_fx.algebra.contact import resting_place as resting
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import solver
+from signorini_fx.scenes import solver
+from signorini_fx.scenes.reading import parse_scene
 
 JUMP = "0.001 if x[0] < 1.37 else 0.002"
 

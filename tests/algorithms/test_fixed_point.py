@@ -7,8 +7,8 @@ import pytest
 from scenes import alone, example1
 from spaces import block
 
+from signorini_fx.addons.uniqueness.fixed_point import fixed_point
 from signorini_fx.results.summary import lines_of, summarise
-from signorini_fx.uniqueness.fixed_point import fixed_point
 
 
 def energy_norm_of_difference(one, other):

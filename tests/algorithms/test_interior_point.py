@@ -6,14 +6,14 @@ from mpi4py import MPI
 from scenes import alone, energy, example1
 from test_fall_backs import fall_backs_of, flat, jumping, same
 
-from signorini_fx import attempts
-from signorini_fx.algorithms import fall_backs
-from signorini_fx.algorithms.interior_point import interior_point
-from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra import attempts
+from signorini_fx.algebra.algorithms import fall_backs
+from signorini_fx.algebra.algorithms.interior_point import interior_point
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.solving import solver
+from signorini_fx.scenes import solver
+from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.solving.one_mesh import contact_task
 from stability.oracle.judge import RIGHT
 from stability.oracle.worker import TRIAL, examined, same_units

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from signorini_fx.attempts import REGULARISED
+from signorini_fx.algebra.attempts import REGULARISED
 from stability.oracle.judge import RIGHT
 from stability.oracle.package import solution_of
 from stability.oracle.space import scenes as space

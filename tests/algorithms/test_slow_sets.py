@@ -7,9 +7,9 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.algorithms import ssn, task
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.algebra.algorithms import ssn, task
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 LENGTH, WEIGHT, YOUNG = 10.0, 0.16, 1e6
 

@@ -6,8 +6,8 @@ from mpi4py import MPI
 from scenes import alone, bar_on_a_bowl
 
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 RADIUS, ARM = 1.0, 4.0  # of the pin, and of the load at the end of the lug
 

@@ -8,13 +8,13 @@ from mpi4py import MPI
 from scenes import alone, example1
 from spaces import block
 
-from signorini_fx.algorithms import augmented, fall_backs, strategy
-from signorini_fx.algorithms.path_following import path_model
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.effects.traction import SurfaceTraction
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.algorithms import augmented, fall_backs, strategy
+from signorini_fx.algebra.algorithms.path_following import path_model
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 
 

@@ -7,13 +7,13 @@ import pytest
 from mpi4py import MPI
 from test_load_steps import by_force
 
-from signorini_fx.algorithms.task import Outcome
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.laws import ActiveSets
-from signorini_fx.contact.reactions import reactions
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import ActiveSets
+from signorini_fx.algebra.contact.reactions import reactions
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
+from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.solving.one_mesh import contact_task
 
 

@@ -10,18 +10,18 @@ from mpi4py import MPI
 from scenes import alone
 
 from signorini_fx import ConvergenceError, SceneError
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.assembly import action
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.check.checks import check_scene
-from signorini_fx.kinematics import AXISYMMETRIC
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.body.assembly import action
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.kinematics import AXISYMMETRIC
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status, Timings
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 YOUNG, POISSON = 200.0, 0.3

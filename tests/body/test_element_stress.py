@@ -8,15 +8,15 @@ from mpi4py import MPI
 from spaces import box
 from test_stresses import INNER, OUTER, PRESSURE, cylinder
 
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.body.element_stress import element_stress
-from signorini_fx.kinematics.plane_strain import PLANE_STRAIN
-from signorini_fx.materials.isotropic import elastic_forms
-from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.picture_data.sampling import cell_values
+from signorini_fx.addons.picture_data.sampling import cell_values
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.element_stress import element_stress
+from signorini_fx.mechanics.kinematics.plane_strain import PLANE_STRAIN
+from signorini_fx.mechanics.materials.isotropic import elastic_forms
 from signorini_fx.records import Timings
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 MEAN = PRESSURE * INNER**2 / (OUTER**2 - INNER**2)

@@ -11,9 +11,9 @@ from test_axisymmetric import section
 from test_springs import PLANE, body
 
 from signorini_fx import SceneError
-from signorini_fx.check.checks import check_scene
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 YOUNG = 5000.0

@@ -5,8 +5,8 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import compat, parallel
-from signorini_fx.mesh.grid import _blocks, create_box
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.mesh.grid import _blocks, create_box
 
 WORLD = MPI.COMM_WORLD
 SIZE = (3.0, 1.0, 2.0)

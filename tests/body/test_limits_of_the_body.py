@@ -10,12 +10,12 @@ from scenes import alone
 from scipy.optimize import linprog
 from test_safety import COULOMB, FRICTION, ROUGH, TRESCA, block, groove
 
-from signorini_fx.body.limits import LimitSurface, _arcs, balanced, excluded, factor_at_most, surface_of
-from signorini_fx.check.checks import check_scene
-from signorini_fx.contact.reactions import nearest, reactions
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.algebra.contact.reactions import nearest, reactions
+from signorini_fx.mechanics.body.limits import LimitSurface, _arcs, balanced, excluded, factor_at_most, surface_of
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.summary import lines_of, summarise
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
 
 RADIUS, OPENING = 2.0, 0.9
 

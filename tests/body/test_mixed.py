@@ -14,18 +14,18 @@ from test_element_stress import true_error
 from test_hertz import RADIUS, YOUNG, ellipse, half_disk, profile
 from test_stresses import cylinder
 
-from signorini_fx import parallel
-from signorini_fx.body.mixed import MixedDisplacement
-from signorini_fx.check.checks import check_scene
-from signorini_fx.derivatives.of_scene import sensitivity
+from signorini_fx.addons.derivatives.of_scene import sensitivity
+from signorini_fx.addons.studies.reference import on_mesh
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.mixed import MixedDisplacement
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import Discretised
-from signorini_fx.solving.solver import solve
-from signorini_fx.studies.reference import on_mesh
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Discretised
+from signorini_fx.scenes.solver import solve
 
 MIXED = {"degree": 2, "volumetric": "mixed"}
 CELLS = ["triangle", "quadrilateral", "tetrahedra", "hexahedra"]

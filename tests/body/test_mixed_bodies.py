@@ -9,9 +9,9 @@ from scenes import rectangle
 from spaces import box
 from test_two_bodies_scenes import altered, in_balance
 
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 MIXED = {"degree": 2, "volumetric": "mixed"}

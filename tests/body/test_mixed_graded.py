@@ -10,8 +10,8 @@ from test_mixed_materials import halves
 from test_springs import PLANE, body
 
 from signorini_fx import SceneError
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 MIXED = {"degree": 2, "volumetric": "mixed"}

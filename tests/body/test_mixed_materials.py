@@ -11,11 +11,11 @@ from scenes import alone, rectangle
 from spaces import box
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 MIXED = {"degree": 2, "volumetric": "mixed"}
 PLANE = ("triangle", "quadrilateral")

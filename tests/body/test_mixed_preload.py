@@ -7,8 +7,8 @@ from test_mixed import uneven
 from test_preload import PULL, TIGHT, clamped, figures
 
 from signorini_fx.results.sections import section_forces
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 MIXED = {"degree": 2, "volumetric": "mixed"}

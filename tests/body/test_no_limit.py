@@ -8,12 +8,13 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx.body.discretisation import prepare
-from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
+from signorini_fx.mechanics.body.discretisation import prepare
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Timings
 from signorini_fx.results.no_limit import why_no_limit
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 CLAMPED = [{"boundary": "left", "x": 0.0, "y": 0.0}]

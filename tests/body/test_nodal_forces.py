@@ -10,12 +10,12 @@ from mpi4py import MPI
 from scenes import example1
 from spaces import box
 
-from signorini_fx.body.assembly import action, assemble
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mechanics.body.assembly import action, assemble
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 LOADS = {
     "body_force": {"x": "x[1]", "y": -3.0},

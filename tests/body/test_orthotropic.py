@@ -12,17 +12,17 @@ from test_axisymmetric import section
 from test_springs import PLANE, body
 
 from signorini_fx import SceneError, sensitivity
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.assembly import action
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.body.moduli import middles
-from signorini_fx.check.checks import check_scene
-from signorini_fx.materials.isotropic import LinearElastic
-from signorini_fx.materials.protocol import Material
+from signorini_fx.mechanics.body.assembly import action
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.moduli import middles
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.records import Timings
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 E1, E2, E3 = 12000.0, 900.0, 500.0

@@ -13,16 +13,16 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import rectangle, table_of
 
-from signorini_fx.body.deformation import deformation_of
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.body.pieces import MOST_PIECES, find_pieces
-from signorini_fx.contact.statics import no_balance
+from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.body.deformation import deformation_of
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.pieces import MOST_PIECES, find_pieces
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving.one_mesh import contact_task
-from signorini_fx.solving.solver import solve
 
 WORLD = MPI.COMM_WORLD
 UPPER, LOWER = Box("upper", 0.0, 1.0, 2.0, 1.0, 6, 3), Box("lower", 0.5, 0.0, 1.0, 1.0, 4, 4)

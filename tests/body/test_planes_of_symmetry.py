@@ -9,12 +9,13 @@ from dolfinx import fem
 from mpi4py import MPI
 from two_bodies import KINDS, assembled, facets, facets_of_cells, forms, grid, held, per_cell
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Tresca, parallel, solve
-from signorini_fx.body import paired_points
-from signorini_fx.body.discretisation import prepare
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Tresca, solve
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body import paired_points
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.tuned import ASKEW_NORMAL
 
 EXACT = {"algorithm": "alm", "tolerance": 1e-10}
@@ -200,7 +201,7 @@ import numpy as np
 from test_planes_of_symmetry import doubled
 from two_bodies import assembled, grid
 
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.meshes import generator
 
 

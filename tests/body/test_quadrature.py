@@ -10,15 +10,15 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import example1
 
-from signorini_fx.accuracy import stress_recovery
-from signorini_fx.body import quadrature
-from signorini_fx.body.assembly import stiffness_form
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.body.quadrature import parallelepipeds, strain_degree
-from signorini_fx.kinematics import AXISYMMETRIC
-from signorini_fx.materials.isotropic import elastic_forms
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mechanics.body import quadrature
+from signorini_fx.mechanics.body.assembly import stiffness_form
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.quadrature import parallelepipeds, strain_degree
+from signorini_fx.mechanics.kinematics import AXISYMMETRIC
+from signorini_fx.mechanics.materials.isotropic import elastic_forms
 from signorini_fx.records import Timings
+from signorini_fx.results.accuracy import stress_recovery
+from signorini_fx.scenes.mesh import load_mesh
 
 SHEARED = np.array([[2.0, 0.3, -0.2], [0.7, 0.5, 0.1], [-0.4, 0.2, 0.01]])
 

@@ -8,11 +8,11 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Foundation
-from signorini_fx.body.shapes_inside import BodyCells
 from signorini_fx.errors import SceneError
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.rigid_shape import read_shape
-from signorini_fx.solving.solver import solve
+from signorini_fx.mechanics.body.shapes_inside import BodyCells
+from signorini_fx.mechanics.statement.rigid_shape import read_shape
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 PLANE, SPACE = ("triangle", "quadrilateral"), ("tetrahedron", "hexahedron")
 

@@ -5,12 +5,12 @@ import pytest
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.report.sections import figures
+from signorini_fx.addons.report.sections import figures
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 YOUNG, POISSON, PRESSURE = 1000.0, 0.3, 2.0
@@ -182,7 +182,7 @@ def test_two_materials(stiff_yield):
     """
     from dolfinx import mesh as dmesh
 
-    from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
+    from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
 
     mesh = dmesh.create_rectangle(COMM, [(0.0, 0.0), (2.0, 1.0)], (6, 4))
     count = mesh.topology.index_map(2)

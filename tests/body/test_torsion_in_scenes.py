@@ -8,20 +8,20 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca, sensitivity
-from signorini_fx.body.quadrature import strain_degree
-from signorini_fx.check.checks import check_scene
-from signorini_fx.derivatives.entries import varied
-from signorini_fx.kinematics import TORSION
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.picture_data.body_cells import gather_cells
-from signorini_fx.picture_data.of_solution import gather_pictures
+from signorini_fx.addons.derivatives.entries import varied
+from signorini_fx.addons.picture_data.body_cells import gather_cells
+from signorini_fx.addons.picture_data.of_solution import gather_pictures
+from signorini_fx.addons.report.page import write_report
+from signorini_fx.machine.result_files import read_csv
+from signorini_fx.mechanics.body.quadrature import strain_degree
+from signorini_fx.mechanics.kinematics import TORSION
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
-from signorini_fx.report.page import write_report
-from signorini_fx.result_files import read_csv
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 YOUNG, RADIUS, LENGTH, PRESSURE, FRICTION = 1000.0, 1.5, 2.0, 10.0, 0.3

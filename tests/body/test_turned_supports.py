@@ -22,13 +22,13 @@ from test_space_patch import (
     run,
 )
 
-from signorini_fx.body.supports import flat_normal
-from signorini_fx.check.checks import check_scene
-from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.mechanics.body.supports import flat_normal
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 ALONG = (0.0007, -0.0004)
 LIMIT = {"algorithm": "exact", "tolerance": 1e-12}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scenes import alone
 
-from signorini_fx.laws.coulomb import Coulomb
+from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import lines_of
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 LOOSE = "a mean displacement has bounds where supports hold the body without its contact"
 

@@ -8,23 +8,23 @@ import pytest
 from error_bounds import drawn, effectivity, energy_of_difference, of_several_materials, on_finer_mesh, pressed, problem
 from scenes import alone, example1
 
-from signorini_fx.bounds.cell_pieces import free_motions
-from signorini_fx.bounds.equilibrated_stress import Equilibration, Loads
-from signorini_fx.bounds.error_bound import Bounded, error_bound
-from signorini_fx.bounds.facets import bernstein
-from signorini_fx.bounds.johnson_mercier import constant_forces
-from signorini_fx.bounds.korn import korn
-from signorini_fx.bounds.quantity_bounds import mean_displacement
-from signorini_fx.bounds.simplices import FACETS, IsotropicModuli, Simplices, divide
-from signorini_fx.effects.body_force import BodyForce
-from signorini_fx.effects.contact import BilateralContact
-from signorini_fx.effects.springs import Springs
+from signorini_fx.addons.bounds.cell_pieces import free_motions
+from signorini_fx.addons.bounds.equilibrated_stress import Equilibration, Loads
+from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
+from signorini_fx.addons.bounds.facets import bernstein
+from signorini_fx.addons.bounds.johnson_mercier import constant_forces
+from signorini_fx.addons.bounds.korn import korn
+from signorini_fx.addons.bounds.quantity_bounds import mean_displacement
+from signorini_fx.addons.bounds.simplices import FACETS, IsotropicModuli, Simplices, divide
 from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.effects.body_force import BodyForce
+from signorini_fx.mechanics.effects.contact import BilateralContact
+from signorini_fx.mechanics.effects.springs import Springs
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.short_answer import short_answer
 from signorini_fx.results.summary import lines_of, summarise
-from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.settings import Accuracy
+from signorini_fx.scenes.reading import parse_scene
 
 
 def grid(n, chance):

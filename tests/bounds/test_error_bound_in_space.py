@@ -6,17 +6,17 @@ from error_bounds_in_space import drawn, effectivity, energy_of_difference, on_f
 from scenes import alone
 from spaces import block, box
 
-from signorini_fx import compat
-from signorini_fx.bounds import iterated_system
-from signorini_fx.bounds.cell_pieces import free_motions
-from signorini_fx.bounds.equilibrated_stress import Equilibration, Loads
-from signorini_fx.bounds.error_bound import Bounded, error_bound
-from signorini_fx.bounds.facets import bernstein
-from signorini_fx.bounds.simplices import EDGES, FACETS, IsotropicModuli, Simplices, moments_of
+from signorini_fx.addons.bounds import iterated_system
+from signorini_fx.addons.bounds.cell_pieces import free_motions
+from signorini_fx.addons.bounds.equilibrated_stress import Equilibration, Loads
+from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
+from signorini_fx.addons.bounds.facets import bernstein
+from signorini_fx.addons.bounds.simplices import EDGES, FACETS, IsotropicModuli, Simplices, moments_of
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.summary import summarise
-from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.settings import Accuracy
+from signorini_fx.scenes.reading import parse_scene
 
 SQUARE = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # the components of a symmetric tensor as a matrix
 TABLE = {"boundary": "bottom"}

@@ -17,26 +17,26 @@ from test_orthotropic import pressed
 from test_springs import body
 from test_uniqueness import random_points
 
-from signorini_fx.body.discretisation import prepare
-from signorini_fx.bounds.bounded_scene import moduli_of, why_estimated
-from signorini_fx.bounds.error_bound import Bounded, error_bound
-from signorini_fx.bounds.facets import POINTS, bernstein
-from signorini_fx.bounds.johnson_mercier import constant_forces
-from signorini_fx.bounds.korn import korn, on_edges
-from signorini_fx.bounds.simplices import ROWS, IsotropicModuli, Simplices
-from signorini_fx.bounds.stress_products import energy as energy_of
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.effects.body_force import BodyForce
-from signorini_fx.laws.none import NoFriction
-from signorini_fx.laws.tresca import Tresca
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.addons.bounds.bounded_scene import moduli_of, why_estimated
+from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
+from signorini_fx.addons.bounds.facets import POINTS, bernstein
+from signorini_fx.addons.bounds.johnson_mercier import constant_forces
+from signorini_fx.addons.bounds.korn import korn, on_edges
+from signorini_fx.addons.bounds.simplices import ROWS, IsotropicModuli, Simplices
+from signorini_fx.addons.bounds.stress_products import energy as energy_of
+from signorini_fx.addons.uniqueness import proof as uniqueness
+from signorini_fx.addons.uniqueness.fixed_point import fixed_point
+from signorini_fx.addons.uniqueness.proof import _definite, uniqueness_of
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.mechanics.body.discretisation import prepare
+from signorini_fx.mechanics.effects.body_force import BodyForce
+from signorini_fx.mechanics.laws.none import NoFriction
+from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Timings
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.settings import Accuracy
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving import to_accuracy
-from signorini_fx.uniqueness import proof as uniqueness
-from signorini_fx.uniqueness.fixed_point import fixed_point
-from signorini_fx.uniqueness.proof import _definite, uniqueness_of
 
 
 def uniform(seed, *, dip, dimension=2, degree=1):

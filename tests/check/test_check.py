@@ -17,23 +17,24 @@ from petsc4py import PETSc
 from pydantic import BaseModel
 from scenes import alone, example1
 
-from signorini_fx import cli, parallel
-from signorini_fx.body.motion_names import names_of_piece as rigid_motion_names
-from signorini_fx.check.checks import check_scene
-from signorini_fx.effects import contact as contact_of
-from signorini_fx.effects import displacement
 from signorini_fx.errors import SceneError
-from signorini_fx.laws.coulomb import Coulomb
-from signorini_fx.laws.tresca import Tresca
-from signorini_fx.materials.isotropic import LinearElastic
-from signorini_fx.materials.orthotropic import OrthotropicElastic
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.motion_names import names_of_piece as rigid_motion_names
+from signorini_fx.mechanics.effects import contact as contact_of
+from signorini_fx.mechanics.effects import displacement
+from signorini_fx.mechanics.laws.coulomb import Coulomb
+from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
+from signorini_fx.mechanics.statement import settings
+from signorini_fx.mechanics.statement.effect import PACKAGE, keys
+from signorini_fx.mechanics.statement.load_steps import LoadSteps
 from signorini_fx.records import Status
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene import scene, settings, template
-from signorini_fx.scene.effect import PACKAGE, keys
-from signorini_fx.scene.load_steps import LoadSteps
-from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
+from signorini_fx.scenes import cli, scene, template
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene, parse_scene_text, read_scene
 
 DEMOS = sorted((Path(__file__).parents[2] / "demos" / "scenes").glob("*.toml"))
 BLOCK = {
@@ -694,7 +695,7 @@ MODELS = {
     **{key: [import_module(f"{PACKAGE}.{key}").Entry] for key in LISTED},
     "contact": [contact_of.UnilateralContact],
     "contact.friction": [Tresca, Coulomb],
-    "rigid": [import_module("signorini_fx.scene.rigid_table").Rigid],
+    "rigid": [import_module("signorini_fx.scenes.rigid_table").Rigid],
     "load_steps": [LoadSteps],
     "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, scene.MeshFile],
@@ -873,15 +874,15 @@ def test_the_schema_knows_the_generators():
 
 def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
-    laws = (import_module(f"signorini_fx.laws.{name}") for name in ("none", "tresca", "coulomb"))
-    materials = (import_module(f"signorini_fx.materials.{name}") for name in ("isotropic", "orthotropic"))
+    laws = (import_module(f"signorini_fx.mechanics.laws.{name}") for name in ("none", "tresca", "coulomb"))
+    materials = (import_module(f"signorini_fx.mechanics.materials.{name}") for name in ("isotropic", "orthotropic"))
     files = [
         scene,
         settings,
-        import_module("signorini_fx.scene.rigid_motion"),
+        import_module("signorini_fx.mechanics.statement.rigid_motion"),
         *laws,
         *materials,
-        *(import_module(f"signorini_fx.effects.{key}") for key in keys()),
+        *(import_module(f"signorini_fx.mechanics.effects.{key}") for key in keys()),
     ]
     classes = [thing for file in files for thing in vars(file).values()]
     models = {m.__name__ for m in classes if isinstance(m, type) and issubclass(m, BaseModel)}
@@ -914,7 +915,7 @@ def test_light_commands(tmp_path, arguments):
     """Without dolfinx, PETSc or MPI, and --help in less than 0.3 s of processor time."""
     code = (
         "import sys\n"
-        "from signorini_fx.cli import main\n"
+        "from signorini_fx.scenes.cli import main\n"
         f"try: main({arguments!r})\n"
         "except SystemExit: pass\n"
         "print([m for m in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'matplotlib', 'scipy') if m in sys.modules],"

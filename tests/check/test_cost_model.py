@@ -10,11 +10,11 @@ from petsc4py import PETSc
 from scenes import example1
 from spaces import block
 
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.check.checks import check_scene
-from signorini_fx.linalg.factorisation import has_package
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.linalg.factorisation import has_package
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh import load_mesh
 
 # What a core of the 2020s does in a sparse factorisation: from small fronts, where the ordering takes most of the
 # time, to large ones that run at the speed of a dense product.
@@ -82,7 +82,7 @@ PEAK = """
 import re, sys
 from pathlib import Path
 from signorini_fx import read_scene, solve
-from signorini_fx.check.checks import check_scene
+from signorini_fx.scenes.checks import check_scene
 
 
 def peak():  # of this program alone; getrusage counts that of the process which it was forked from, too

@@ -10,10 +10,10 @@ from mpi4py import MPI
 
 import signorini_fx
 from signorini_fx import solve
-from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import IterationRecord
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
 
 PACKAGE = Path(signorini_fx.__file__).parent
 REFUSALS = ("SceneError", "MeshError", "FormError", "Refused")
@@ -103,7 +103,7 @@ BONDED_PAD = {
     "contact": [{"boundary": "pad", "against": "plate"}],
 }
 # What refuses arguments of functions, which are no part of a scene file.
-OF_ARGUMENTS = ("solving/solver.py", "results/checkpoint.py", "scene/base.py", "scene/load_steps.py")
+OF_ARGUMENTS = ("scenes/solver.py", "results/checkpoint.py", "statement/base.py", "statement/load_steps.py")
 REFUSED = {
     "foundation that moves, body held by contact": BLOCK
     | PRESSED

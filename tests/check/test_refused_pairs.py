@@ -10,17 +10,17 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx import SceneError, sensitivity
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.body.limits import Unproved, surface_of
-from signorini_fx.bounds.bounded_scene import refuse_unknown
-from signorini_fx.check.checks import check_scene
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.addons.bounds.bounded_scene import refuse_unknown
+from signorini_fx.addons.studies.reference import on_mesh
+from signorini_fx.addons.uniqueness.contact_stiffness import contact_stiffness
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.limits import Unproved, surface_of
+from signorini_fx.mechanics.statement.features import features
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.records import Timings
-from signorini_fx.scene.features import features
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.studies.reference import on_mesh
-from signorini_fx.uniqueness.contact_stiffness import contact_stiffness
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs"))

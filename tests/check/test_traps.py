@@ -10,14 +10,15 @@ from mpi4py import MPI
 from scenes import alone, example1
 from test_check import HURTING, LOCKING, LOOSE, block, check, contact, coulomb
 
-from signorini_fx import cli, parallel
-from signorini_fx.body.deformation import deformation_of
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.addons.report.page import write_report
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.deformation import deformation_of
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Status, Timings
-from signorini_fx.report.page import write_report
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 WORLD = MPI.COMM_WORLD
 

@@ -21,21 +21,21 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
 
-from signorini_fx import cli, petsc_start, result_files
-from signorini_fx.check.petsc_options import refuse_mistyped
-from signorini_fx.cli.options import parsed_accuracy, parsed_budget
-from signorini_fx.csv_text import as_name, as_text, write_csv
+from signorini_fx.addons.pictures import deformed_body
+from signorini_fx.addons.report import page
+from signorini_fx.algebra.linalg import options
 from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputError, ResultError, SceneError
 from signorini_fx.forms.options import applied
-from signorini_fx.linalg import options
-from signorini_fx.machine import compilation, requirements, terminal
-from signorini_fx.mesh.files.formats import read_file
-from signorini_fx.pictures import deformed_body
-from signorini_fx.report import page
+from signorini_fx.machine import compilation, petsc_start, requirements, result_files, terminal
+from signorini_fx.machine.csv_text import as_name, as_text, write_csv
+from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
-from signorini_fx.scene.reading import parse_scene, parse_scene_text
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.cli.options import parsed_accuracy, parsed_budget
+from signorini_fx.scenes.reading import parse_scene, parse_scene_text
+from signorini_fx.scenes.solver import solve
+from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.tuned import LARGEST_NUMBER
 
 COMM = MPI.COMM_WORLD

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 import signorini_fx
-from signorini_fx import cli
+from signorini_fx.scenes import cli
 
 SCENE = """
 title = "small"
@@ -187,6 +187,6 @@ def test_petsc_options_win(tmp_path, here, options):
 @pytest.mark.parametrize("arguments", [["--help"], ["solve", "--help"], ["--version"]])
 def test_help_does_not_import_dolfinx(arguments):
     """Help is there at once."""
-    code = "import sys; from signorini_fx.cli import main\ntry: main(sys.argv[1:])\nexcept SystemExit: pass\n"
+    code = "import sys; from signorini_fx.scenes.cli import main\ntry: main(sys.argv[1:])\nexcept SystemExit: pass\n"
     code += "assert not {'dolfinx', 'petsc4py', 'mpi4py', 'numpy'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code, *arguments], check=True, capture_output=True, timeout=60)

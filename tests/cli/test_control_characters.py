@@ -2,12 +2,12 @@
 
 import pytest
 
-from signorini_fx.csv_text import as_text
-from signorini_fx.display import html_table
+from signorini_fx.addons.pictures.style import plain
+from signorini_fx.addons.report.markup import tag
 from signorini_fx.machine import terminal
+from signorini_fx.machine.csv_text import as_text
+from signorini_fx.machine.display import html_table
 from signorini_fx.machine.terminal import TerminalLine, printable
-from signorini_fx.pictures.style import plain
-from signorini_fx.report.markup import tag
 from signorini_fx.results.files import _for_json
 
 EVIL = "A\x1b[2J\x1b]0;title\x07\x9b31m\r\x00\u202ebeam"

@@ -10,11 +10,11 @@ from spaces import block
 from test_cli import SCENE
 from test_ranks import same_on_all_ranks
 
-from signorini_fx.cli import main
 from signorini_fx.records import Progress
 from signorini_fx.results import progress_line
 from signorini_fx.results.progress_line import ProgressLine, progress_text
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.cli import main
+from signorini_fx.scenes.solver import solve
 
 
 def seen(scene, comm=MPI.COMM_SELF):

@@ -9,13 +9,13 @@ import pytest
 from scenes import example1
 
 from signorini_fx import solve, write_results
-from signorini_fx.check.checks import check_scene
-from signorini_fx.check.text import short_text
-from signorini_fx.cli import main
-from signorini_fx.display import results_of
+from signorini_fx.machine.display import results_of
 from signorini_fx.machine.terminal import clauses
 from signorini_fx.records import SHORT_OF_ACCURACY, Status
 from signorini_fx.results.short_answer import short_answer
+from signorini_fx.scenes.check_text import short_text
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.cli import main
 
 FOLDER = Path("results/scene")
 WORDS = ["a-rather-long-word", "contact[0].friction", "and", "the", "supports", "of", "12.5", "that", "hold", "it"]

@@ -11,10 +11,10 @@ from importlib.util import find_spec
 
 import pytest
 
-from signorini_fx.cli import commands
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine.launcher import environment_of_no_rank
 from signorini_fx.machine.terminal import TerminalLine, prose
+from signorini_fx.scenes.cli import commands
 
 FIGURE = TerminalLine(
     "  what to do       ",

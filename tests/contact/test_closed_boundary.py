@@ -5,17 +5,17 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, table_of
 
-from signorini_fx.accuracy.contact_values import interpolated
-from signorini_fx.accuracy.data_error import data_error
-from signorini_fx.accuracy.pressure_error import corners_of_error, interval_squares, on_facets, peak_of
-from signorini_fx.accuracy.price_list import zone_ends
-from signorini_fx.body.contact_boundary import chains, in_line
-from signorini_fx.body.contact_table import ContactTable, is_closed
-from signorini_fx.pictures.boundary_profiles import boundaries_of
-from signorini_fx.report.advice import _zone_sizes
-from signorini_fx.report.interactive import _data
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.addons.pictures.boundary_profiles import boundaries_of
+from signorini_fx.addons.report.advice import _zone_sizes
+from signorini_fx.addons.report.interactive import _data
+from signorini_fx.mechanics.body.contact_boundary import chains, in_line
+from signorini_fx.mechanics.body.contact_table import ContactTable, is_closed
+from signorini_fx.results.accuracy.contact_values import interpolated
+from signorini_fx.results.accuracy.data_error import data_error
+from signorini_fx.results.accuracy.pressure_error import corners_of_error, interval_squares, on_facets, peak_of
+from signorini_fx.results.accuracy.price_list import zone_ends
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 

@@ -12,8 +12,8 @@ from spaces import box
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, sensitivity
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 F, C, PRESS = 0.25, 1.5, 4.0

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.laws import (
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import (
     ActiveSets,
     RegularisedData,
     classify,

@@ -16,12 +16,12 @@ from scenes import alone
 from scipy.optimize import lsq_linear
 
 from signorini_fx import ContactProblem, Foundation, NonlinearContactProblem, Pair, solve
-from signorini_fx.check.checks import check_scene
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
 
 DEPTH, FORCE = 1e-3, 0.09197869954726  # of ``by_hand``, in the plane
 

@@ -22,12 +22,12 @@ from signorini_fx import (
     SceneError,
     sweep,
 )
-from signorini_fx.body import foundations
-from signorini_fx.contact.laws import ActiveSets, RegularisedData, linearised, multipliers, tangent
-from signorini_fx.laws.at_points import fault_of, friction_of
+from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData, linearised, multipliers, tangent
+from signorini_fx.mechanics.body import foundations
+from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 DEMO = Path(__file__).parent.parent.parent / "demos" / "own_friction.py"
 SOURCE = DEMO.read_text(encoding="utf-8")

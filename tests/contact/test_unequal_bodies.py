@@ -8,11 +8,11 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.contact.points import ContactPoints, PointGroups, shares
+from signorini_fx.algebra.contact.points import ContactPoints, PointGroups, shares
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 # Of the largest pressure of each body: what a tolerance of 1e-7 leaves of a fixed point.
 NEAR = 1e-6

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx import cli
-from signorini_fx.mesh.files.cells import CELLS
-from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results.sections import section_forces
-from signorini_fx.scene.reading import read_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import read_scene
+from signorini_fx.scenes.solver import solve
 
 NX, NY, LENGTH, HEIGHT = 8, 4, 2.0, 1.0
 HEAD = "*HEADING\nA block on a floor, 5 mm\n"

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx import cli
-from signorini_fx.decks.deck import read_deck
-from signorini_fx.decks.node_results import at_nodes
-from signorini_fx.mesh.files.formats import read_file
-from signorini_fx.scene.reading import read_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.addons.decks.deck import read_deck
+from signorini_fx.addons.decks.node_results import at_nodes
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import read_scene
+from signorini_fx.scenes.solver import solve
 
 YOUNG, POISSON, EXPANSION = 1000.0, 0.3, 1e-5
 MATERIAL = ["*MATERIAL, NAME=M", "*ELASTIC", f"{YOUNG}, {POISSON}", "*EXPANSION", f"{EXPANSION}"]

@@ -5,11 +5,11 @@ import cProfile
 import pytest
 from deck_lines import STEEL, squares, stacked
 
-from signorini_fx import cli
-from signorini_fx.decks.draft import draft
-from signorini_fx.mesh.files import abaqus_include
-from signorini_fx.mesh.files.abaqus import read_model
-from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.addons.decks.draft import draft
+from signorini_fx.mechanics.mesh.files import abaqus_include
+from signorini_fx.mechanics.mesh.files.abaqus import read_model
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.scenes import cli
 
 BASE = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
 STEP = BASE.index("*STEP")

@@ -9,14 +9,14 @@ import pytest
 from deck_lines import POISSON, STEEL, YOUNG, assembly, squares, stacked
 from mpi4py import MPI
 
-from signorini_fx import cli
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh.files import abaqus_include
-from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.mechanics.mesh.files import abaqus_include
+from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.solver import solve
 
 
 def drafted(folder, lines, capsys, name="deck.inp", code=0):
@@ -122,7 +122,7 @@ def test_adjust(tmp_path, capsys, gap):
 
 def test_the_certificate_closes_gaps_itself(tmp_path, capsys, monkeypatch):
     """A solver that moves points where it should not is refused."""
-    from signorini_fx.pairs.coupling import Coupling
+    from signorini_fx.mechanics.pairs.coupling import Coupling
 
     lines = stacked([], 0.008, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.005")
     scene, _, _ = drafted(tmp_path, lines, capsys)

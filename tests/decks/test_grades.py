@@ -9,12 +9,12 @@ import pytest
 from deck_lines import STEEL, squares, stacked
 
 import signorini_fx
-from signorini_fx import cli
-from signorini_fx.decks.draft import draft
-from signorini_fx.decks.keywords import PLAIN, RULES, Grade
+from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.decks.keywords import PLAIN, RULES, Grade
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.quantities.answers import answers
+from signorini_fx.scenes import cli
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "docs"))
 import decks
@@ -185,7 +185,7 @@ def named_in_code(path):
 
 def test_the_table_has_all_keywords_of_the_code():
     """Whatever the reading of decks and of their meshes asks for has a row, and so a grade, on the page."""
-    rooms = (PACKAGE / "decks", PACKAGE / "mesh" / "files")
+    rooms = (PACKAGE / "addons" / "decks", PACKAGE / "mechanics" / "mesh" / "files")
     named = {name: path.name for room in rooms for path in room.glob("*.py") for name in named_in_code(path)}
     assert {"NGEN", "STEP", "GAP", "CONTACTPRINT", "BEAMSECTION", "ENDINSTANCE"} <= named.keys()
     keys = {rule.key for rule in RULES}

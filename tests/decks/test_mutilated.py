@@ -6,10 +6,10 @@ import re
 import pytest
 from deck_lines import assembly, stacked
 
-from signorini_fx.decks.draft import draft
+from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import SignoriniError
-from signorini_fx.mesh.files.formats import read_file
-from signorini_fx.scene.reading import parse_scene_text
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.scenes.reading import parse_scene_text
 
 WORDS = ("", "x", "-1", "1e999", "nan", "0", "99999999", "*", "=", "1.5", "NOSUCH", "1,2,3", "\x00", "é")
 CONTACT = stacked(["*FRICTION", "0.2, 50.", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100., 3."])

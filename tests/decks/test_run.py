@@ -5,7 +5,7 @@ import json
 import pytest
 from deck_lines import stacked
 
-from signorini_fx import cli
+from signorini_fx.scenes import cli
 
 
 def run(folder, lines, capsys, *options):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from deck_lines import POISSON, STEEL, YOUNG, stacked
 
-from signorini_fx import cli
+from signorini_fx.scenes import cli
 
 PRESSURE, SLOPE = 5.0, 1e4
 

@@ -7,10 +7,10 @@ import pytest
 from deck_lines import STEEL, squares
 from mpi4py import MPI
 
-from signorini_fx.decks.draft import draft
-from signorini_fx.mesh.files.formats import read_file
-from signorini_fx.scene.reading import read_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.addons.decks.draft import draft
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.scenes.reading import read_scene
+from signorini_fx.scenes.solver import solve
 
 BODIES = [*squares(4, 2, name="LOW"), *squares(4, 2, 101, (0.0, 1.0), name="UP")]
 NODES = {"UP_HEAD": range(111, 116), "UP_WALL": (101, 106, 111), "LOW_WALL": (1, 6, 11)}

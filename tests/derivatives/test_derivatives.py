@@ -12,12 +12,13 @@ from forms import hooke, side
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, cli, sensitivity
-from signorini_fx.derivatives import adjoint
-from signorini_fx.derivatives.adjoint import AdjointError, TransposedTangent
-from signorini_fx.derivatives.entries import varied
-from signorini_fx.derivatives.of_form import extrapolated
-from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, sensitivity
+from signorini_fx.addons.derivatives import adjoint
+from signorini_fx.addons.derivatives.adjoint import AdjointError, TransposedTangent
+from signorini_fx.addons.derivatives.entries import varied
+from signorini_fx.addons.derivatives.of_form import extrapolated
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import parse_scene, read_scene
 
 COMM = MPI.COMM_WORLD
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
@@ -221,7 +222,7 @@ def test_nested_meshes():
 
 def test_the_command(tmp_path, capsys):
     """A table with a row for each datum."""
-    from signorini_fx.scene.template import starting_scene
+    from signorini_fx.scenes.template import starting_scene
 
     (tmp_path / "scene.toml").write_text(starting_scene(), encoding="utf-8")
     command = ["sensitivity", str(tmp_path / "scene.toml"), "--of", "force bottom y"]

@@ -6,10 +6,10 @@ from mpi4py import MPI
 from test_derivatives import COMM, COULOMB, TRESCA, agrees
 
 from signorini_fx import SceneError, sensitivity
-from signorini_fx.derivatives import of_scene
-from signorini_fx.derivatives.adjoint import TransposedTangent
-from signorini_fx.linalg import partial_factor
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.addons.derivatives import of_scene
+from signorini_fx.addons.derivatives.adjoint import TransposedTangent
+from signorini_fx.algebra.linalg import partial_factor
+from signorini_fx.scenes.reading import parse_scene
 
 OF = ["force bottom x", "moment bottom step 3", "displacement 1.7,0.6 x step 2", "mean top y"]
 

@@ -12,9 +12,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import on_mesh, rectangle
 
-from signorini_fx.check.checks import check_scene
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.solver import solve
 
 PETSc.Log.begin()
 # A stage of its own: an error inside an event, as other tests provoke, leaves PETSc's count of it open for good.

@@ -9,20 +9,21 @@ import pytest
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx import SceneError, parallel
-from signorini_fx.body.joint_loads import JointLoads
-from signorini_fx.body.node_positions import node_positions
-from signorini_fx.check.checks import check_scene
-from signorini_fx.parallel import gather_rows
-from signorini_fx.pictures.boundary_profiles import boundaries_of, panels_of
+from signorini_fx import SceneError
+from signorini_fx.addons.pictures.boundary_profiles import boundaries_of, panels_of
+from signorini_fx.machine import parallel
+from signorini_fx.machine.parallel import gather_rows
+from signorini_fx.mechanics.body.joint_loads import JointLoads
+from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.joint_loads import astray
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Law, Tractions
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
-from signorini_fx.solving.sweep import sweep
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
+from signorini_fx.scenes.sweep import sweep
 
 COMM = MPI.COMM_WORLD
 LENGTH, HEIGHT, LAYER, WEIGHT = 2.0, 1.0, 0.05, 10.0

@@ -5,11 +5,11 @@ from mpi4py import MPI
 from spaces import box
 
 from signorini_fx import SceneError
-from signorini_fx.body.discretisation import prepare
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Status, Timings
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 PRESS, AREA = 4.0, 2.0

@@ -11,18 +11,18 @@ from scenes import alone, example1
 from spaces import box
 from test_safety import COULOMB, block, hub
 
-from signorini_fx.bounds.bounded_scene import grounds
-from signorini_fx.bounds.integrated_loads import on_edges
-from signorini_fx.bounds.simplices import Simplices
-from signorini_fx.check import jumping_loads
-from signorini_fx.check.checks import check_scene
-from signorini_fx.effects.body_force import BodyForce
+from signorini_fx.addons.bounds.bounded_scene import grounds
+from signorini_fx.addons.bounds.integrated_loads import on_edges
+from signorini_fx.addons.bounds.simplices import Simplices
 from signorini_fx.errors import SceneError
-from signorini_fx.laws.tresca import Tresca
-from signorini_fx.scene.cut_simplices import cut, halved
-from signorini_fx.scene.expressions import Expression, in_space, sample
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.mechanics.effects.body_force import BodyForce
+from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.statement.cut_simplices import cut, halved
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
+from signorini_fx.solving.check import jumping_loads
 
 COMM = MPI.COMM_WORLD
 

@@ -10,12 +10,12 @@ from scenes import alone
 from test_springs import COMM, ELEMENTS, PLANE, POISSON, SIZE, YOUNG, body, scene
 
 from signorini_fx import SceneError
-from signorini_fx.check.checks import check_scene
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.results.certificate import certify
-from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 SOFT = {"young": YOUNG, "poisson": 0.0}
 

@@ -10,15 +10,15 @@ from mpi4py import MPI
 from test_tools import on_named_posts
 
 from signorini_fx import ConvergenceError, SceneError, solve
-from signorini_fx.check.checks import check_scene
-from signorini_fx.check.text import render
-from signorini_fx.derivatives.of_scene import sensitivity
+from signorini_fx.addons.derivatives.of_scene import sensitivity
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.short_answer import short_answer
 from signorini_fx.results.summary import summarise
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.check_text import render
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 F = 0.3

@@ -8,14 +8,15 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import SceneError, solve
-from signorini_fx.check.checks import check_scene
-from signorini_fx.check.text import render
-from signorini_fx.mesh.files.formats import read_file
-from signorini_fx.mesh.tagged import gmsh_mesh, load_mesh, tag_boundaries
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh, tag_boundaries
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.sections import section_forces
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.sweep import sweep
+from signorini_fx.scenes.check_text import render
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.sweep import sweep
 
 COMM = MPI.COMM_WORLD
 CELLS = {

@@ -14,17 +14,17 @@ from scenes import alone
 from spaces import box
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.assembly import action
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.check.checks import check_scene
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.body.assembly import action
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.records import Timings
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.effect import Resistance
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 # A process of its own knows nothing of the MPI of this one.
@@ -292,7 +292,7 @@ def test_units(length, force):
 OWN = '''
 """Water that stands at a boundary."""
 from typing import Any
-from signorini_fx.scene.effect import Force
+from signorini_fx.mechanics.statement.effect import Force
 
 class Water(Force):
     """Pressure of water.
@@ -312,11 +312,11 @@ class Water(Force):
         return {"pressure": "x"}  # it varies
 
     def density(self, on):
-        from signorini_fx.scene.expressions import Expression
+        from signorini_fx.mechanics.statement.expressions import Expression
         return -on.value(Expression(f"{self.weight} * ({self.level} - x[1])")) * on.normal
 
     def density_at(self, at):
-        from signorini_fx.scene.expressions import Expression
+        from signorini_fx.mechanics.statement.expressions import Expression
         return -at.value(Expression(f"{self.weight} * max({self.level} - x[1], 0)"))[..., None] * at.normal
 
 Entry = Water
@@ -324,11 +324,11 @@ Entry = Water
 PROGRAM = """
 import sys
 import numpy as np
-import signorini_fx.effects
-signorini_fx.effects.__path__.append(sys.argv[1])
-from signorini_fx.check.checks import check_scene
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+import signorini_fx.mechanics.effects
+signorini_fx.mechanics.effects.__path__.append(sys.argv[1])
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 common = {"mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}},
           "material": {"young": 100.0, "poisson": 0.3}, "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
           "contact": {"boundary": "bottom", "gap": 0.01}}

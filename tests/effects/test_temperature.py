@@ -17,12 +17,12 @@ from test_axisymmetric import section
 from test_springs import ELEMENTS, PLANE, body
 
 from signorini_fx import SceneError
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.check.checks import check_scene
-from signorini_fx.derivatives.of_scene import sensitivity
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.addons.derivatives.of_scene import sensitivity
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"

@@ -12,19 +12,19 @@ from mpi4py import MPI
 from scipy.linalg import expm
 
 from signorini_fx import ConvergenceError, SceneError, solve
-from signorini_fx.body.rigid_bodies import RigidBodyMotion
-from signorini_fx.check.checks import check_scene
-from signorini_fx.check.text import render
-from signorini_fx.derivatives.of_scene import sensitivity
-from signorini_fx.linalg.krylov import KrylovSystem
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.addons.derivatives.of_scene import sensitivity
+from signorini_fx.algebra.linalg.krylov import KrylovSystem
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.statement.rigid_motion import RigidBody, RigidMotion
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.scene.rigid_motion import RigidBody, RigidMotion
-from signorini_fx.solving.sweep import sweep
+from signorini_fx.scenes.check_text import render
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.sweep import sweep
 
 COMM = MPI.COMM_WORLD
 GAMMAS = {"gamma_n": 1e9, "gamma_t": 1e9}
@@ -639,8 +639,8 @@ def test_a_tool_is_judged_by_the_body_that_it_touches():
 
 def test_it_is_drawn_where_it_ends_up(tmp_path, monkeypatch):
     """The plate that tilts: below it the tops of the posts, which it presses down, and no picture of where it was."""
-    from signorini_fx.picture_data.of_solution import gather_pictures
-    from signorini_fx.pictures import deformed_body
+    from signorini_fx.addons.picture_data.of_solution import gather_pictures
+    from signorini_fx.addons.pictures import deformed_body
 
     solution = solve(on_posts())
     (tool,) = solution.last_step.tools

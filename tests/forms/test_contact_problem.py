@@ -26,15 +26,15 @@ from signorini_fx import (
     read_scene,
     solve,
 )
-from signorini_fx.algorithms import strategy
-from signorini_fx.body.assembly import facet_entities
+from signorini_fx.algebra.algorithms import strategy
+from signorini_fx.algebra.linalg import condensed, multigrid
 from signorini_fx.forms import solver
 from signorini_fx.forms.stress import exterior_facets
-from signorini_fx.linalg import condensed, multigrid
-from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
+from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import Certificate
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 ROOT = Path(__file__).parents[2]

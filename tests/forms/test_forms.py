@@ -10,14 +10,14 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from scenes import on_mesh, rectangle
 
-from signorini_fx.body import forms
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.laws import ActiveSets, RegularisedData, trial_shear
-from signorini_fx.linalg.full import FullSystem
-from signorini_fx.problem.regularised import RegularisedProblem
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData, trial_shear
+from signorini_fx.algebra.linalg.full import FullSystem
+from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.mechanics.body import forms
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 GAMMA_N, GAMMA_T = 2e6, 7e5

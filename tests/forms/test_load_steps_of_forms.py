@@ -19,7 +19,7 @@ from test_ramp import ramp
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, LoadPath, solve
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}

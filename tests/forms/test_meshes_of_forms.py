@@ -30,7 +30,7 @@ from signorini_fx import (
 )
 from signorini_fx.forms.named_parts import tagged_mesh
 from signorini_fx.records import Status, StepRecord
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 

@@ -18,12 +18,12 @@ from test_krylov import LAWS, agree
 from test_ranks import same_on_all_ranks
 from test_two_bodies import paraboloids
 
-from signorini_fx.body import block_stiffness, elastic
-from signorini_fx.body.nodal_stiffness import NodalStiffness
+from signorini_fx.algebra.linalg import blocks, callbacks, factorisation, kernels, krylov
 from signorini_fx.errors import MachineError
-from signorini_fx.linalg import blocks, callbacks, factorisation, kernels, krylov
+from signorini_fx.mechanics.body import block_stiffness, elastic
+from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
 from signorini_fx.records import Status
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.solver import solve
 
 WORLD = MPI.COMM_WORLD
 

@@ -6,10 +6,11 @@ from mpi4py import MPI
 from scenes import alone
 from two_bodies import assembled, grid
 
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 
 

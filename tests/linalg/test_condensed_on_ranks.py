@@ -8,10 +8,11 @@ from petsc4py import PETSc
 from scenes import example1
 from test_ranks import agree, same_on_all_ranks
 
-from signorini_fx import parallel, solve
-from signorini_fx.linalg import choice, keep_diagonal, partial_factor
-from signorini_fx.linalg.schur import SchurComplement
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx import solve
+from signorini_fx.algebra.linalg import choice, keep_diagonal, partial_factor
+from signorini_fx.algebra.linalg.schur import SchurComplement
+from signorini_fx.machine import parallel
+from signorini_fx.scenes.reading import parse_scene
 
 pytestmark = pytest.mark.mpi
 WORLD = MPI.COMM_WORLD

@@ -5,8 +5,8 @@ import pytest
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from signorini_fx.linalg import elimination_order as order
-from signorini_fx.linalg import partial_factor
+from signorini_fx.algebra.linalg import elimination_order as order
+from signorini_fx.algebra.linalg import partial_factor
 
 
 def grid(shape, degree=1):

@@ -13,19 +13,19 @@ from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 from test_meshes_of_forms import block
 
 from signorini_fx import ConvergenceError, Foundation, NonlinearContactProblem, solve_to_accuracy
-from signorini_fx.algorithms.interior_point import interior_point, proposed_sets
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.cli.exit_codes import EXIT_CRASH, on_ranks
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.linalg.callbacks import called_back
-from signorini_fx.linalg.failures import memory_ended
-from signorini_fx.linalg.full import FullSystem
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.algorithms.interior_point import interior_point, proposed_sets
+from signorini_fx.algebra.linalg.callbacks import called_back
+from signorini_fx.algebra.linalg.failures import memory_ended
+from signorini_fx.algebra.linalg.full import FullSystem
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.settings import Accuracy
+from signorini_fx.scenes.cli.exit_codes import EXIT_CRASH, on_ranks
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import finer_meshes
 from signorini_fx.solving.one_mesh import contact_task
-from signorini_fx.solving.solver import solve
 
 FAULTS = {
     "numpy": (lambda: MemoryError(), Status.NO_MEMORY),
@@ -40,9 +40,9 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
-from signorini_fx.linalg import options
-from signorini_fx.linalg.factorisation import factor_defaults, use_factorisation
-from signorini_fx.linalg.failures import factor_lacks_memory, memory_ended, unprinted
+from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg.factorisation import factor_defaults, use_factorisation
+from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unprinted
 
 def solver(size, sign, symmetric):
     entries = np.full((size, size), 0.5)

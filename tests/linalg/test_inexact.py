@@ -7,12 +7,12 @@ from petsc4py import PETSc
 from scenes import alone, example1, table_of
 from spaces import block
 
-from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.linalg import krylov
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.algorithms.strategy import solve_task
+from signorini_fx.algebra.linalg import krylov
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
+from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.solving.one_mesh import contact_task
 
 

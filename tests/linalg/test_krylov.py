@@ -12,17 +12,17 @@ from test_linalg import turned
 from test_ranks import same_on_all_ranks
 from test_space_ranks import brick
 
-from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.check.checks import check_scene
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.linalg import choice, factorisation, krylov, multigrid
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.algorithms.strategy import solve_task
+from signorini_fx.algebra.linalg import choice, factorisation, krylov, multigrid
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import _solve_nested, solve
+from signorini_fx.scenes.sweep import sweep
 from signorini_fx.solving.one_mesh import contact_task
-from signorini_fx.solving.solver import _solve_nested, solve
-from signorini_fx.solving.sweep import sweep
 
 WORLD = MPI.COMM_WORLD
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3, "coulomb": "newton"}}

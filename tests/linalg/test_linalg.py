@@ -6,14 +6,14 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import alone, example1, table_of
 
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.map import ContactMap
-from signorini_fx.linalg import full, partial_factor, schur
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.linalg import full, partial_factor, schur
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.records import Timings
-from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.sweep import sweep
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.sweep import sweep
 
 COMM = MPI.COMM_SELF
 

@@ -13,7 +13,7 @@ from spaces import block
 
 from signorini_fx.machine import petsc_objects
 from signorini_fx.machine.petsc_objects import free_unused
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 

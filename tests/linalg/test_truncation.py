@@ -10,11 +10,11 @@ from spaces import block
 from test_krylov import dense
 from test_two_bodies import paraboloids
 
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.laws import ActiveSets
-from signorini_fx.linalg import factorisation, krylov, multigrid
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.contact.laws import ActiveSets
+from signorini_fx.algebra.linalg import factorisation, krylov, multigrid
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Timings
+from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.solving.one_mesh import contact_task
 
 WORLD = MPI.COMM_WORLD

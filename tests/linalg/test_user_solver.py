@@ -10,7 +10,7 @@ from scenes import example1
 
 from signorini_fx import InstallationError, SceneError, Status, extensions, solve
 from signorini_fx.extensions import LINEAR_SOLVERS
-from signorini_fx.scene.template import scene_schema
+from signorini_fx.scenes.template import scene_schema
 
 DEMO = Path(__file__).parents[2] / "demos" / "extensions" / "linear_solver.py"
 COMM = MPI.COMM_WORLD

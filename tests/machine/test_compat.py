@@ -7,7 +7,7 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
-from signorini_fx import compat  # noqa: F401
+from signorini_fx.machine import compat  # noqa: F401
 
 
 @pytest.mark.parametrize("kind", ["interval", "triangle", "quadrilateral", "tetrahedron", "hexahedron", "prism"])

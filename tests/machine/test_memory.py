@@ -16,11 +16,11 @@ from petsc4py import PETSc
 from scenes import example1
 from spaces import block
 
-from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.results import files
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 pytestmark = pytest.mark.mpi
 COMM = MPI.COMM_WORLD

@@ -17,8 +17,9 @@ from scipy.spatial import cKDTree
 from spaces import block
 
 import signorini_fx as sfx
-from signorini_fx import SceneError, effects
-from signorini_fx.picture_data import plot
+from signorini_fx import SceneError
+from signorini_fx.addons.picture_data import plot
+from signorini_fx.mechanics import effects
 
 COMM = MPI.COMM_SELF
 DOLFINX_MESH = mesh.create_rectangle(COMM, [[0, 0], [3, 1]], [6, 2])
@@ -57,7 +58,10 @@ def test_public_names_are_shown():
 
 def test_every_effect_is_public():
     """Each class that an entry of a scene is an object of."""
-    entries = [import_module(f"signorini_fx.effects.{module.name}").Entry for module in iter_modules(effects.__path__)]
+    entries = [
+        import_module(f"signorini_fx.mechanics.effects.{module.name}").Entry
+        for module in iter_modules(effects.__path__)
+    ]
     kinds = [kind for entry in entries for kind in (get_args(entry.__origin__) if get_args(entry) else [entry])]
     classes = {getattr(kind, "__origin__", kind).__name__ for kind in kinds}
     assert {"Springs", "BilateralContact"} <= classes <= set(sfx.__all__)

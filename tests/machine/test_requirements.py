@@ -10,10 +10,10 @@ import dolfinx
 import pytest
 from packaging.requirements import Requirement
 
-from signorini_fx import cli, compat
-from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import InstallationError
-from signorini_fx.machine import fenicsx, requirements
+from signorini_fx.machine import compat, fenicsx, requirements
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.cli.exit_codes import EXIT_BAD_INPUT
 
 CHANNELS = ("apt install python3-dolfinx", "conda install -c conda-forge fenics-dolfinx", "docker build")
 

@@ -11,10 +11,10 @@ from test_orthotropic import assert_uniform, pressed, uniform
 from test_springs import body
 
 from signorini_fx import SceneError, extensions, solve
-from signorini_fx.body import discretisation
 from signorini_fx.extensions import MATERIALS
-from signorini_fx.materials.orthotropic import OrthotropicElastic
-from signorini_fx.materials.protocol import Material
+from signorini_fx.mechanics.body import discretisation
+from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
+from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.records import Status
 
 DEMO = Path(__file__).parents[2] / "demos" / "extensions" / "material.py"

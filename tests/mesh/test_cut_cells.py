@@ -9,13 +9,13 @@ import pytest
 from mpi4py import MPI
 from scenes import on_mesh
 
-from signorini_fx import cli
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.formats import read_file
-from signorini_fx.mesh.files.shape import measures
-from signorini_fx.mesh.tagged import read_mesh
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.mechanics.mesh.files.shape import measures
+from signorini_fx.mechanics.mesh.tagged import read_mesh
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 SHAPE, SIZE = (4, 3, 2), (2.0, 1.5, 1.0)
 CORNERS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]

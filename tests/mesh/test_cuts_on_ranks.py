@@ -12,9 +12,10 @@ from test_two_bodies_scenes import DEMO
 from two_bodies import grid
 
 from signorini_fx import read_scene, solve
-from signorini_fx.mesh import cuts, distribution
-from signorini_fx.mesh.tagged import generate_mesh, load_mesh
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.mechanics.mesh import cuts, distribution
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
 

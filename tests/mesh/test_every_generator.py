@@ -8,10 +8,10 @@ import test_generators as plane
 import test_meshes_in_space as space
 from mpi4py import MPI
 
-from signorini_fx.compat import geometry_cells
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh
-from signorini_fx.scene.generators import known_generators
+from signorini_fx.machine.compat import geometry_cells
+from signorini_fx.mechanics.mesh.tagged import coarser_parameters, generate_mesh
+from signorini_fx.mechanics.statement.generators import known_generators
 
 SMALL = plane.SMALL | space.SMALL
 NO_LENGTHS = {"angle", "grading"}

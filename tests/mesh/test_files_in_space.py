@@ -15,19 +15,20 @@ from dolfinx.io import XDMFFile
 from mpi4py import MPI
 from scenes import alone, table_of
 
-from signorini_fx import cli
-from signorini_fx.compat import geometry_degree
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files.arrays import from_raw
-from signorini_fx.mesh.files.cells import CELLS, completed
-from signorini_fx.mesh.files.formats import read_file, write_file
-from signorini_fx.mesh.files.raw import RawMesh
-from signorini_fx.mesh.files.shape import is_straight, measures, quality
-from signorini_fx.mesh.files.step import names_of_faces
-from signorini_fx.mesh.halving import halved, straightened
-from signorini_fx.mesh.info import mesh_info
-from signorini_fx.mesh.tagged import load_mesh, read_mesh
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.machine.compat import geometry_degree
+from signorini_fx.mechanics.mesh.files.arrays import from_raw
+from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
+from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
+from signorini_fx.mechanics.mesh.files.raw import RawMesh
+from signorini_fx.mechanics.mesh.files.shape import is_straight, measures, quality
+from signorini_fx.mechanics.mesh.files.step import names_of_faces
+from signorini_fx.mechanics.mesh.halving import halved, straightened
+from signorini_fx.mechanics.mesh.info import mesh_info
+from signorini_fx.mechanics.mesh.tagged import read_mesh
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 KINDS = ["tetra", "tetra10", "hexahedron", "hexahedron27"]
 SUFFIXES = ["inp", "med", "msh", "vtu", "xdmf"]

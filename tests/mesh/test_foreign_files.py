@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files import gmsh_files, reading, sandbox
-from signorini_fx.mesh.files.formats import read_file
-from signorini_fx.mesh.files.gmsh_script import Script, translated
+from signorini_fx.mechanics.mesh.files import gmsh_files, reading, sandbox
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.mechanics.mesh.files.gmsh_script import Script, translated
 
 HERE = Path(__file__).parents[1]
 RUN = reading._run  # the program itself, from before any fixture

@@ -11,16 +11,16 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, table_of
 
-from signorini_fx.check.checks import check_scene
-from signorini_fx.compat import geometry_cells, geometry_degree
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files.shape import quality
-from signorini_fx.mesh.refinement import refine
-from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.scene import Discretised
-from signorini_fx.scene.template import scene_schema
-from signorini_fx.solving.solver import solve
+from signorini_fx.machine.compat import geometry_cells, geometry_degree
+from signorini_fx.mechanics.mesh.files.shape import quality
+from signorini_fx.mechanics.mesh.refinement import refine
+from signorini_fx.mechanics.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Discretised
+from signorini_fx.scenes.solver import solve
+from signorini_fx.scenes.template import scene_schema
 
 
 def segment(radius, angle):

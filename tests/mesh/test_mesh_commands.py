@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from signorini_fx import cli
+from signorini_fx.scenes import cli
 
 SQUARES = """*NODE
 1, 0, 0
@@ -94,7 +94,7 @@ def test_mesh_formats_that_cannot_be(capsys, squares, monkeypatch, arguments, me
 
 def test_mesh_info_is_light(squares):
     """No dolfinx, no MPI."""
-    code = f"import sys; from signorini_fx.cli import main; main(['mesh-info', {str(squares)!r}]); "
+    code = f"import sys; from signorini_fx.scenes.cli import main; main(['mesh-info', {str(squares)!r}]); "
     code += "print([name for name in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("[]\n")

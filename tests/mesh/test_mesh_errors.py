@@ -7,11 +7,11 @@ from dolfinx import mesh
 from mpi4py import MPI
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx.effects.contact import UnilateralContact
-from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.tagged import generate_mesh, read_mesh, tag_boundaries
-from signorini_fx.scene.scene import MeshFile
+from signorini_fx.mechanics.effects.contact import UnilateralContact
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, read_mesh, tag_boundaries
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
 
 def small(**changes):

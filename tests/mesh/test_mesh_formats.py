@@ -11,12 +11,12 @@ from mpi4py import MPI
 from scenes import alone, table_of
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files import formats
-from signorini_fx.mesh.files.formats import read_file, write_file
-from signorini_fx.mesh.files.shape import measures, quality
-from signorini_fx.mesh.tagged import read_mesh
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.mechanics.mesh.files import formats
+from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
+from signorini_fx.mechanics.mesh.files.shape import measures, quality
+from signorini_fx.mechanics.mesh.tagged import read_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 LENGTH, HEIGHT, NX, NY = 3.0, 1.0, 12, 4
 FORMATS = ["msh22", "msh41", "inp", "med", "vtu", "xdmf"]

@@ -8,10 +8,10 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from spaces import CELLS
 
-from signorini_fx import compat
-from signorini_fx.mesh.points import at_points, cells_of_points
-from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.mesh.points import at_points, cells_of_points
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 COMM, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 PLANE = (dmesh.CellType.quadrilateral, dmesh.CellType.triangle)

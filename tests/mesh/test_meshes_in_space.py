@@ -10,13 +10,13 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone, table_of
 
-from signorini_fx.compat import geometry_cells, geometry_degree, geometry_element
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files.cells import CELLS
-from signorini_fx.mesh.files.shape import check_shape, quality
-from signorini_fx.mesh.refinement import cells_at, refine
-from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, simplex_parameters
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.machine.compat import geometry_cells, geometry_degree, geometry_element
+from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.shape import check_shape, quality
+from signorini_fx.mechanics.mesh.refinement import cells_at, refine
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, simplex_parameters
+from signorini_fx.scenes.reading import parse_scene
 
 TAN, COS = tan(radians(15)), cos(radians(15))
 FLANK = 2 * 2 / COS

@@ -9,11 +9,12 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.compat import geometry_degree
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.formats import read_file, write_file
-from signorini_fx.mesh.tagged import generate_mesh, gmsh_mesh, load_mesh, tag_boundaries
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.machine.compat import geometry_degree
+from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, gmsh_mesh, tag_boundaries
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 COMM, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 

@@ -10,8 +10,8 @@ from mpi4py import MPI
 from support.nonlinear_bodies import PLATE, held, rectangle, residual
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
-from signorini_fx.nonlinear.certificate import certified
-from signorini_fx.nonlinear.tangent import round_off
+from signorini_fx.forms.nonlinear.certificate import certified
+from signorini_fx.forms.nonlinear.tangent import round_off
 from signorini_fx.results.promised_law import Tractions
 
 

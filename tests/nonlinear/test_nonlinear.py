@@ -30,7 +30,7 @@ from signorini_fx import (
     Pair,
     Status,
 )
-from signorini_fx.nonlinear.certificate import certified
+from signorini_fx.forms.nonlinear.certificate import certified
 from signorini_fx.results.promised_law import Law, Tractions
 
 

@@ -103,7 +103,7 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
         return Status.MAX_ITERATIONS if fails else status
 
     problem._iterate = counted
-    inertia = "signorini_fx.nonlinear.stability.negative_directions"
+    inertia = "signorini_fx.forms.nonlinear.stability.negative_directions"
     monkeypatch.setattr(inertia, lambda *_: int(fault == "unstable" and np.abs(problem.u.x.array).max() > 0.12))
     kept = []
 

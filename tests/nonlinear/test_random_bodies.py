@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 
-from signorini_fx.nonlinear import problem as nonlinear_problem
+from signorini_fx.forms.nonlinear import problem as nonlinear_problem
 from signorini_fx.records import Status
 
 sys.path.insert(0, str(Path(__file__).parents[2]))

@@ -11,12 +11,12 @@ from revolved import Bodies, Box, Touching, difference, drawn
 from two_bodies import facets, held
 
 from signorini_fx import Status, read_scene, solve
-from signorini_fx.body.foundation import Pair
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.laws.coulomb import Coulomb
-from signorini_fx.pairs.surface import PairSurface
+from signorini_fx.mechanics.body.foundation import Pair
+from signorini_fx.mechanics.laws.coulomb import Coulomb
+from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.results import paired_sides
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 DEMO = Path(__file__).parents[2] / "demos" / "scenes" / "press_fit.toml"

@@ -6,8 +6,8 @@ import scipy.sparse as sp
 from curved_pairs import figures, mirrored, press
 
 from signorini_fx import ContactProblem
-from signorini_fx.linalg.relative import of_all_ranks
-from signorini_fx.pairs import coupling
+from signorini_fx.algebra.linalg.relative import of_all_ranks
+from signorini_fx.mechanics.pairs import coupling
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_the_certificate_knows_the_frame(wrong, monkeypatch):
         names = "slave_turning", "master_turning", "centre"
         return replace(found, **{name: getattr(sided, name) for name in names})
 
-    monkeypatch.setattr("signorini_fx.body.paired_points.couple", changed)
+    monkeypatch.setattr("signorini_fx.mechanics.body.paired_points.couple", changed)
     monkeypatch.setattr(ContactProblem, "solve", _tried)
     problem = press("quadrilateral", ((12, 8), (9, 8)), (8.0, 8.0), 0.2)
     assert not problem.certificate.holds

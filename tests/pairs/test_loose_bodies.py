@@ -5,10 +5,10 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.loose_bodies import loose_assembly
 from signorini_fx.solving.one_mesh import contact_task
 

@@ -8,8 +8,8 @@ from curved_pairs import cap
 from two_bodies import assembled
 
 from signorini_fx import solve, tag_boundaries
-from signorini_fx.check.checks import check_scene
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
 
 CIRCLE = {"shape": "circle", "centre": [1.5, -5.0], "radius": 5.0}
 PLANE = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}

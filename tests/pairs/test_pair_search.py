@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from surfaces import sheet
 
-from signorini_fx.pairs import search
-from signorini_fx.pairs.overlap_space import Parts
-from signorini_fx.pairs.search import Patches, candidates
+from signorini_fx.mechanics.pairs import search
+from signorini_fx.mechanics.pairs.overlap_space import Parts
+from signorini_fx.mechanics.pairs.search import Patches, candidates
 
 
 def patches(side):

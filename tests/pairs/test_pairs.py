@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from surfaces import ELEMENTS, both, curve, sheet
 
-from signorini_fx.pairs.coupling import PairingError, couple
-from signorini_fx.pairs.functions import carried
-from signorini_fx.pairs.overlap_space import clip
-from signorini_fx.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.coupling import PairingError, couple
+from signorini_fx.mechanics.pairs.functions import carried
+from signorini_fx.mechanics.pairs.overlap_space import clip
+from signorini_fx.mechanics.pairs.surface import PairSurface
 
 PAIRS = [(2, a, b) for a in ELEMENTS[2] for b in ELEMENTS[2]] + [
     (3, "P1", "P1"),
@@ -77,9 +77,9 @@ def test_linear_displacements_of_matching_planes(dimension, element, other):
 
 def test_functions_of_a_whole_facet():
     """Dual functions of P1 and P2 lines and P1 triangles, and the shares of quadratic triangles."""
-    from signorini_fx.pairs.functions import dual_coefficients
-    from signorini_fx.pairs.overlap_plane import plane_overlap
-    from signorini_fx.pairs.overlap_space import space_overlap
+    from signorini_fx.mechanics.pairs.functions import dual_coefficients
+    from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap
+    from signorini_fx.mechanics.pairs.overlap_space import space_overlap
 
     def flat(s):
         return [s, 0.0]
@@ -124,7 +124,7 @@ def along(slave, master):
 
 def test_parallelograms_and_other_quadrilaterals():
     """On parallelograms M is a product of integrals along both edges, with few points; on others points are many."""
-    from signorini_fx.pairs.overlap_space import space_overlap
+    from signorini_fx.mechanics.pairs.overlap_space import space_overlap
 
     grids = np.linspace(0.0, 1.0, 5), np.linspace(-0.03, 1.03, 8)
 

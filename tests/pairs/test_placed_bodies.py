@@ -12,11 +12,13 @@ from mpi4py import MPI
 from scipy.linalg import expm
 from two_bodies import assembled, grid
 
-from signorini_fx import MeshError, SceneError, parallel, solve
-from signorini_fx.check.checks import check_scene
-from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
+from signorini_fx import MeshError, SceneError, solve
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.summary import summarise
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
 OVERLAP = 0.001
@@ -313,7 +315,7 @@ def test_an_expression_cannot_tell_both_sides():
 
 def test_pictures_of_nodes_that_coincide():
     """Nodes of two bodies at the same place are two points, and apart by the relative displacement of the contact."""
-    from signorini_fx.picture_data.outer_surface import gather_outer_surface
+    from signorini_fx.addons.picture_data.outer_surface import gather_outer_surface
 
     cube = {"generator": "box", "parameters": dict.fromkeys(("length", "width", "height"), 1.0)}
     cube["parameters"] |= dict.fromkeys(("nx", "ny", "nz"), 2)

@@ -13,18 +13,18 @@ from revolved import Bodies, Box, Touching
 from test_summary_schema import VALIDATOR
 
 from signorini_fx import Status, solve, write_results
-from signorini_fx.display import on_several_bodies
-from signorini_fx.pictures import load_steps
-from signorini_fx.pictures.boundary_profiles import boundaries_of, panels_of
-from signorini_fx.report import evidence, sections
-from signorini_fx.report.advice import next_steps
-from signorini_fx.report.comparison import compare
-from signorini_fx.report.markup import Markup, long_table
-from signorini_fx.report.sections_in_space import resultants
-from signorini_fx.result_files import ResultFiles, read_csv
+from signorini_fx.addons.pictures import load_steps
+from signorini_fx.addons.pictures.boundary_profiles import boundaries_of, panels_of
+from signorini_fx.addons.report import evidence, sections
+from signorini_fx.addons.report.advice import next_steps
+from signorini_fx.addons.report.comparison import compare
+from signorini_fx.addons.report.markup import Markup, long_table
+from signorini_fx.addons.report.sections_in_space import resultants
+from signorini_fx.addons.studies.parameter_study import figures_of
+from signorini_fx.machine.display import on_several_bodies
+from signorini_fx.machine.result_files import ResultFiles, read_csv
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.studies.parameter_study import figures_of
+from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
 PRESS, PUSH = 2000.0, 300.0

@@ -8,7 +8,8 @@ from mpi4py import MPI
 from test_two_bodies import example1, paraboloids, stack
 from test_two_bodies_scenes import DEMO
 
-from signorini_fx import parallel, read_scene, solve
+from signorini_fx import read_scene, solve
+from signorini_fx.machine import parallel
 
 pytestmark = pytest.mark.mpi
 WORLD = MPI.COMM_WORLD
@@ -94,7 +95,7 @@ def test_errors_are_those_of_all_ranks():
     from test_two_bodies_scenes import altered
 
     from signorini_fx import SceneError
-    from signorini_fx.scene.reading import parse_scene
+    from signorini_fx.scenes.reading import parse_scene
 
     with pytest.raises(SceneError, match="none of its facets finds one"):
         solve(parse_scene(altered(against="bottom")), WORLD)

@@ -10,11 +10,11 @@ import pytest
 from test_summary_schema import VALIDATOR
 
 from signorini_fx import ConvergenceError, SceneError, read_scene, solve, write_results
-from signorini_fx.check.checks import check_scene
-from signorini_fx.cli import main
-from signorini_fx.pictures import load_steps
+from signorini_fx.addons.pictures import load_steps
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.cli import main
+from signorini_fx.scenes.reading import parse_scene
 
 DEMO = Path(__file__).parents[2] / "demos" / "scenes" / "two_cylinders.toml"
 
@@ -144,7 +144,7 @@ def test_one_body_does_not_pay():
     program = (
         "import sys; sys.path.insert(0, 'tests/support')\n"
         "from scenes import alone, example1\n"
-        "from signorini_fx.linalg.assembled import AssembledSystem\n"
+        "from signorini_fx.algebra.linalg.assembled import AssembledSystem\n"
         "of = AssembledSystem.of.__func__\n"
         "def watched(cls, elasticity):\n"
         "    system = of(cls, elasticity)\n"
@@ -172,9 +172,9 @@ def test_pictures_tell_bodies_from_foundations(cylinders):
     """Both sides have the colour of contact and no strokes of a foundation; curves are named for what they are."""
     from mpi4py import MPI
 
-    from signorini_fx.mesh.tagged import load_mesh
-    from signorini_fx.picture_data.of_setup import gather_setup
-    from signorini_fx.pictures.boundary_profiles import boundaries_of, panels_of
+    from signorini_fx.addons.picture_data.of_setup import gather_setup
+    from signorini_fx.addons.pictures.boundary_profiles import boundaries_of, panels_of
+    from signorini_fx.scenes.mesh import load_mesh
 
     scene = read_scene(DEMO)
     sides = {one.name: one for one in gather_setup(load_mesh(scene, MPI.COMM_SELF), scene.statement).boundaries}
@@ -195,7 +195,7 @@ def test_pictures_tell_bodies_from_foundations(cylinders):
 def test_the_other_side(cylinders, tmp_path):
     """Pressures and distances are those of the side with the points, shear is the opposite; the file has them."""
     from signorini_fx import write_results
-    from signorini_fx.result_files import read_csv
+    from signorini_fx.machine.result_files import read_csv
 
     write_results(cylinders, tmp_path / "out", fields=False, pictures=False)
     other, table = read_csv(tmp_path / "out" / "contact_other_side.csv"), cylinders.table.columns
@@ -218,7 +218,7 @@ STACKED = """
 import numpy as np
 from two_bodies import assembled, grid
 
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.meshes import generator
 
 
@@ -275,9 +275,9 @@ def test_pieces_keep_their_nodes(stacked):
     """The interpolation from a coarser mesh moves no body with the other one."""
     from mpi4py import MPI
 
-    from signorini_fx.body.discretisation import discretise
-    from signorini_fx.mesh.tagged import load_mesh
+    from signorini_fx.mechanics.body.discretisation import discretise
     from signorini_fx.records import Timings
+    from signorini_fx.scenes.mesh import load_mesh
 
     coarse, fine = (
         discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()) for scene in map(stacked, (4, 8))
@@ -428,9 +428,9 @@ def test_where_points_are(changes, side):
     """By rule only where no value is a function, which was written for ``boundary``."""
     from mpi4py import MPI
 
-    from signorini_fx.body.discretisation import prepare
-    from signorini_fx.mesh.tagged import load_mesh
+    from signorini_fx.mechanics.body.discretisation import prepare
     from signorini_fx.records import Timings
+    from signorini_fx.scenes.mesh import load_mesh
 
     scene = parse_scene(altered(boundary="lower", against="upper", **changes))
     found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).statement.contact[0]

@@ -11,7 +11,7 @@ from test_two_bodies_references import cap
 from two_bodies import KINDS, assembled, facets, facets_of_piece, forms, grid, held, per_cell
 
 from signorini_fx import ContactProblem, Coulomb, Pair
-from signorini_fx.linalg.multigrid import ContactPreconditioner
+from signorini_fx.algebra.linalg.multigrid import ContactPreconditioner
 
 
 def inf_sup(kind, degree, counts, stiffer=1.0):

@@ -8,13 +8,13 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
-from signorini_fx.pictures import deformed_body, moving_body
-from signorini_fx.pictures.body import DrawnBody, Moment
-from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh, magnification
-from signorini_fx.pictures.fields import FIELDS
-from signorini_fx.pictures.marks import Largest
-from signorini_fx.pictures.style import finish
-from signorini_fx.pictures.tiling import tiling
+from signorini_fx.addons.pictures import deformed_body, moving_body
+from signorini_fx.addons.pictures.body import DrawnBody, Moment
+from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh, magnification
+from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.pictures.marks import Largest
+from signorini_fx.addons.pictures.style import finish
+from signorini_fx.addons.pictures.tiling import tiling
 
 X = np.linspace(0.0, 3.0, 13)
 BOTTOM = np.column_stack((X, np.zeros(13)))

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.picture_data.rigid_shapes import drawn_shapes, lines_of, triangles_of
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.rigid_shape import distance_from
-from signorini_fx.solving.solver import solve
+from signorini_fx.addons.picture_data.rigid_shapes import drawn_shapes, lines_of, triangles_of
+from signorini_fx.mechanics.statement.rigid_shape import distance_from
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 RADIUS = 0.3
 

@@ -13,19 +13,20 @@ from scenes import alone, example1, on_mesh, rectangle
 from scipy.spatial import cKDTree
 from spaces import block, box
 
-from signorini_fx import cli, parallel
-from signorini_fx.picture_data.body_cells import gather_cells
-from signorini_fx.picture_data.outer_surface import gather_outer_surface
-from signorini_fx.pictures import deformed_body
-from signorini_fx.pictures.deformed_body import deformed_mesh
-from signorini_fx.pictures.fields import FIELDS, Field, principal, values_of
-from signorini_fx.pictures.style import BLUE, ORANGE
-from signorini_fx.pictures.tiling import refined, tiling
-from signorini_fx.pictures.tones import Tones, draw_principal, spaced, strokes, thinned
+from signorini_fx.addons.picture_data.body_cells import gather_cells
+from signorini_fx.addons.picture_data.outer_surface import gather_outer_surface
+from signorini_fx.addons.pictures import deformed_body
+from signorini_fx.addons.pictures.deformed_body import deformed_mesh
+from signorini_fx.addons.pictures.fields import FIELDS, Field, principal, values_of
+from signorini_fx.addons.pictures.style import BLUE, ORANGE
+from signorini_fx.addons.pictures.tiling import refined, tiling
+from signorini_fx.addons.pictures.tones import Tones, draw_principal, spaced, strokes, thinned
+from signorini_fx.machine import parallel
 from signorini_fx.results.files import ON_DEMAND, write_results
 from signorini_fx.results.stresses import Stresses
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 SHEAR = np.array([[[0.0, 2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, -3.0]]])
 

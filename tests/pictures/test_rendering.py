@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from signorini_fx.addons.pictures import offscreen, view
+from signorini_fx.addons.pictures.body import DrawnBody, Volume
+from signorini_fx.addons.pictures.exploded import exploded, moved_apart
+from signorini_fx.addons.pictures.foundation import FoundationSurface, normals_of
+from signorini_fx.addons.pictures.solid import Cut, Lines, Solid
+from signorini_fx.addons.pictures.solid_body import Skin, section, solid_figure, telling_view
+from signorini_fx.addons.pictures.style import VALUES
+from signorini_fx.addons.pictures.tiling import tiling
 from signorini_fx.errors import PictureError
-from signorini_fx.pictures import offscreen, view
-from signorini_fx.pictures.body import DrawnBody, Volume
-from signorini_fx.pictures.exploded import exploded, moved_apart
-from signorini_fx.pictures.foundation import FoundationSurface, normals_of
-from signorini_fx.pictures.solid import Cut, Lines, Solid
-from signorini_fx.pictures.solid_body import Skin, section, solid_figure, telling_view
-from signorini_fx.pictures.style import VALUES
-from signorini_fx.pictures.tiling import tiling
 
 CUBE = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
 SIDES = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
@@ -276,7 +276,8 @@ def test_it_knows_nothing_of_mpi(monkeypatch):
         patch.setattr(offscreen.subprocess, "Popen", Process)
         offscreen._Painter()._output.close()
     assert not {"OMPI_COMM_WORLD_SIZE", "PMIX_RANK"} & set(seen)
-    code = "import sys, signorini_fx.pictures.offscreen; print([n for n in ('mpi4py', 'dolfinx') if n in sys.modules])"
+    heavy = "[name for name in ('mpi4py', 'dolfinx') if name in sys.modules]"
+    code = f"import sys, signorini_fx.addons.pictures.offscreen; print({heavy})"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ended.stdout.strip() == "[]"
     pickle.dumps(solid(np.ones(12)))

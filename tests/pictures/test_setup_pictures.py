@@ -8,11 +8,12 @@ from matplotlib.text import Text
 from mpi4py import MPI
 from scenes import example1
 
-from signorini_fx import cli
-from signorini_fx.mesh.tagged import generate_mesh, load_mesh, tag_boundaries
-from signorini_fx.picture_data.of_setup import gather_setup
-from signorini_fx.pictures import setup as setup_pictures
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.addons.picture_data.of_setup import gather_setup
+from signorini_fx.addons.pictures import setup as setup_pictures
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 BOX = {

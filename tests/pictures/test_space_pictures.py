@@ -24,21 +24,21 @@ from scipy.spatial import cKDTree
 from spaces import block, box, friction_of
 from test_report import Page, pictures, rows_of, summary_of
 
-from signorini_fx import cli
+from signorini_fx.addons.picture_data import of_solution, outer_surface
+from signorini_fx.addons.pictures import contact_surface, load_steps, offscreen, view
+from signorini_fx.addons.pictures.boundary_profiles import STATES
+from signorini_fx.addons.pictures.deformed_body import magnification
+from signorini_fx.addons.pictures.foundation import FoundationSurface, normals_of, plane_of
+from signorini_fx.addons.pictures.solid_body import Skin, solid_figure
+from signorini_fx.addons.pictures.style import VALUES, lay_out
+from signorini_fx.addons.report import page, sections_in_space
 from signorini_fx.errors import ResultError
-from signorini_fx.picture_data import of_solution, outer_surface
-from signorini_fx.pictures import contact_surface, load_steps, offscreen, view
-from signorini_fx.pictures.boundary_profiles import STATES
-from signorini_fx.pictures.deformed_body import magnification
-from signorini_fx.pictures.foundation import FoundationSurface, normals_of, plane_of
-from signorini_fx.pictures.solid_body import Skin, solid_figure
-from signorini_fx.pictures.style import VALUES, lay_out
+from signorini_fx.machine.result_files import read_csv, read_facets
 from signorini_fx.quantities.digits import components
-from signorini_fx.report import page, sections_in_space
-from signorini_fx.result_files import read_csv, read_facets
 from signorini_fx.results.files import write_results
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 
 def stepped():
@@ -647,7 +647,7 @@ def test_plane_scenes_import_nothing_of_it(tmp_path):
 import sys
 from scenes import alone, example1
 from signorini_fx.results.files import write_results
-from signorini_fx.report.page import write_report
+from signorini_fx.addons.report.page import write_report
 write_results(alone(example1(nx=6, ny=2)), sys.argv[1], fields=False)
 write_report(sys.argv[1])
 print([name for name in sys.modules if name.startswith("signorini_fx.")])
@@ -659,7 +659,7 @@ print([name for name in sys.modules if name.startswith("signorini_fx.")])
         text=True,
         cwd="tests/support",
     )
-    assert "signorini_fx.pictures.boundary_profiles" in run.stdout
+    assert "signorini_fx.addons.pictures.boundary_profiles" in run.stdout
     for name in (
         "pictures.contact",
         "pictures.solid",
@@ -676,7 +676,7 @@ def test_page_needs_no_dolfinx(folders, tmp_path):
     """The report of a body in space imports neither dolfinx nor MPI."""
     code = """
 import sys
-from signorini_fx.report.page import write_report
+from signorini_fx.addons.report.page import write_report
 write_report(sys.argv[1], sys.argv[2])
 print([name for name in sys.modules if name in ("dolfinx", "mpi4py", "petsc4py", "ufl")])
 """

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from signorini_fx.pictures import boundary_profiles, load_steps
-from signorini_fx.pictures.fields import FIELDS
-from signorini_fx.pictures.tones import Tones
+from signorini_fx.addons.pictures import boundary_profiles, load_steps
+from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.pictures.tones import Tones
 
 mpl.use("Agg")
 

@@ -47,10 +47,10 @@ def test_matrices_or_a_scene(law, kind, algorithm, tmp_path):
 
 def test_nothing_else_holds_the_body():
     """A load that no pressure balances: the core says so without a linear solve."""
-    from signorini_fx.algorithms.strategy import solve_task
-    from signorini_fx.algorithms.task import Task
-    from signorini_fx.linalg.from_scipy import from_scipy
-    from signorini_fx.linalg.full import FullSystem
+    from signorini_fx.algebra.algorithms.strategy import solve_task
+    from signorini_fx.algebra.algorithms.task import Task
+    from signorini_fx.algebra.linalg.from_scipy import from_scipy
+    from signorini_fx.algebra.linalg.full import FullSystem
     from signorini_fx.records import Status
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
@@ -65,12 +65,12 @@ def test_another_load_on_the_same_factor(kind):
     """A load case that is replaced has the solution of a body that is set up with it."""
     from dataclasses import replace
 
-    from signorini_fx.algorithms.strategy import solve_task
-    from signorini_fx.algorithms.task import Task
-    from signorini_fx.linalg.condensed import CondensedSystem
-    from signorini_fx.linalg.from_scipy import from_scipy
-    from signorini_fx.linalg.full import FullSystem
-    from signorini_fx.method import Settings
+    from signorini_fx.algebra.algorithms.strategy import solve_task
+    from signorini_fx.algebra.algorithms.task import Task
+    from signorini_fx.algebra.linalg.condensed import CondensedSystem
+    from signorini_fx.algebra.linalg.from_scipy import from_scipy
+    from signorini_fx.algebra.linalg.full import FullSystem
+    from signorini_fx.algebra.method import Settings
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
     make = {"full": FullSystem, "condensed": CondensedSystem}[kind]
@@ -91,11 +91,11 @@ def test_the_limit_needs_unknowns_along_the_contact():
     """Of matrices whose contact points are askew to the unknowns there is no exact method, and no wrong answer."""
     import scipy.sparse as sp
 
-    from signorini_fx.algorithms.strategy import solve_task
-    from signorini_fx.algorithms.task import Task
-    from signorini_fx.linalg.from_scipy import from_scipy
-    from signorini_fx.linalg.full import FullSystem
-    from signorini_fx.method import Settings
+    from signorini_fx.algebra.algorithms.strategy import solve_task
+    from signorini_fx.algebra.algorithms.task import Task
+    from signorini_fx.algebra.linalg.from_scipy import from_scipy
+    from signorini_fx.algebra.linalg.full import FullSystem
+    from signorini_fx.algebra.method import Settings
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
     turn = sp.kron(sp.eye_array(weight.size), np.array([[0.8, 0.6], [-0.6, 0.8]]))
@@ -110,9 +110,9 @@ def test_sets_that_hold_no_body_are_not_kept(friction):
     """The body may stay, but neither the next sets nor those before hold it, as where the friction bound was another
     one: then all points that can do.
     """
-    from signorini_fx.contact.holding_sets import hold
-    from signorini_fx.contact.laws import ActiveSets, RegularisedData
-    from signorini_fx.linalg.from_scipy import from_scipy
+    from signorini_fx.algebra.contact.holding_sets import hold
+    from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData
+    from signorini_fx.algebra.linalg.from_scipy import from_scipy
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
     _, motions = from_scipy(stiffness, load, operator, weight, prescribed=prescribed, modes=modes)

@@ -7,15 +7,15 @@ import scipy.sparse as sp
 from scenes import alone
 from spaces import box
 
-from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.algorithms.task import Task
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.linalg.condensed import CondensedSystem
-from signorini_fx.linalg.from_scipy import from_scipy
-from signorini_fx.linalg.full import FullSystem
-from signorini_fx.method import Settings
+from signorini_fx.algebra.algorithms.strategy import solve_task
+from signorini_fx.algebra.algorithms.task import Task
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.linalg.condensed import CondensedSystem
+from signorini_fx.algebra.linalg.from_scipy import from_scipy
+from signorini_fx.algebra.linalg.full import FullSystem
+from signorini_fx.algebra.method import Settings
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 YOUNG, POISSON, F, SIDE = 1000.0, 0.3, 0.3, 3
 PUSH, PULL = (4e-3, 1e-3, -1e-2), (0.0, 2.0, 0.0)

@@ -9,9 +9,9 @@ from mpi4py import MPI
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.tagged import read_mesh
-from signorini_fx.scene.reading import parse_scene_text
-from signorini_fx.scene.template import starting_scene
+from signorini_fx.mechanics.mesh.tagged import read_mesh
+from signorini_fx.scenes.reading import parse_scene_text
+from signorini_fx.scenes.template import starting_scene
 from stability.case import CONVERGED
 from stability.fuzz import cases
 

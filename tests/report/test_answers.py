@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from signorini_fx.addons.report import evidence
 from signorini_fx.quantities.answers import answers
 from signorini_fx.records import Status
-from signorini_fx.report import evidence
 from signorini_fx.results.short_answer import short_answer
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,10 +9,10 @@ from petsc4py import PETSc
 from scenes import example1
 
 from signorini_fx import FrictionLaw, Parameter, solve, write_results
-from signorini_fx.linalg import krylov
-from signorini_fx.linalg.full import FullSystem
+from signorini_fx.addons.report.page import write_report
+from signorini_fx.algebra.linalg import krylov
+from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.records import Status
-from signorini_fx.report.page import write_report
 
 
 class Odd(FrictionLaw):

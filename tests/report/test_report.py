@@ -23,25 +23,26 @@ from mpi4py import MPI
 from PIL import Image
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx import cli, parallel
-from signorini_fx.effects.contact import UnilateralContact
+from signorini_fx.addons.pictures import step_animation
+from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.report import advice, evidence, interactive, markup, sections
+from signorini_fx.addons.report import page as report
 from signorini_fx.errors import OutputError, ResultError
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.pictures import step_animation
-from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.machine import parallel
+from signorini_fx.machine.result_files import ResultFiles, read_csv, read_summary, seconds_of
+from signorini_fx.mechanics.effects.contact import UnilateralContact
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import Status
-from signorini_fx.report import advice, evidence, interactive, markup, sections
-from signorini_fx.report import page as report
-from signorini_fx.result_files import ResultFiles, read_csv, read_summary, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.checkpoint import _described
 from signorini_fx.results.files import write_results
-from signorini_fx.solving.solver import solve
-from signorini_fx.units import labelled
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.solver import solve
 
 TITLE = r"""Tom & <b>Jerry</b> "1", 'two' $\frac$"""
 _VOID = {"br", "img", "meta", "wbr"}
@@ -570,7 +571,7 @@ def test_no_solver_is_imported(folders, tmp_path):
     """The command works where dolfinx is not: only the files are read."""
     code = (
         "import sys\n"
-        "from signorini_fx.cli import main\n"
+        "from signorini_fx.scenes.cli import main\n"
         f"code = main(['report', {str(folders['steps'])!r}, '--out', {str(tmp_path / 'page.html')!r}])\n"
         "print(code, [name for name in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'gmsh') if name in sys.modules])\n"
     )

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from signorini_fx.accuracy.next_digit import between as times
-from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.report import evidence, sections, sections_in_space
+from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.registry import quantities
-from signorini_fx.report import evidence, sections, sections_in_space
-from signorini_fx.units import labelled
+from signorini_fx.results.accuracy.next_digit import between as times
 
 MEGAPASCAL = {"length": "mm", "stress": "MPa", "force": "N", "area": "mm²", "moment": "N mm", "energy": "N mm"}
 

@@ -11,7 +11,7 @@ import pytest
 
 from signorini_fx import InstallationError, extensions
 from signorini_fx.extensions import ADD_ONS, add_on
-from signorini_fx.scene.generators import known_generators
+from signorini_fx.mechanics.statement.generators import known_generators
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "signorini_fx"
@@ -56,7 +56,11 @@ def uses(path, *packages, everywhere=True):
 
 def test_tests_follow_the_rooms():
     """Each file of tests lies in a folder that is named as a room of the package, or says what else is tested."""
-    rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir()} | {"random_scenes", "repository", "verification"}
+    rooms = {layer.split(".")[-1] for layer in architecture.packages()} | {
+        "random_scenes",
+        "repository",
+        "verification",
+    }
     files = [path.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("test_*.py")]
     assert {file.parts[0] for file in files if len(file.parts) == 2} <= rooms
     assert [file for file in files if len(file.parts) != 2] == []
@@ -65,10 +69,10 @@ def test_tests_follow_the_rooms():
 
 def test_the_reader_of_imports_reads():
     """The checks below would notice: forms.py imports ufl, expressions.py imports dolfinx lazily."""
-    assert uses(PACKAGE / "body" / "forms.py", "ufl") == {"ufl"}
-    assert uses(PACKAGE / "scene" / "expressions.py", "dolfinx", everywhere=True)
-    assert not uses(PACKAGE / "scene" / "expressions.py", "dolfinx", everywhere=False)
-    assert uses(PACKAGE / "body" / "averages.py", "signorini_fx.body.forms")
+    assert uses(PACKAGE / "mechanics" / "body" / "forms.py", "ufl") == {"ufl"}
+    assert uses(PACKAGE / "mechanics" / "statement" / "expressions.py", "dolfinx", everywhere=True)
+    assert not uses(PACKAGE / "mechanics" / "statement" / "expressions.py", "dolfinx", everywhere=False)
+    assert uses(PACKAGE / "mechanics" / "body" / "averages.py", "signorini_fx.mechanics.body.forms")
     assert len(MODULES) > 20
 
 
@@ -88,46 +92,46 @@ def test_vectors_of_dolfinx_are_not_made_petscs(name):
 @pytest.mark.parametrize("folder", architecture.CORE)
 def test_the_core_stands_alone(folder):
     """It knows neither forms nor meshes nor scenes, and imports none of the packages above it, anywhere in a file."""
-    above = architecture.LAYERS[: architecture.LAYERS.index("algorithms")]
+    above = architecture.LAYERS[: architecture.LAYERS.index("algebra.algorithms")]
     strangers = ("dolfinx", "ufl", "basix", "pydantic", *(f"signorini_fx.{layer}" for layer in above))
-    files = sorted((PACKAGE / folder).glob("*.py"))
+    files = sorted(architecture.folder_of(folder).glob("*.py"))
     assert len(files) >= 2
     assert {file.name: uses(file, *strangers) for file in files} == {file.name: set() for file in files}
 
 
 def test_algorithms_and_linear_algebra_are_strangers():
     """Algorithms know the protocol of linalg/__init__.py at most, linear algebra knows no algorithm."""
-    for file in (PACKAGE / "algorithms").glob("*.py"):
+    for file in (PACKAGE / "algebra" / "algorithms").glob("*.py"):
         # What calls back, why PETSc fails, its options, and what petsc4py lacks.
         known = ("callbacks", "failures", "options", "petsc_c")
         kinds = {
-            f"signorini_fx.linalg.{kind.stem}"
-            for kind in (PACKAGE / "linalg").glob("[!_]*.py")
+            f"signorini_fx.algebra.linalg.{kind.stem}"
+            for kind in (PACKAGE / "algebra" / "linalg").glob("[!_]*.py")
             if kind.stem not in known
         }
         assert not uses(file, *kinds), file.name
-    for file in (PACKAGE / "linalg").glob("*.py"):
-        assert not uses(file, "signorini_fx.algorithms"), file.name
+    for file in (PACKAGE / "algebra" / "linalg").glob("*.py"):
+        assert not uses(file, "signorini_fx.algebra.algorithms"), file.name
 
 
 def test_every_module_has_a_layer():
-    """Its package; a module of the top level is named in TOP_LEVEL of docs/architecture.py."""
+    """Its package; a module beside packages is named in BESIDE of docs/architecture.py."""
     assert {architecture.layer_of(module) for module in architecture.files()} == set(architecture.LAYERS)
 
 
 def test_every_package_says_what_it_knows():
     """And what it must not know."""
     for layer in architecture.packages():
-        text = ast.get_docstring(ast.parse((PACKAGE / layer / "__init__.py").read_text(encoding="utf-8")))
+        text = ast.get_docstring(ast.parse((architecture.folder_of(layer) / "__init__.py").read_text(encoding="utf-8")))
         assert len(text.split("\n\n")) > 1, layer
 
 
 def test_imports_point_down():
     """To lower layers, or within one."""
     graph = architecture.graph()
-    assert graph["body.forms"] == set()
-    assert graph["effects.traction"] == {"scene.effect", "scene.values"}
-    assert {"statement", "mesh.tagged", "linalg.choice"} <= graph["solving.one_mesh"]
+    assert graph["mechanics.body.forms"] == set()
+    assert graph["mechanics.effects.traction"] == {"mechanics.statement.effect", "mechanics.statement.values"}
+    assert {"mechanics.model", "mechanics.mesh.tagged", "algebra.linalg.choice"} <= graph["solving.one_mesh"]
     place = {layer: number for number, layer in enumerate(architecture.LAYERS)}
     upward = [
         f"{module} imports {other}"
@@ -172,18 +176,19 @@ def test_the_rest_imports_no_add_on():
     rest = {
         module: path
         for module, path in architecture.files().items()
-        if module.split(".")[0] not in architecture.ADD_ONS
+        if architecture.layer_of(module) not in architecture.ADD_ONS
     }
     assert len(rest) > 250
     assert {module: used for module, path in rest.items() if (used := uses(path, *ADDED))} == {}
     entries = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]
-    assert {value.split(".")[1] for value in entries[ADD_ONS].values()} < set(architecture.ADD_ONS)
+    rooms = {value.partition(".")[2].partition(":")[0] for value in entries[ADD_ONS].values()}
+    assert {architecture.layer_of(room) for room in rooms} < set(architecture.ADD_ONS)
 
 
 @pytest.mark.parametrize("room", architecture.ADD_ONS)
 def test_add_ons_use_no_private_names(room):
     """Of the rest, or of each other."""
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in (PACKAGE / room).glob("*.py")}
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in architecture.folder_of(room).glob("*.py")}
     names = {name for tree in trees.values() for name in assigned_names(tree) if name.startswith("_")}
     for path, tree in trees.items():
         assert {name for name in uses(path, "signorini_fx") if "._" in name.replace(".__version__", "")} == set(), path
@@ -193,9 +198,11 @@ def test_add_ons_use_no_private_names(room):
 
 def test_a_missing_add_on_is_one_message(monkeypatch):
     """Where somebody asks for it, and nothing where nobody does."""
-    monkeypatch.setitem(sys.modules, "signorini_fx.bounds", None)
-    monkeypatch.delitem(sys.modules, "signorini_fx.bounds.error_bound", raising=False)
-    with pytest.raises(InstallationError, match=r"'error_bound' needs signorini_fx\.bounds.*, an add-on that is not"):
+    monkeypatch.setitem(sys.modules, "signorini_fx.addons.bounds", None)
+    monkeypatch.delitem(sys.modules, "signorini_fx.addons.bounds.error_bound", raising=False)
+    with pytest.raises(
+        InstallationError, match=r"'error_bound' needs signorini_fx\.addons\.bounds.*, an add-on that is not"
+    ):
         add_on("error_bound")
     monkeypatch.setattr(extensions, "_installed", lambda *_: {})
     monkeypatch.setitem(sys.modules, "signorini_fx.meshes", None)
@@ -218,11 +225,11 @@ def test_the_picture_is_of_today():
     assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawn()
 
 
-EFFECTS = sorted(f"effects/{file.stem}" for file in (PACKAGE / "effects").glob("*.py"))
-SCENE = ("scene/effect", "scene/scene", "scene/expressions")
+EFFECTS = sorted(f"mechanics/effects/{file.stem}" for file in (PACKAGE / "mechanics" / "effects").glob("*.py"))
+SCENE = ("mechanics/statement/effect", "scenes/scene", "mechanics/statement/expressions")
 
 
-@pytest.mark.parametrize("module", [*EFFECTS, *SCENE, "errors", "records", "report/page"])
+@pytest.mark.parametrize("module", [*EFFECTS, *SCENE, "errors", "records", "addons/report/page"])
 def test_scenes_need_no_solver(module):
     """A scene can be read and checked without dolfinx, PETSc, MPI or UFL."""
     heavy = (
@@ -232,8 +239,8 @@ def test_scenes_need_no_solver(module):
         "ufl",
         "basix",
         "gmsh",
-        "signorini_fx.mesh.tagged",
-        "signorini_fx.parallel",
+        "signorini_fx.mechanics.mesh.tagged",
+        "signorini_fx.machine.parallel",
     )
     assert not uses(PACKAGE / f"{module}.py", *heavy, everywhere=False)
 
@@ -287,9 +294,9 @@ def test_import_is_light():
 
 def test_only_named_effects_are_imported():
     """A scene imports the files of its effects alone, and without UFL."""
-    read = "import sys; from signorini_fx.scene.reading import parse_scene; "
+    read = "import sys; from signorini_fx.scenes.reading import parse_scene; "
     scene = "{'mesh': {'generator': 'rectangle'}, 'material': {'young': 1, 'poisson': 0.3}, 'body_force': {'x': 1}}"
-    told = "print(sorted(m.rpartition('.')[2] for m in sys.modules if m.startswith('signorini_fx.effects.')))"
+    told = "print(sorted(m.rpartition('.')[2] for m in sys.modules if m.startswith('signorini_fx.mechanics.effects.')))"
     ended = python(f"{read}parse_scene({scene}); {told}; print('ufl' in sys.modules)")
     assert (ended.stdout.split("\n")[:2], ended.stderr) == (["['body_force', 'material']", "False"], "")
 

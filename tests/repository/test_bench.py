@@ -27,11 +27,11 @@ import space_rival  # noqa: E402
 import space_rows  # noqa: E402
 
 from signorini_fx import solve  # noqa: E402
-from signorini_fx.decks.draft import draft  # noqa: E402
-from signorini_fx.linalg.factorisation import has_package  # noqa: E402
-from signorini_fx.mesh.files.formats import read_file  # noqa: E402
-from signorini_fx.mesh.tagged import generate_mesh  # noqa: E402
-from signorini_fx.scene.reading import read_scene  # noqa: E402
+from signorini_fx.addons.decks.draft import draft  # noqa: E402
+from signorini_fx.algebra.linalg.factorisation import has_package  # noqa: E402
+from signorini_fx.mechanics.mesh.files.formats import read_file  # noqa: E402
+from signorini_fx.mechanics.mesh.tagged import generate_mesh  # noqa: E402
+from signorini_fx.scenes.reading import read_scene  # noqa: E402
 
 GROUPS = {
     "tresca",

@@ -27,9 +27,7 @@ from pydantic import BaseModel
 from scenes import alone, example1
 
 import signorini_fx
-from signorini_fx import cli
-from signorini_fx.check.checks import check_scene
-from signorini_fx.effects import (
+from signorini_fx.mechanics.effects import (
     body_force,
     contact,
     displacement,
@@ -42,22 +40,24 @@ from signorini_fx.effects import (
     temperature,
     traction,
 )
-from signorini_fx.laws.coulomb import Coulomb
-from signorini_fx.laws.none import NoFriction
-from signorini_fx.laws.tresca import Tresca
-from signorini_fx.materials.isotropic import LinearElastic
-from signorini_fx.materials.orthotropic import Orthotropic, OrthotropicElastic
+from signorini_fx.mechanics.laws.coulomb import Coulomb
+from signorini_fx.mechanics.laws.none import NoFriction
+from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.materials.orthotropic import Orthotropic, OrthotropicElastic
+from signorini_fx.mechanics.statement import settings
+from signorini_fx.mechanics.statement.generators import known_generators
+from signorini_fx.mechanics.statement.load_steps import LoadSteps
+from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.quantities.table import markdown
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import JUDGED, REPORTED
 from signorini_fx.results.files import write_results
-from signorini_fx.scene import scene, settings
-from signorini_fx.scene.generators import known_generators
-from signorini_fx.scene.load_steps import LoadSteps
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.scene.rigid_motion import PivotSprings, Prescribed
-from signorini_fx.scene.rigid_table import Rigid
-from signorini_fx.scene.template import starting_scene
+from signorini_fx.scenes import cli, scene
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.rigid_table import Rigid
+from signorini_fx.scenes.template import starting_scene
 
 ROOT = Path(__file__).parents[2]
 README, DOCS = ROOT / "README.md", ROOT / "docs"
@@ -347,7 +347,7 @@ def test_evidence():
 def test_contributing():
     """What it names is there: files, and targets of make."""
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    folders = (ROOT, ROOT / "signorini_fx", ROOT / "signorini_fx" / "algorithms")
+    folders = (ROOT, ROOT / "signorini_fx", ROOT / "signorini_fx" / "algebra" / "algorithms")
     for name in set(re.findall(r"`([\w./-]+\.(?:py|md|toml))`", text)):
         assert any((folder / name).is_file() for folder in folders), name
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")

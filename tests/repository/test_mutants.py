@@ -198,8 +198,8 @@ def test_a_mutant_with_a_name_that_is_not_there():
 
 
 DIFF = """\
---- a/signorini_fx/contact/laws.py
-+++ b/signorini_fx/contact/laws.py
+--- a/signorini_fx/algebra/contact/laws.py
++++ b/signorini_fx/algebra/contact/laws.py
 @@ -3,0 +4,2 @@ def f
 +one
 +two
@@ -226,14 +226,14 @@ class Negated:
 
 def test_drawn_mutants():
     """On the lines of a change, one for each expression, and none where mutants show nothing."""
-    assert drawn.touched(DIFF) == {"signorini_fx/contact/laws.py": {4, 5, 12}}
+    assert drawn.touched(DIFF) == {"signorini_fx/algebra/contact/laws.py": {4, 5, 12}}
     source = "a = b\ndef f(c: d) -> e:\n    if c < g:\n        raise k(m)\n    return c\n"
     found = drawn.mutants("x.py", source, {1, 2, 3, 4}, {"negated": Negated()}, drawn.random.Random(0))
     assert [(m.line, m.in_function) for m in found] == [(1, False)] * 2 + [(2, False)] * 2 + [(3, True)] * 2
     assert found[-1].source == source.replace("g:", "-g:")
     assert found[-1].change == "-     if c < g:\n+     if c < -g:"
     assert drawn.between_operands("def f(*, c):\n    return g(*c, a * b)") == [((2, 18), (2, 21))]
-    assert drawn.rooms(["signorini_fx/contact/laws.py", "signorini_fx/scales.py"]) == [
+    assert drawn.rooms(["signorini_fx/algebra/contact/laws.py", "signorini_fx/mechanics/scales.py"]) == [
         "tests/contact",
         "tests/verification",
     ]

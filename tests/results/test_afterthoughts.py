@@ -9,17 +9,17 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import cli
+from signorini_fx.addons.picture_data import of_solution, plot
+from signorini_fx.addons.report.page import write_report
 from signorini_fx.errors import PictureError, ResultError
-from signorini_fx.manifest import MANIFEST, PART
-from signorini_fx.picture_data import of_solution, plot
+from signorini_fx.machine.manifest import MANIFEST, PART
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Status
-from signorini_fx.report.page import write_report
 from signorini_fx.results import files
 from signorini_fx.results.files import write_results
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 
@@ -72,8 +72,8 @@ def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
 ALONE = """
 import os, signal, sys
 from mpi4py import MPI
-from signorini_fx import cli
-from signorini_fx.picture_data import of_solution
+from signorini_fx.scenes import cli
+from signorini_fx.addons.picture_data import of_solution
 from signorini_fx.results import afterthoughts
 from signorini_fx.results.solution import Solution
 
@@ -152,7 +152,7 @@ def test_a_report_that_fails_costs_no_result(tmp_path, monkeypatch):
     """Nothing in the folder changes."""
     write_results(alone(example1(bound=1.5, nx=6, ny=2)), tmp_path / "out", pictures=False, fields=False)
     before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
-    monkeypatch.setattr("signorini_fx.report.page._page", fails)
+    monkeypatch.setattr("signorini_fx.addons.report.page._page", fails)
     with pytest.raises(ResultError, match="broke down"):
         write_report(tmp_path / "out")
     assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before

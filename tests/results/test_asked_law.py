@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scenes import alone, example1
 
+from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.results.asked_law import asked_law
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Law
 from signorini_fx.results.summary import summary_of
-from signorini_fx.scene.settings import Accuracy, SolverSettings
 
 LIMIT, REGULARISED = Law(), Law(1e8, 1e8)
 

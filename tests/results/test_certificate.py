@@ -12,16 +12,18 @@ from spaces import block as block_in_space
 from test_loose_bodies import stack
 from two_bodies import assembled, facets, grid
 
-from signorini_fx import ConvergenceError, compat, solve
-from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.mesh.refinement import refine
-from signorini_fx.mesh.tagged import TaggedMesh, load_mesh
+from signorini_fx import ConvergenceError, solve
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.mesh.refinement import refine
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving import one_mesh
 
 

@@ -10,15 +10,16 @@ from dolfinx import fem
 from mpi4py import MPI
 from two_bodies import assembled, facets, facets_of_piece, forms, grid
 
-from signorini_fx import Status, parallel, solve
-from signorini_fx.body import paired_points
-from signorini_fx.body.foundation import Pair
+from signorini_fx import Status, solve
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.laws.coulomb import Coulomb
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.pairs import coupling
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body import paired_points
+from signorini_fx.mechanics.body.foundation import Pair
+from signorini_fx.mechanics.laws.coulomb import Coulomb
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.pairs import coupling
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 COUPLE, PAIRED = paired_points.couple, paired_points.PairedSides.of.__func__

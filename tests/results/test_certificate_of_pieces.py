@@ -11,7 +11,7 @@ from signorini_fx import Status
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 
 @cache

@@ -10,12 +10,12 @@ from mpi4py import MPI
 from scenes import alone, example1
 from spaces import block
 
+from signorini_fx.addons.report.comparison import _interpolation, compare
+from signorini_fx.addons.report.page import page
 from signorini_fx.errors import ResultError
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.report.comparison import _interpolation, compare
-from signorini_fx.report.page import page
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.files import write_results
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 
 @pytest.fixture(scope="module")

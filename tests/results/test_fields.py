@@ -8,14 +8,15 @@ import pytest
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx import cli, compat
 from signorini_fx.errors import InstallationError
+from signorini_fx.machine import compat
 from signorini_fx.results import fields as fields_module
 from signorini_fx.results.files import write_results
 from signorini_fx.results.vtu import write_vtu
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.template import starting_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
+from signorini_fx.scenes.template import starting_scene
 
 COMM = MPI.COMM_WORLD
 YOUNG, POISSON = 5000.0, 0.3

@@ -20,14 +20,14 @@ from signorini_fx import (
     solve,
     write_results,
 )
+from signorini_fx.addons.report.page import page
 from signorini_fx.errors import ResultError
 from signorini_fx.extensions import QUANTITIES
 from signorini_fx.quantities.registry import quantities
-from signorini_fx.quantities.schema import summary_schema
 from signorini_fx.quantities.table import markdown
-from signorini_fx.report.page import page
 from signorini_fx.results.short_answer import short_answer
 from signorini_fx.results.summary import render, summarise
+from signorini_fx.scenes.template import summary_schema
 
 DEMO = Path(__file__).parents[2] / "demos" / "extensions" / "quantity.py"
 KEY = "mean_pressure_right"

@@ -7,11 +7,11 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.body import elastic_law as estimators
-from signorini_fx.materials.isotropic import LinearElastic
-from signorini_fx.picture_data.body_cells import gather_cells
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.addons.picture_data.body_cells import gather_cells
+from signorini_fx.mechanics.body import elastic_law as estimators
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 YOUNG, POISSON = 5000.0, 0.3
 GRADIENTS = {

@@ -9,17 +9,17 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import manifest
-from signorini_fx.cli import main
+from signorini_fx.addons.report import page as report_page
+from signorini_fx.addons.report.page import write_report
 from signorini_fx.errors import OutputError
-from signorini_fx.report import page as report_page
-from signorini_fx.report.page import write_report
+from signorini_fx.machine import manifest
 from signorini_fx.results import files
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.folder import ResultFolder
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import solver
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes import solver
+from signorini_fx.scenes.cli import main
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 SELF = MPI.COMM_SELF
 SCENE = """

@@ -11,17 +11,17 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import manifest
-from signorini_fx.cli import main
+from signorini_fx.addons.report.page import write_report
+from signorini_fx.addons.studies import files as study_files
+from signorini_fx.addons.studies import parameter_study
+from signorini_fx.addons.studies.work_precision import Study
 from signorini_fx.errors import OutputError, ResultError
-from signorini_fx.report.page import write_report
+from signorini_fx.machine import manifest
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
-from signorini_fx.studies import files as study_files
-from signorini_fx.studies import parameter_study
-from signorini_fx.studies.work_precision import Study
+from signorini_fx.scenes.cli import main
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 SELF = MPI.COMM_SELF
 SCENE = """
@@ -182,7 +182,7 @@ def test_what_is_not_of_this_run_stays(seeds, solution, killed, tmp_path, monkey
     monkeypatch.setattr(study_files, "advice", lambda _: "")
     monkeypatch.setattr(parameter_study, "run", lambda *_: None)
     monkeypatch.setattr(parameter_study, "write", lambda _, part: (part / "sweep.csv").write_text("s"))
-    monkeypatch.setattr("signorini_fx.cli.commands.EXIT_NO_SOLUTION", 0)
+    monkeypatch.setattr("signorini_fx.scenes.cli.commands.EXIT_NO_SOLUTION", 0)
     refusals = runs = 0
     for seed in seeds:
         chance = random.Random(seed)

@@ -9,14 +9,14 @@ from scipy.spatial import ConvexHull
 from spaces import block as block_in_space
 from spaces import box
 
-from signorini_fx import parallel
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.statement.load_steps import LoadSteps
 from signorini_fx.results.resultants import arm, moments
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene.load_steps import LoadSteps
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 STEEL = {"young": 1000.0, "poisson": 0.3}

@@ -13,13 +13,13 @@ from scipy.optimize import linprog
 from spaces import CELLS
 from test_pieces import scene_on
 
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.traction import SurfaceTraction
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.safety import safety_of
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.solver import solve
 
 WEIGHT, LENGTH, HEIGHT = 3.0, 3.0, 2.0
 

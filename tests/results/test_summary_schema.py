@@ -10,12 +10,12 @@ import pytest
 from scenes import alone, example1
 from spaces import block
 
-from signorini_fx import cli
 from signorini_fx.quantities.run import SCHEMA_VERSION
-from signorini_fx.quantities.schema import summary_schema
 from signorini_fx.quantities.table import markdown
 from signorini_fx.results.files import write_results
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.template import summary_schema
 
 SCHEMA = json.loads((resources.files("signorini_fx") / "results" / "summary.schema.json").read_text(encoding="utf-8"))
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)

@@ -14,10 +14,10 @@ from dolfinx.mesh import CellType
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, solve
-from signorini_fx.check.checks import check_scene
-from signorini_fx.check.text import render
-from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.scene.rigid_shape import distance_from, names, read_shape, shape_class
+from signorini_fx.mechanics.statement.rigid_shape import distance_from, names, read_shape, shape_class
+from signorini_fx.scenes.check_text import render
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene, read_scene
 
 COMM = MPI.COMM_WORLD
 HILL = ((-1.5, 0.0), (-1.0, 0.5), (0.0, 0.2), (1.0, 0.6), (1.5, 0.0))
@@ -541,14 +541,14 @@ foundation = { shape = "surface", file = "cube.stl", shift = [0.0, 0.0, -1.1] }
 def test_only_named_shapes_are_imported():
     """And VTK only where one needs it."""
     code = (
-        "import sys; from signorini_fx.scene.reading import parse_scene\n"
+        "import sys; from signorini_fx.scenes.reading import parse_scene\n"
         "scene = {'mesh': {'generator': 'rectangle'}, 'material': {'young': 1, 'poisson': 0.3}, 'contact': "
         "{'boundary': 'bottom', 'foundation': {'shape': 'circle', 'centre': [0, -1], 'radius': 1}}}\n"
         "parse_scene(scene)\n"
-        "print([m for m in sys.modules if m.startswith(('signorini_fx.shapes.', 'vtk', 'scipy'))])"
+        "print([m for m in sys.modules if m.startswith(('signorini_fx.mechanics.shapes.', 'vtk', 'scipy'))])"
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert told.strip() == "['signorini_fx.shapes.circle']"
+    assert told.strip() == "['signorini_fx.mechanics.shapes.circle']"
 
 
 def test_every_shape_is_tested():

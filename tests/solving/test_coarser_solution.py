@@ -11,18 +11,18 @@ from scenes import example1
 from test_meshes_of_forms import block
 
 from signorini_fx import ConvergenceError, solve_nested, solve_to_accuracy
+from signorini_fx.algebra.linalg import krylov
+from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.errors import MeshError
 from signorini_fx.forms import meshes as form_meshes
 from signorini_fx.forms import steps as form_steps
-from signorini_fx.interfaces import protocol
-from signorini_fx.linalg import krylov
-from signorini_fx.linalg.full import FullSystem
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import SHORT_OF_ACCURACY, Status
-from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving import scene_meshes
+from signorini_fx.scenes import mesh_sequence
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving.coarser_solution import OF_THE_BODY, Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.solver import solve
+from signorini_fx.solving.interfaces import protocol
 
 # Unknowns of the meshes before the one that fails: 13 x 5 nodes, or 7 x 3 of the forms; the others have more.
 MOST = 2 * 13 * 5
@@ -136,7 +136,7 @@ def test_meshes_that_cannot_be_made(monkeypatch):
         raise MeshError("no such mesh\nbecause")
 
     scene = scene_of(None).model_copy(update={"accuracy": ANYTHING})
-    load, coarsest = scene_meshes.load_mesh, forms.box((3.0, 1.0), (12, 4), comm=MPI.COMM_SELF)
+    load, coarsest = mesh_sequence.load_mesh, forms.box((3.0, 1.0), (12, 4), comm=MPI.COMM_SELF)
     with monkeypatch.context() as patched:
         patched.setattr(Meshes, "refine", refused)
         solution = solve(scene, MPI.COMM_SELF, check=False)
@@ -147,10 +147,10 @@ def test_meshes_that_cannot_be_made(monkeypatch):
         with pytest.raises(ConvergenceError, match="mesh 2 of 3 cannot be solved: no such mesh"):
             solve_nested(block(), coarsest, 3)
     coarse_only = lambda scene, comm: (load if scene.mesh.parameters["nx"] == 12 else refused)(scene, comm)  # noqa: E731
-    monkeypatch.setattr(scene_meshes, "load_mesh", coarse_only)
+    monkeypatch.setattr(mesh_sequence, "load_mesh", coarse_only)
     solution = solve(scene_of(None, 48, 16, levels=3), MPI.COMM_SELF, check=False)
     assert (solution.status, solution.model.dofs) == (Status.COARSER, MOST)
-    monkeypatch.setattr(scene_meshes, "load_mesh", refused)
+    monkeypatch.setattr(mesh_sequence, "load_mesh", refused)
     with pytest.raises(MeshError, match="no such mesh"):
         solve(scene_of(None, 48, 16, levels=3), MPI.COMM_SELF)
 

@@ -19,15 +19,15 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import parallel
+from signorini_fx.algebra.linalg import choice, factorisation
 from signorini_fx.errors import OutputError, SceneError
-from signorini_fx.linalg import choice, factorisation
-from signorini_fx.manifest import MANIFEST, PART
-from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.machine import parallel
+from signorini_fx.machine.manifest import MANIFEST, PART
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.results import files
 from signorini_fx.results.folder import CHECKPOINT, ResultFolder
-from signorini_fx.scene.reading import read_scene_text
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import read_scene_text
+from signorini_fx.scenes.solver import solve
 
 SELF = MPI.COMM_SELF
 

@@ -12,18 +12,18 @@ from pathlib import Path
 import pytest
 from scenes import example1
 
-from signorini_fx import cli
-from signorini_fx.accuracy import level_results, stress_recovery
-from signorini_fx.algorithms import ssn
-from signorini_fx.linalg import callbacks, multigrid, schur
+from signorini_fx.algebra.algorithms import ssn
+from signorini_fx.algebra.linalg import callbacks, multigrid, schur
+from signorini_fx.algebra.problem import exact, regularised, tangent
 from signorini_fx.machine import signals
-from signorini_fx.manifest import MANIFEST
-from signorini_fx.problem import exact, regularised, tangent
+from signorini_fx.machine.manifest import MANIFEST
 from signorini_fx.records import History
 from signorini_fx.results import files
+from signorini_fx.results.accuracy import level_results, stress_recovery
 from signorini_fx.results.files import write_results
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.solving import one_mesh, scene_meshes, solver
+from signorini_fx.scenes import cli, mesh_sequence, solver
+from signorini_fx.solving import one_mesh
 
 SCENE = """
 mesh = { generator = "GENERATOR", parameters = { PARAMETERS } }
@@ -54,7 +54,7 @@ def written(path, kind, solver):
 # Place -> the function that is entered there, and the scenes that enter it.
 FULL, CONDENSED, KRYLOV = (f'linear_algebra = "{name}"' for name in ("full", "condensed", "krylov"))
 PLACES = {
-    "mesh": (scene_meshes, "load_mesh", (PLANE, f"{FULL}, levels = 2")),
+    "mesh": (mesh_sequence, "load_mesh", (PLANE, f"{FULL}, levels = 2")),
     "assembly": (one_mesh, "discretise", (PLANE, f"{FULL}, levels = 2")),
     "condense": (schur.SchurComplement, "__init__", (PLANE, f"{CONDENSED}, levels = 2")),
     "residual": (regularised.RegularisedProblem, "_hold", (PLANE, FULL)),
@@ -196,8 +196,8 @@ def test_a_signal_between_two_results(older, tmp_path, monkeypatch):
 MANY = """
 import os, signal, sys
 from mpi4py import MPI
-from signorini_fx import cli
-from signorini_fx.linalg.multigrid import ContactPreconditioner
+from signorini_fx.scenes import cli
+from signorini_fx.algebra.linalg.multigrid import ContactPreconditioner
 
 applied, rank = [0], int(sys.argv[1])
 apply = ContactPreconditioner.apply
@@ -234,7 +234,7 @@ IN_PYTHON = """
 import os, signal, sys
 from mpi4py import MPI
 from signorini_fx import solve
-from signorini_fx.linalg.multigrid import ContactPreconditioner
+from signorini_fx.algebra.linalg.multigrid import ContactPreconditioner
 from signorini_fx.solving import one_mesh
 
 rank, place, scene = int(sys.argv[1]), sys.argv[2], sys.argv[3]

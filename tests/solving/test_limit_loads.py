@@ -10,8 +10,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "demos" / "studies"))
 
 import limit_loads
 
-from signorini_fx.algorithms import strategy
-from signorini_fx.attempts import RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION
+from signorini_fx.algebra.algorithms import strategy
+from signorini_fx.algebra.attempts import RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION
 from signorini_fx.records import Status
 
 FAILS = Status.CYCLING

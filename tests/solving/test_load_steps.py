@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scenes import alone
 
-from signorini_fx.algorithms import strategy
-from signorini_fx.body.contact_table import contact_table
-from signorini_fx.laws.tresca import Tresca
+from signorini_fx.algebra.algorithms import strategy
+from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 FRICTION, PRESSURE, LENGTH = 0.3, 20.0, 3.0
 LIMIT = FRICTION * PRESSURE * LENGTH  # the largest force that friction can balance

@@ -12,17 +12,18 @@ from test_ranks import same_on_all_ranks
 from test_space_patch import rotation
 from two_bodies import assembled, grid
 
-from signorini_fx.body import mesh_levels
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.linalg import multigrid
-from signorini_fx.mesh.points import at_points
-from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
+from signorini_fx.algebra.linalg import multigrid
+from signorini_fx.mechanics.body import mesh_levels
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.mesh.points import at_points
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import _solve_nested, solve
+from signorini_fx.scenes.sweep import _coarser, _Value, sweep
 from signorini_fx.solving.first_start import begin_at_coarse
 from signorini_fx.solving.one_mesh import contact_task
-from signorini_fx.solving.solver import _solve_nested, solve
-from signorini_fx.solving.sweep import _coarser, _Value, sweep
 
 WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 

@@ -11,17 +11,17 @@ from mpi4py import MPI
 from scenes import example1
 from spaces import block
 
-from signorini_fx.body import elastic
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.check.findings import scene_findings
-from signorini_fx.linalg.blocks import BlockRows
-from signorini_fx.linalg.multigrid import Hierarchy
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.algebra.linalg.blocks import BlockRows
+from signorini_fx.algebra.linalg.multigrid import Hierarchy
+from signorini_fx.mechanics.body import elastic
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import one_mesh
+from signorini_fx.solving.check.findings import scene_findings
 from signorini_fx.solving.nested import carry_over
-from signorini_fx.solving.solver import solve
 
 pytestmark = pytest.mark.mpi
 WORLD = MPI.COMM_WORLD

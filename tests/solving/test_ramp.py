@@ -11,20 +11,20 @@ from scenes import alone
 from test_fields import arrays_of
 from test_load_steps import LENGTH, LIMIT, PRESSURE, block, friction_force
 
-from signorini_fx.cli import main
+from signorini_fx.addons.pictures.load_steps import load_steps
+from signorini_fx.addons.pictures.moving_body import MOST_FRAMES, shown
+from signorini_fx.addons.report.page import write_report
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.pictures.load_steps import load_steps
-from signorini_fx.pictures.moving_body import MOST_FRAMES, shown
+from signorini_fx.mechanics.statement.load_steps import LoadPath, factor_at
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Status, StepRecord
-from signorini_fx.report.page import write_report
 from signorini_fx.results.files import write_results
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import render, table_row
-from signorini_fx.scene.load_steps import LoadPath, factor_at
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.scene.settings import SolverSettings
+from signorini_fx.scenes.cli import main
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving.load_path import Increments
-from signorini_fx.solving.solver import solve
 from signorini_fx.tuned import EASY_STEP, ENCLOSED, FAILED_RAMP, FAILED_STEP
 
 
@@ -504,7 +504,7 @@ def test_pictures(failed, monkeypatch):
     """An animation with a frame for each step with a solution; the curve leaves the others out."""
     from PIL import Image
 
-    from signorini_fx.pictures import load_steps as drawing
+    from signorini_fx.addons.pictures import load_steps as drawing
 
     solution, _, folder = failed
     with Image.open(folder / "deformed.gif") as moving:

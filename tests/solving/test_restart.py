@@ -16,28 +16,28 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx.algorithms import strategy
-from signorini_fx.algorithms.task import Outcome
-from signorini_fx.body.contact_table import contact_table
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.laws import ActiveSets, unit
+from signorini_fx.algebra.algorithms import strategy
+from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import ActiveSets, unit
 from signorini_fx.errors import SceneError
-from signorini_fx.interfaces import protocol
-from signorini_fx.manifest import MANIFEST
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.machine.manifest import MANIFEST
+from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, StepRecord, Timings
 from signorini_fx.results import checkpoint
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import first_start
+from signorini_fx.solving.interfaces import protocol
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.scene_steps import SceneSteps
-from signorini_fx.solving.solver import solve
 
 PUSHED = """
 title = "block, pressed and pushed"
@@ -774,7 +774,7 @@ SUICIDE = """
 import os, signal, sys
 from mpi4py import MPI
 from signorini_fx.records import Status, StepRecord
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.solver import solve
 
 def kill(record):
     if isinstance(record, StepRecord) and record.step == 4:

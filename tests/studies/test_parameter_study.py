@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from signorini_fx import cli
+from signorini_fx.addons.studies.parameter_study import several
 from signorini_fx.errors import SceneError
-from signorini_fx.scene.changes import changed, parsed_change
-from signorini_fx.studies.parameter_study import several
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.changes import changed, parsed_change
 
 PUSHED = """
 [mesh]

@@ -7,8 +7,8 @@ from scenes import alone
 
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.sweep import sweep
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.sweep import sweep
 
 
 def floating(friction, load=1.0):

@@ -9,17 +9,17 @@ import pytest
 from mpi4py import MPI
 from scenes import example1
 
-from signorini_fx import cli
+from signorini_fx.addons.pictures import style
+from signorini_fx.addons.studies import conclusions, methods, work_precision
+from signorini_fx.addons.studies.files import write_study
+from signorini_fx.addons.studies.reference import Reference, on_mesh, reference_errors
+from signorini_fx.addons.studies.work_precision import Study
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.pictures import style
-from signorini_fx.result_files import read_csv
-from signorini_fx.scene.reading import read_scene
-from signorini_fx.solving.solver import solve
-from signorini_fx.studies import conclusions, methods, work_precision
-from signorini_fx.studies.files import write_study
-from signorini_fx.studies.reference import Reference, on_mesh, reference_errors
-from signorini_fx.studies.work_precision import Study
+from signorini_fx.machine.result_files import read_csv
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import read_scene
+from signorini_fx.scenes.solver import solve
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 SCENE = """

@@ -99,7 +99,7 @@ def prepare(folder):
 
 def _run(folder, sandboxed, text):
     """In a process of its own: what gmsh complains about."""
-    from signorini_fx.mesh.files import gmsh_reader, sandbox
+    from signorini_fx.mechanics.mesh.files import gmsh_reader, sandbox
 
     file = folder / "script.geo"
     file.write_text(text, encoding="utf-8")
@@ -111,7 +111,7 @@ def _run(folder, sandboxed, text):
 def main(folder, count, sandboxed):
     """Run the scripts one after the other, and say what each could do."""
     os.chdir(folder)
-    from signorini_fx.mesh.files import gmsh_reader
+    from signorini_fx.mechanics.mesh.files import gmsh_reader
 
     gmsh_reader.load_libraries(".geo")
     found = []

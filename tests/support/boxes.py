@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from signorini_fx.mesh.tagged import gmsh_mesh
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 
 
 @dataclass(frozen=True)

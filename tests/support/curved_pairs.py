@@ -26,7 +26,7 @@ from mpi4py import MPI
 from two_bodies import KINDS, assembled, facets, facets_of_piece, forms, grid, held, per_cell
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, Pair, solve, tag_boundaries
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 SIZE = 3.0
 

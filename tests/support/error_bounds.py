@@ -8,11 +8,11 @@ from matplotlib.tri import Triangulation
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.bounds.error_bound import Bounded, error_bound
+from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
 from signorini_fx.errors import SignoriniError
-from signorini_fx.mesh.refinement import refine
-from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.mechanics.mesh.refinement import refine
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 
 def problem(solution):

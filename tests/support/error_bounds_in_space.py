@@ -7,11 +7,11 @@ from dolfinx import mesh as dmesh
 from scenes import alone
 from spaces import box
 
-from signorini_fx.bounds.error_bound import Bounded
-from signorini_fx.bounds.simplices import TWICE
+from signorini_fx.addons.bounds.error_bound import Bounded
+from signorini_fx.addons.bounds.simplices import TWICE
 from signorini_fx.errors import SignoriniError
-from signorini_fx.mesh.refinement import refine
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.mechanics.mesh.refinement import refine
+from signorini_fx.scenes.reading import parse_scene
 
 # Barycentric coordinates of four points inside, exact for products of linear functions.
 _INSIDE = (5 - np.sqrt(5)) / 20 + np.eye(4) * np.sqrt(5) / 5

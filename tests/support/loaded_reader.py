@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 
-from signorini_fx.mesh.files import reading, reading_process
+from signorini_fx.mechanics.mesh.files import reading, reading_process
 
 _LONGEST = 1 << 17  # bytes of a request
 
@@ -74,7 +74,7 @@ def serve(line: socket.socket) -> None:
         importlib.import_module("meshio")
         importlib.import_module("h5py")
     for name in ("gmsh_reader", "meshio_reader", "sandbox"):
-        importlib.import_module(f"signorini_fx.mesh.files.{name}")
+        importlib.import_module(f"signorini_fx.mechanics.mesh.files.{name}")
     gc.freeze()  # a collection would copy the pages that forks share
     line.send(b"loaded")
     while True:

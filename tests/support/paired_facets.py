@@ -21,9 +21,9 @@ from paired_polygons import ROUND_OFF, STEPS, collapsed, cut, gauss, place_in, p
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from signorini_fx import parallel
-from signorini_fx.body.assembly import facet_entities
-from signorini_fx.body.node_positions import node_positions
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.body.node_positions import node_positions
 
 Array = npt.NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from dolfinx import fem
 from paired_facets import Facet, OverlapPiece, PairFacets, mean_normals, pieces_of, usual_reach
 from scipy.spatial import cKDTree
 
-from signorini_fx import parallel
+from signorini_fx.machine import parallel
 from signorini_fx.results import paired_sides
 from signorini_fx.results.paired_claim import Claim
 from signorini_fx.results.paired_sides import largest

@@ -12,8 +12,8 @@ from spaces import box
 from test_space_patch import rotation
 
 from signorini_fx.records import StepRecord
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 FEATURES = (
     "restart",

@@ -20,8 +20,8 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 from two_bodies import assembled, grid
 
-from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.scenes.reading import parse_scene
 
 # Springs of a body that nothing holds along the axis, beside its other stiffness.
 _SPRING = 1e-9
@@ -374,8 +374,8 @@ def _limits(kinds, areas, forces):
 
 def difference(bodies, solution):
     """The largest differences of displacements and pressures from those of ``reference``, relative to the largest."""
-    from signorini_fx.body.quadrature import strain_degree
-    from signorini_fx.kinematics import AXISYMMETRIC
+    from signorini_fx.mechanics.body.quadrature import strain_degree
+    from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 
     space = solution.displacement.function_space
     known = reference(bodies, strain_degree(space, AXISYMMETRIC))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from mpi4py import MPI
 
-from signorini_fx.body.contact_table import contact_table
-from signorini_fx.mesh.tagged import generate_mesh
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 PATCH = {"x": [1.25, 1.75]}
 PATCH_AT_THE_END = {"x": [0.0, 0.5]}

@@ -6,9 +6,9 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.body import contact_boundary
-from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.mechanics.body import contact_boundary
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.scenes.reading import parse_scene
 
 CELLS = {"hexahedra": dmesh.CellType.hexahedron, "tetrahedra": dmesh.CellType.tetrahedron}
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from signorini_fx.pairs.surface import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
 
 ELEMENTS = {2: ("P1", "P2"), 3: ("P1", "Q1", "P2", "Q2")}
 

@@ -8,14 +8,14 @@ from mpi4py import MPI
 from scenes import alone, example1
 from test_coulomb_ways import one_triangle
 
-from signorini_fx.check.checks import check_scene
-from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.points import ContactPoints
-from signorini_fx.contact.state import PointState
+from signorini_fx.addons.uniqueness.proof import uniqueness, uniqueness_of
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.points import ContactPoints
+from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.errors import SignoriniError
 from signorini_fx.results.summary import lines_of, summarise
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.uniqueness.proof import uniqueness, uniqueness_of
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
 
 
 def states(stiffness, friction, load, gap):
@@ -168,7 +168,7 @@ def test_check_before_a_solve(monkeypatch):
         assert told.level == level
         assert "friction coefficients below 1.732 there is one solution on this mesh" in told.message
     assert "none was searched for" in told.message
-    monkeypatch.setattr("signorini_fx.uniqueness.proof.uniqueness", None)
+    monkeypatch.setattr("signorini_fx.addons.uniqueness.proof.uniqueness", None)
     assert not [one for one in check_scene(one_triangle(1.7, force)).findings if one.path == "solver.uniqueness"]
 
 

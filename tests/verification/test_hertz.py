@@ -7,9 +7,9 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.body.contact_table import contact_table
-from signorini_fx.mesh.tagged import generate_mesh
-from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.scenes.reading import parse_scene, read_scene
 
 YOUNG, POISSON, RADIUS = 200.0, 0.3, 8.0
 MODULUS = YOUNG / (1 - POISSON**2)

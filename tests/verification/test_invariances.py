@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
-from signorini_fx.effects.traction import SurfaceTraction
-from signorini_fx.laws.coulomb import Coulomb
-from signorini_fx.laws.tresca import Tresca
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.laws.coulomb import Coulomb
+from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 LAWS = [{"bound": 1.5}, {"coefficient": 0.3}, {}]
 

@@ -5,8 +5,8 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.mesh.tagged import gmsh_mesh
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_SELF
 YOUNG, RADIUS, MIDDLE, SQUEEZE = 5.0, 1.0, 8.0, 0.05

@@ -7,13 +7,13 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, example1
 
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.effects.traction import SurfaceTraction
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 
 SMALL = {"nx": 30, "ny": 10}

@@ -10,21 +10,22 @@ from mpi4py import MPI
 from scenes import PATCH, example1, rectangle
 from test_ranks import agree, same_on_all_ranks
 
-from signorini_fx import compat, parallel
-from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.assembly import facet_vertices
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.laws import natural_sets
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.traction import SurfaceTraction
-from signorini_fx.mesh.balance import unevenness
-from signorini_fx.mesh.refinement import cells_at, mark, refine
-from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, load_mesh
+from signorini_fx.algebra.contact.laws import natural_sets
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.body.assembly import facet_vertices
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.mesh.balance import unevenness
+from signorini_fx.mechanics.mesh.refinement import cells_at, mark, refine
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.records import History, Status, Timings
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate import certify
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving.one_mesh import contact_task
-from signorini_fx.solving.solver import solve
 from signorini_fx.tuned import UNEVEN
 
 pytestmark = pytest.mark.mpi

@@ -13,9 +13,9 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.body.contact_table import contact_table
-from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
+from signorini_fx.scenes.reading import parse_scene
 
 LENGTH, HEIGHT = 1.5, 1.0
 YOUNG, POISSON = 5000.0, 0.3

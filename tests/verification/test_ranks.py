@@ -8,15 +8,15 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, energy, example1, rectangle, table_of
 
-from signorini_fx.effects.contact import UnilateralContact
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
-from signorini_fx.laws.tresca import Tresca
+from signorini_fx.mechanics.effects.contact import UnilateralContact
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.records import Status
-from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.scene import MeshFile
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.solver import solve
 
 pytestmark = pytest.mark.mpi
 WORLD = MPI.COMM_WORLD

@@ -6,11 +6,11 @@ from mpi4py import MPI
 from scenes import alone
 from spaces import block
 
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Timings
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import _solve_nested
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import _solve_nested
 
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
 # Of the block with 24 x 8 x 8 hexahedra and gamma = 1e8, as other programs print it: u_z under the load, the

@@ -12,15 +12,16 @@ from mpi4py import MPI
 from scenes import alone
 from spaces import block, box, friction_of, turned_tangents
 
-from signorini_fx.body import contact_boundary
-from signorini_fx.body.discretisation import discretise
-from signorini_fx.check.checks import check_scene
-from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
+from signorini_fx.mechanics.body import contact_boundary
+from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status, Timings
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.sweep import sweep
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.sweep import sweep
 
 OSCILLATING = "0.3 + 0.1 * sin(5 * x[0]) * cos(4 * x[1])"
 CONTACT = {"boundary": "bottom", "gap": "0.003 * ((x[0] - 1.5)**2 + (x[1] - 0.5)**2) + 0.001"}

@@ -9,11 +9,11 @@ import pytest
 from spaces import box, turned_tangents
 from test_space_patch import rotation
 
-from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.body import contact_boundary
-from signorini_fx.body.discretisation import discretise
+from signorini_fx.algebra.algorithms.strategy import solve_task
+from signorini_fx.mechanics.body import contact_boundary
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 
 TABLE = json.loads((Path(__file__).parents[1] / "data" / "tables.json").read_text())["table1"]

@@ -9,7 +9,7 @@ from spaces import box, disc, friction_of
 from torsion_oracle import torsion
 
 from signorini_fx.results.certificate import Tractions, certify
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 
 def test_hertz():

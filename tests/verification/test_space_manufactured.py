@@ -14,12 +14,12 @@ import ufl
 from scenes import alone
 from spaces import box
 
-from signorini_fx.effects.body_force import BodyForce
-from signorini_fx.effects.contact import UnilateralContact
-from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.laws.tresca import Tresca
-from signorini_fx.materials.isotropic import LinearElastic
-from signorini_fx.scene.scene import Scene, SolverSettings
+from signorini_fx.mechanics.effects.body_force import BodyForce
+from signorini_fx.mechanics.effects.contact import UnilateralContact
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.scenes.scene import Scene, SolverSettings
 
 YOUNG, BOUND, FAR, PRESSED = 100.0, 2.0, 0.05, 0.1
 SHEAR_MODULUS = YOUNG / 2

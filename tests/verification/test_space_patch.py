@@ -9,7 +9,7 @@ import pytest
 from scenes import alone
 from spaces import box, friction_of
 
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 YOUNG, POISSON = 5000.0, 0.3
 PRESSURE, SHEAR, GAP, GAMMA = 20.0, 4.0, 0.002, 1e6

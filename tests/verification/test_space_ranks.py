@@ -8,10 +8,10 @@ from test_ranks import same_on_all_ranks
 from test_space_patch import rotation
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.solver import solve
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
 
 pytestmark = pytest.mark.mpi
 WORLD = MPI.COMM_WORLD

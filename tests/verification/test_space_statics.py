@@ -8,9 +8,9 @@ from mpi4py import MPI
 from scenes import alone
 from spaces import box, disc, friction_of
 
-from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scenes.reading import parse_scene
 
 PRESS, AREA, VOLUME = 10.0, 4.0, 4.0
 FRICTION = {"coulomb": {"coefficient": 0.3}, "tresca": {"bound": 3.0}}

@@ -12,7 +12,7 @@ from signorini_fx.quantities.requests import axis_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
 
 if TYPE_CHECKING:
-    from signorini_fx.model import Model
+    from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
     from signorini_fx.quantities.statements import Interval
 
@@ -44,8 +44,8 @@ class Mean(Quantity):
         import ufl
         from dolfinx import fem
 
-        from signorini_fx import parallel
-        from signorini_fx.body.assembly import assemble, measure
+        from signorini_fx.machine import parallel
+        from signorini_fx.mechanics.body.assembly import assemble, measure
         from signorini_fx.quantities.differentiable import OfDisplacement
 
         boundary, axis = words

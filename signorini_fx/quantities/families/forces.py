@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from signorini_fx.display import clean, on_several_bodies, touch_each_other
+from signorini_fx.machine.display import clean, on_several_bodies, touch_each_other
 from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import components, solved_prices
 from signorini_fx.quantities.kinds import Vector
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.requests import axis_of, contact_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
 from signorini_fx.quantities.text import force_lines, has_friction, kinematics_of, named_components
-from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
-    from signorini_fx.model import Model
+    from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
     from signorini_fx.quantities.statements import Interval
 

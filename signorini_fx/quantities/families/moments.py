@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from signorini_fx.display import on_several_bodies
 from signorini_fx.errors import SceneError
+from signorini_fx.machine.display import on_several_bodies
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.kinds import Point, Vector
 from signorini_fx.quantities.quantity import Quantity, Summary
@@ -16,7 +16,7 @@ from signorini_fx.quantities.step_columns import by_axis, turnings
 from signorini_fx.quantities.text import resultant, row
 
 if TYPE_CHECKING:
-    from signorini_fx.model import Model
+    from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
 
 

@@ -13,7 +13,7 @@ from signorini_fx.quantities.step_columns import by_axis, turnings
 from signorini_fx.quantities.text import has_friction
 
 if TYPE_CHECKING:
-    from signorini_fx.model import Model
+    from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
 
 
@@ -53,7 +53,7 @@ class PeakPressure(Quantity):
 
     def columns(self, solution: Any) -> dict[str, Any]:
         """See ``Quantity``."""
-        from signorini_fx import parallel
+        from signorini_fx.machine import parallel
 
         contact = solution.contact
         return {} if contact is None else {self.key: parallel.largest(contact.boundary.comm, contact.pressure)}

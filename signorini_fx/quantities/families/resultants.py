@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from signorini_fx.kinematics import of_data
 from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.quantities.kinds import Number, Point, Row, Vector, described
 from signorini_fx.quantities.quantity import Quantity, Summary
 from signorini_fx.quantities.text import MOST_ROWS, in_brackets, labelled, point_in_words

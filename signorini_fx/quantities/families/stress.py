@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import between, figure, percent
 from signorini_fx.quantities.kinds import ExtremeOfStress, Number, Row, described, perhaps
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.text import digits, point_in_words, row
 from signorini_fx.quantities.validity import validity_of
-from signorini_fx.units import with_unit
 
 # Times the yield stress above which a share is no longer told in per cent.
 _FAR = 10.0

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import components, figure
 from signorini_fx.quantities.kinds import Number, Row, Vector, described
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.text import labelled
-from signorini_fx.units import with_unit
 
 
 class Tool(Row):

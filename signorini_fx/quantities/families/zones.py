@@ -14,7 +14,7 @@ from signorini_fx.quantities.requests import contact_of, power_of
 from signorini_fx.quantities.text import point_in_words, row
 
 if TYPE_CHECKING:
-    from signorini_fx.model import Model
+    from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
 
 Runs = list[Annotated[list[Point], Field(min_length=2, max_length=2)]]

@@ -1,0 +1,228 @@
+"""What a scene has to be like so that its error has a guaranteed bound, and its data at points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.addons.bounds.arrays import Array
+from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, MatrixModuli, Moduli
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.effects.body_force import BodyForce
+from signorini_fx.mechanics.effects.contact import BilateralContact, UnilateralContact
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.materials.protocol import Material
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Effect
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
+from signorini_fx.mechanics.statement.features import refused_by
+from signorini_fx.mechanics.statement.stated import STRAIGHT_CELLS
+from signorini_fx.quantities.statements import Grounds, Refused
+from signorini_fx.tuned import SAME_ENTRY
+
+# Entries of a scene that are looked at; any other one could act on the body unseen.
+_KNOWN_EFFECTS = (BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact, BilateralContact)
+
+# Of these what expressions compare cuts facets and cells.
+_CUT = ("traction", "body force")
+
+
+# Features of a scene that the proof does not know.
+_UNILATERAL = "a guaranteed bound is for contact with a rigid foundation so far"
+REFUSES = {
+    "driven foundation": "a guaranteed bound is for foundations that no force moves so far",
+    "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
+    "graded material": "moduli or axes that vary have no guaranteed bound yet",
+    "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
+    "contact of two bodies": _UNILATERAL,
+    "foundation with a shape": "a guaranteed bound is for a gap along given directions, not for a foundation with a "
+    "shape so far",
+    "friction axes": "friction that depends on the direction has no guaranteed bound yet",
+}
+# What else it does not know, by name.
+RANKS, CURVED, POINT = "several ranks", "curved cells", "parts that share a point"
+QUADRATIC_QUADRILATERALS, HEXAHEDRA = "quadrilaterals of degree 2", "hexahedra"
+FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
+REFUSES_BESIDES = {
+    RANKS: "a guaranteed bound is computed on one rank so far",
+    CURVED: "a guaranteed bound is for straight cells so far",
+    QUADRATIC_QUADRILATERALS: "on quadrilaterals a guaranteed bound is for degree 1 so far",
+    HEXAHEDRA: "in space a guaranteed bound is for tetrahedra so far",
+    POINT: "a body whose parts share nothing but a point has no guaranteed bound yet",
+    FORM_AS_GAP: "a gap given as a form is not known between the nodes",
+    FORM_AS_BOUND: "a friction bound given as a form is not known between the nodes",
+}
+
+
+def knows(kind: type) -> bool:
+    """Whether the proof knows what entries of this class do to the body."""
+    return kind in _KNOWN_EFFECTS or issubclass(kind, Material)
+
+
+def without_bound(label: str) -> str:
+    """The reason of an entry that the proof does not know."""
+    return f"{label} has no guaranteed bound yet"
+
+
+@dataclass(frozen=True)
+class BoundPoints:
+    """Points of quadrature, ``statement.effect.Points``.
+
+    Attributes:
+        x: shape (f, q, d).
+        normal: outward, shape (f, q, d).
+    """
+
+    x: Array
+    normal: Array
+
+    @property
+    def displacement(self) -> Array:
+        """Not known."""
+        raise Refused("a load that follows the displacement has no guaranteed bound")
+
+    @property
+    def position(self) -> Array:
+        """Of the points, shape (f, q, d)."""
+        return self.x
+
+    @property
+    def density(self) -> Array:
+        """Not known."""
+        raise Refused("a load that follows the density has no guaranteed bound")
+
+    def total(self, effect: Effect) -> Array:
+        """Not known."""
+        raise Refused(f"{effect.label} has no guaranteed bound")
+
+    def value(self, value: Any) -> Array:
+        """Of a number, an expression or a callable, shape (f, q)."""
+        if hasattr(value, "ufl_shape"):
+            raise Refused("a load given as a form is not known between points of quadrature")
+        return sample(value, in_space(self.x.reshape(-1, self.x.shape[2]))).reshape(self.x.shape[:2])
+
+    def vector(self, values: tuple[Any, ...]) -> Array:
+        """Values along the axes, shape (f, q, d)."""
+        return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
+
+
+def moduli_of(d: Model, owner: npt.NDArray[np.int64]) -> Moduli:
+    """Of the cells ``owner``."""
+    dim = d.tagged.dimension
+    ordered = np.minimum(ROWS[dim], COLUMNS[dim]), np.maximum(ROWS[dim], COLUMNS[dim])
+    axes = [d.kinematics.pairs.index(pair) for pair in zip(*map(np.ndarray.tolist, ordered), strict=True)]
+    if d.moduli is not None:
+        stiffness = d.moduli.at_cells[owner][:, axes][:, :, axes]
+        softest = np.empty(len(owner))
+        for material in d.statement.material:
+            cells = slice(None) if material.region is None else np.isin(owner, d.tagged.cells(material.region))
+            softest[cells] = material.moduli[0]
+        return MatrixModuli(stiffness * TWICE[dim], np.linalg.inv(stiffness) / TWICE[dim][:, None], softest)
+    lame, mu = (values_of(part, owner) for part in d.lame)
+    return IsotropicModuli(lame, mu, dim)
+
+
+def values_of(part: Any, owner: npt.NDArray[np.int64]) -> Array:
+    """Of a coefficient in the cells ``owner``, shape (n,)."""
+    if isinstance(part, fem.Function):
+        return np.asarray(part.x.array[part.function_space.dofmap.list[owner, 0]])
+    return np.full(len(owner), float(part.value))
+
+
+def refuse_unknown(d: Model) -> None:
+    """Raise where the scene has something that the proof does not know.
+
+    Raises:
+        Refused: with the reason.
+    """
+    mesh, degree = d.tagged.mesh, d.space.element.basix_element.degree
+    kind = mesh.topology.cell_name()
+    bounds = [value for entry in d.statement.contact for value in entry.friction.parameters.values()]
+    present = {
+        RANKS: d.comm.size > 1,
+        CURVED: compat.geometry_degree(mesh) > 1,
+        QUADRATIC_QUADRILATERALS: kind == "quadrilateral" and degree > 1,
+        HEXAHEDRA: kind == "hexahedron",
+        POINT: d.motions.pieces.pins.size > 0,
+        FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in d.statement.contact),
+        FORM_AS_BOUND: any(hasattr(value, "ufl_shape") for value in bounds),
+    }
+    for wrong, reason in (
+        ("guaranteed bound" in d.kinematics.refuses, d.kinematics.refuses.get("guaranteed bound", "")),
+        *((present[name], reason) for name, reason in REFUSES_BESIDES.items()),
+        *((True, reason) for _, reason in refused_by(d.statement, REFUSES)),
+        *((not knows(type(entry)), without_bound(entry.label)) for _, entry in d.statement.listed()),
+    ):
+        if wrong:
+            raise Refused(reason)
+
+
+def _data(d: Model, place: float) -> Iterator[tuple[str, str, Any, float]]:
+    """What a bound looks at between nodes: a kind, a name, a value, and the degree up to which its points tell all of a
+    polynomial; at a place in the lists of factors.
+    """
+    plane = d.tagged.dimension == 2
+    for contact in d.statement.placed(place).contact:
+        yield "gap", f"gap of {contact.boundary!r}", contact.gap_in(d.tagged.dimension), 2
+        bound = 0.0 if contact.friction.follows_pressure else contact.friction.given_bound
+        yield "friction bound", f"friction bound of {contact.boundary!r}", bound, 1
+    for _, load in d.statement.listed():
+        if isinstance(load, BodyForce | SurfaceTraction | PrescribedDisplacement):
+            _, entry = d.statement.now(load, place)
+            name = entry.label if entry.where is None else f"{entry.label} of {entry.where!r}"
+            for key, value in entry.given.items():
+                degree = 4 if key == "rotation" else 5  # which is multiplied by a distance
+                yield entry.label, name, value, 1 if entry.where is None and not plane else degree
+
+
+def why_estimated(d: Model, place: float = 0.0) -> str:
+    """Why what is computed as a bound is an estimate, as data are known at points alone; "": it is a bound."""
+    reasons = []
+    for kind, name, value, _ in _data(d, place):
+        if isinstance(value, Expression):
+            if kind in _CUT and value.jumps and not value.cuts_exactly:
+                reasons.append(f"the {name} compares functions that are not affine")
+        elif not isinstance(value, float | None):
+            reasons.append(f"the {name} is a function of Python")
+    return " and ".join(dict.fromkeys(reasons))
+
+
+def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: float) -> Grounds:
+    """What a bound rests on.
+
+    Args:
+        d: the model.
+        place: in the lists of factors.
+        coulomb: whether its friction bound is the computed one.
+        later: whether slip counts from the displacement of another load step.
+        unknown: share of the loads that quadrature does not know, which is counted.
+    """
+    seen = [
+        kind
+        for kind, _, value, degree in _data(d, place)
+        if isinstance(value, Expression)
+        and (value.degree > degree or not (value.cuts_exactly if kind in _CUT else value.is_smooth))
+    ]
+    statements = [
+        f"the {' and the '.join(dict.fromkeys(seen))} assumed to be as seen at points of each facet or cell"
+        if seen
+        else "",
+        f"quadrature of the loads, two rules of which differ by {unknown:.1e} of them, is counted"
+        if unknown > SAME_ENTRY
+        else "",
+        STRAIGHT_CELLS if d.statement.arcs else "",
+        "of the Tresca problem with the computed friction bound, converged or not: that this is the bound of the exact "
+        "solution is assumed"
+        if coulomb
+        else "",
+        "of the load step that begins with the computed displacement of the one before: that this is exact is assumed"
+        if later
+        else "",
+    ]
+    return Grounds(why_estimated(d, place), "; ".join(filter(None, statements)))

@@ -1,0 +1,122 @@
+"""A symmetric stress in equilibrium with given tractions, on triangles or tetrahedra.
+
+The stress is that of ``johnson_mercier``; its tractions are those of least complementary energy.  Displacements on the
+facets, the multipliers of equal and opposite tractions, are the unknowns of one symmetric positive definite system
+(hybridisation), which is factorised in the plane and solved by conjugate gradients in space.  So no constant of Korn's
+inequality enters.  Plain arrays, one rank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from signorini_fx.addons.bounds.arrays import Array
+from signorini_fx.addons.bounds.carried import carried
+from signorini_fx.addons.bounds.factorised_system import FactorisedSystem
+from signorini_fx.addons.bounds.iterated_system import IteratedSystem, balanced
+from signorini_fx.addons.bounds.johnson_mercier import LocalStress, reference
+from signorini_fx.addons.bounds.simplices import Simplices, moments_of
+
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What acts on the cells.
+
+    Attributes:
+        body: integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d).
+        traction: linear tractions at the vertices of each facet of the boundary, zero elsewhere, stress, (f, d, d).
+        unknown: bound of the force on each cell that quadrature does not know, shape (n,); 0: none.
+    """
+
+    body: Array
+    traction: Array
+    unknown: Array | float = 0.0
+
+
+@dataclass(frozen=True)
+class EquilibratedStress:
+    """A stress in equilibrium.
+
+    Attributes:
+        stress: on each part of each cell at its corners, see ``LocalStress.stress``.
+        tractions: at the vertices of each facet out of its first cell, stress, shape (f, d, d).
+        squares: of bounds of the work of what is not in equilibrium by round-off, per unit of the energy norm, shape
+            (n,).
+    """
+
+    stress: Array
+    tractions: Array
+    squares: Array
+
+    @property
+    def missing(self) -> float:
+        """The bound for all cells."""
+        return float(np.sqrt(self.squares.sum()))
+
+
+class Equilibration:
+    """Stresses in equilibrium on a body that is held in given directions.
+
+    From displacements at the vertices of each facet each cell has balanced tractions of its own; those of the solution
+    are equal and opposite.  What a system misses of this is part of ``missing``: no digit rests on it.
+    """
+
+    def __init__(self, t: Simplices, held: Array) -> None:
+        """Make the system.
+
+        Args:
+            t: the cells.
+            held: projector onto the directions in which each facet is held, shape (f, d, d).
+        """
+        self._t, self._held, self._local = t, held, LocalStress(t)
+        kind = FactorisedSystem if t.dimension == 2 else IteratedSystem
+        self._system: FactorisedSystem | IteratedSystem = kind(t, self._local, held)
+
+    def stress(self, loads: Loads, prescribed: Array) -> EquilibratedStress:
+        """The stress of least complementary energy among those of this kind in equilibrium with loads.
+
+        Args:
+            loads: what acts on the cells; its resultant on free motions must vanish.
+            prescribed: the displacement at the vertices of held facets, as a linear function, length, shape (f, d, d);
+                on the others any one to begin with.
+        """
+        t, places, d = self._t, self._local.places, self._t.dimension
+        alone = self._local.alone(loads.body)
+        moments = self._system.moments(alone, moments_of(t, loads.traction), prescribed)
+        # The means of both sides, where tractions are given of these.
+        signed = (t.sign[:, :, None, None] * moments).reshape(-1, d)
+        summed = np.column_stack([np.bincount(places.ravel(), signed[:, k], t.facets.size) for k in range(d)])
+        total = summed.reshape(-1, d, d) / ((t.sides >= 0).sum(axis=1) * t.area)[:, None, None]
+        tractions = d * (d + 1) * total - d * total.sum(axis=1, keepdims=True)
+        held = self._held[t.outer]
+        tractions[t.outer] = loads.traction[t.outer] @ (np.eye(d) - held) + tractions[t.outer] @ held
+        if isinstance(self._system, IteratedSystem):
+            tractions = balanced(t, loads.body, self._held, tractions)
+        stress, missed = self._local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, d)[places], loads.body)
+        return EquilibratedStress(stress, tractions, self._round_off(loads, tractions, missed))
+
+    def _round_off(self, loads: Loads, tractions: Array, missed_share: Array) -> Array:
+        """Squares of bounds of the work of what is not in equilibrium, per unit of the energy norm, shape (n,).
+
+        The forces and couples that a cell misses are carried from one to the next to a held facet, or to a cell of a
+        piece without one, by linear tractions: those with a resultant R and a couple M about the middle of an edge of
+        length l are at most R / l + 6 M / l^2, on a face of area A and least height h R / A + 12 M / (A h).  The stress
+        of each cell that balances these is bounded by the norm of the map from tractions or moments to stresses.
+        """
+        t, d = self._t, self._t.dimension
+        force = np.abs(tractions).max(axis=(1, 2)) * t.area
+        force_sizes = force[t.facets_of].max(axis=1) + np.abs(loads.body).sum(axis=(1, 2))
+        missed = force_sizes * (missed_share + 32 * _EPS) + loads.unknown
+        start = np.unique(t.sides[t.outer, 0][self._held[t.outer].any(axis=(1, 2))])
+        total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, start, missed)
+        longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)
+        lowest = (d - 1) * t.area[t.facets_of].min(axis=1) / longest ** (d - 2)
+        forces = total + 6 * (d - 1) * (couple + total * longest) / lowest
+        if d == 3:
+            return np.asarray(self._local.energy * (36 * forces) ** 2)
+        shape = np.linalg.norm(t.jacobian, axis=(1, 2)) ** 2 / (2 * t.volume)
+        return np.asarray((np.linalg.norm(reference(2)[0], 2) * shape**2 * forces) ** 2 / t.moduli.softest)

@@ -1,0 +1,450 @@
+"""A guaranteed bound of the error of a displacement in the energy norm, for contact without or with Tresca friction.
+
+Let v be a displacement that keeps to its supports and does not enter the foundation, and tau a symmetric stress in
+equilibrium with the loads, with a pressure p >= 0 and a shear |mu| <= g on the contact boundary.  The squared distances
+of v and tau from the solution, in the norms of the energy and of the complementary energy, add up to at most
+
+    |C eps(v) - tau|^2 + 2 int p (d - v_n) + 2 int (g |v_t| - mu v_t),
+
+of which every part is local and not negative (W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269; for
+contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysis and Variational Problems).  v is the
+finite element solution without what it enters the foundation, w; with the solution itself in the first term only, the
+square of its error is at most the sum above plus that of |w|.  tau the stress of least complementary energy of
+``equilibrated_stress`` with tractions made of the nodal pressures.  What the stress does not hold of the loads enters
+with explicit constants.  In a later load step v_t is the increment, whose beginning is taken as computed.
+docs/theory.md lists what is assumed.  Straight cells, one rank.
+
+Tractions are linear on facets, so that p >= 0 and |mu| <= g hold everywhere where they hold at the vertices: both sets
+are convex.  |v_t| is at most the quadratic with the sizes of the coefficients of Bernstein of v_t, for the same reason.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.bounded_error import ROUND_OFF, UNBALANCED, out, small_rests, work_of_loads
+from signorini_fx.addons.bounds.bounded_scene import refuse_unknown, why_estimated
+from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
+from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
+from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
+from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
+from signorini_fx.addons.bounds.problem import FacetsInContact, PlainProblem, onto_disc
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
+from signorini_fx.addons.bounds.stress_products import energy, from_strain, square
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.model import Model
+from signorini_fx.quantities.statements import ErrorBound, Refused
+from signorini_fx.tuned import LITTLE_OF_BOUND, SAME_LENGTH
+
+# Attempts to balance a body that supports do not hold.
+_BALANCES = 200
+# Linear functions on a facet with the moments of 4 l_a l_b: at a and b, and at the third vertex.
+_OF_BUBBLE = {2: (2 / 3, 0), 3: (3 / 5, -1 / 5)}
+
+
+@dataclass(frozen=True)
+class Admissible:
+    """A displacement that does not enter the foundation.
+
+    Attributes:
+        y: at vertices, and at the middles of edges, length, shapes (v, d) and (e, d).
+        middle: see ``y``.
+        strain: at corners, shape (n, d + 1, 3 or 6).
+        contact: its share of the gap of the functionals on the contact, energy, shape (n,).
+        moved: squares of the energy norm of its difference from the computed one, shape (n,).
+    """
+
+    y: Array
+    middle: Array
+    strain: Array
+    contact: Array
+    moved: Array
+
+    @property
+    def squares(self) -> Array:
+        """What it adds to the square of the bound, shape (n,)."""
+        return self.contact + self.moved
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """A displacement without penetration and a stress in equilibrium, with what is known of the solution between them.
+
+    Attributes:
+        v: the displacement.
+        duality: gap of the functionals with the strain of the computed displacement, energies, shape (n,).
+        stress: in equilibrium.
+        data: squares of the bounds of what the stress does not hold of the loads, shape (n,).
+        energy: squares of the energy norm of the computed displacement, shape (n,).
+        t: the cells.
+        inside: the cells of the pieces that are looked at, each of which is a body of its own, shape (n,).
+    """
+
+    v: Admissible
+    duality: Array
+    stress: EquilibratedStress
+    data: Array
+    energy: Array
+    t: Simplices
+    inside: npt.NDArray[np.bool_]
+
+    def of(self, inside: npt.NDArray[np.bool_]) -> Enclosure:
+        """The same of some pieces.
+
+        Args:
+            inside: their cells, shape (n,).
+        """
+        return replace(self, inside=inside)
+
+    @cached_property
+    def size(self) -> float:
+        """Energy norm of the computed displacement."""
+        return float(np.sqrt(self.energy[self.inside].sum()))
+
+    @cached_property
+    def round_off(self) -> float:
+        """Bound of the work of what sums leave, per unit of the energy norm."""
+        return float(np.sqrt(self.stress.squares[self.inside].sum())) + ROUND_OFF * self.size
+
+    @cached_property
+    def difference(self) -> Array:
+        """The stress in equilibrium less that of the displacement, see ``LocalStress.stress``."""
+        return self.stress.stress - from_strain(self.t, self.v.strain)
+
+    @cached_property
+    def gap(self) -> float:
+        """Of the functionals, twice, an energy."""
+        return float((self.v.contact + square(self.t, self.difference))[self.inside].sum())
+
+    @property
+    def missed(self) -> float:
+        """Bound of the work of what is not in equilibrium with the loads per unit of the energy norm."""
+        return float(np.sqrt(self.data[self.inside].sum())) + self.round_off
+
+    @property
+    def distance(self) -> float:
+        """Bound of the energy norm of v - u: A^2 + B^2 <= gap + 2 missed A, where B is the distance of the stress."""
+        return self.missed + float(np.hypot(np.sqrt(self.gap), self.missed))
+
+    @property
+    def radius(self) -> float:
+        """Bound of the distance of the stress of the solution from the mean of both stresses."""
+        contact = float(self.v.contact[self.inside].sum())
+        return float(np.sqrt((self.gap - contact) / 4 + contact / 2 + self.missed * self.distance))
+
+
+def error_bound(
+    d: Model,
+    y: fem.Function,
+    contact: ContactState | None,
+    step: float = 0.0,
+    before: fem.Function | None = None,
+) -> ErrorBound | str:
+    """The bound for a solution; or why there is none.
+
+    Args:
+        d: the model.
+        y: the displacement.
+        contact: the contact nodes.
+        step: the place of the load step in the lists of factors.
+        before: the displacement of the load step before, from which slip counts; None: there is none.
+    """
+    try:
+        return Bounded(d, y, contact, step, before).bound()
+    except Refused as refused:
+        return str(refused)
+
+
+def why_unbounded(d: Model) -> str:
+    """Why there is no guaranteed bound, whatever the solution is; "": there may be one.
+
+    Args:
+        d: the model, whose stiffness need not be assembled.
+    """
+    try:
+        refuse_unknown(d)
+        prescribed, last = fem.Function(d.space), float(d.statement.steps - 1)
+        prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in d.applied_at(last))
+        PlainProblem(d, prescribed, None, last)
+    except Refused as refused:
+        return str(refused)
+    why = why_estimated(d, last)
+    return why and f"there is no guaranteed bound, as {why}"
+
+
+class Bounded(PlainProblem):
+    """A problem with what bounds its error."""
+
+    @cached_property
+    def equilibration(self) -> Equilibration:
+        """The system of its stresses."""
+        return Equilibration(self.t, self.held)
+
+    @cached_property
+    def enclosure(self) -> Enclosure:
+        """Displacement and stress that enclose the solution."""
+        t = self.t
+        computed = t.strain_at_corners(self.y, self.middle)
+        self._balance()
+        stress = self._stress()
+        between = square(t, from_strain(t, computed) - stress.stress)
+        v = self._beside(self._admissible(np.zeros_like(self.y)), computed)
+        if v.moved.sum() > LITTLE_OF_BOUND * between.sum():
+            # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
+            v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda entry: entry.squares.sum())
+        inside = np.ones(len(t.corners), dtype=bool)
+        return Enclosure(v, v.contact + between, stress, self.loads.missed, energy(t, computed), t, inside)
+
+    def bound(self) -> ErrorBound:
+        """The bound of the error."""
+        t, enclosure = self.t, self.enclosure
+        v, data = enclosure.v, enclosure.data
+        duality, missed, moved = (float(np.sqrt(squares.sum())) for squares in (enclosure.duality, data, v.moved))
+        total = (np.hypot(duality, moved) + missed + enclosure.round_off) * (1 + ROUND_OFF * np.sqrt(len(t.corners)))
+        squares: Array = np.zeros(self.cells)
+        np.add.at(squares, self.owner, enclosure.duality + data + v.moved)
+        work = None
+        if not any(surface.bound.any() for surface in self.contacts):
+            above = (float(np.sqrt(enclosure.gap)) + 2 * enclosure.missed) ** 2 / 2
+            functional = energy(t, v.strain).sum() / 2 - self.loads.work(v.y, v.middle)
+            least, greatest = work_of_loads(functional, above, enclosure.size, total, len(t.corners))
+            unknown = self.loads.unknown_work(v.y, v.middle)
+            work = least - unknown, greatest + unknown
+        round_off = enclosure.round_off
+        return ErrorBound(float(total), enclosure.size, duality, missed, moved, round_off, squares, self.grounds, work)
+
+    def _stress(self) -> EquilibratedStress:
+        """In equilibrium with the loads and the tractions of the contacts."""
+        t, d, acting = self.t, self.t.dimension, self.loads.acting
+        traction = acting.traction.copy()
+        for surface in self.contacts:
+            traction[surface.facets] += surface.traction @ (np.eye(d) - self.held[surface.facets])
+        # The linear functions on the facets with the moments of the displacement.
+        start, bubble = self.y[t.facets], (self.middle - self.y[t.edges].mean(axis=1))[t.edges_of_facets]
+        (ends, third), start = _OF_BUBBLE[d], start + _OF_BUBBLE[d][1] * bubble.sum(axis=1, keepdims=True)
+        for k, pair in enumerate(EDGES_OF_FACET[d]):
+            start[:, pair] += (ends - third) * bubble[:, k, None]
+        return self.equilibration.stress(Loads(acting.body, traction, acting.unknown), start)
+
+    def _on_contact(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
+        """Integrals of p (d - v_n) + g |v_t| - mu . v_t over the facets, energies, shape (m,)."""
+        d = self.t.dimension
+        displacement = self.on_facets(y, middle, surface.facets)
+        normal = np.einsum("fcd,fd->fc", displacement, surface.normal)
+        slip = displacement - surface.before
+        tangential = slip - np.einsum("fcd,fd,fe->fce", slip, surface.normal, surface.normal)
+        values, linear = bernstein(POINTS[d]), POINTS[d]
+        work = surface.pressure @ linear.T * (surface.gap - normal @ values.T).clip(min=0.0)
+        size = np.linalg.norm(tangential, axis=2) @ values.T
+        shear = np.einsum("qc,fcd->fqd", linear, surface.shear)
+        work += (surface.bound * size - (shear * (values @ tangential)).sum(axis=2)).clip(min=0.0)
+        return np.asarray(self.t.area[surface.facets] * (work @ WEIGHTS[d]))
+
+    def _balance(self) -> None:
+        """Change pressures and shears of a body that supports do not hold so that they balance its loads."""
+        t = self.t
+        modes = free_motions(t, self.held).reshape(len(t.x), t.dimension, -1)
+        if not modes.shape[2]:
+            return
+        if not self.contacts:
+            raise Refused("the body is not held")
+
+        moments = moments_of(t, modes[t.facets])
+
+        def moved(facets: Ints) -> Array:
+            """Integrals of the modes times the hat functions of the vertices of facets, shape (m, d, d, k)."""
+            return np.asarray(moments[facets])
+
+        loads = np.einsum("ncd,ncdk->k", self.loads.body, modes[t.corners])
+        loads = loads + np.einsum("fad,fadk->k", self.loads.traction, moments)
+        work = [moved(surface.facets) for surface in self.contacts]
+        normal = [
+            -np.einsum("fadk,fd->fak", part, surface.normal) for part, surface in zip(work, self.contacts, strict=True)
+        ]
+        across = [
+            -(part + np.einsum("fak,fd->fadk", push, surface.normal))
+            for part, push, surface in zip(work, normal, self.contacts, strict=True)
+        ]
+        pieces = of_each_piece(t, modes.reshape(t.x.size, -1))
+        sizes = (
+            np.abs(push * surface.pressure[:, :, None]).sum(axis=(0, 1))
+            + np.abs(np.einsum("fadk,fad->fak", pull, surface.shear)).sum(axis=(0, 1))
+            for push, pull, surface in zip(normal, across, self.contacts, strict=True)
+        )
+        small = small_rests(loads, sum(sizes, np.zeros(loads.size)), pieces)
+        for _, part in pieces:
+            self._balance_piece(
+                loads[part],
+                [push[..., part] for push in normal],
+                [pull[..., part] for pull in across],
+                small[part].min(),
+            )
+
+    def _balance_piece(self, loads: Array, normal: list[Array], across: list[Array], small: float) -> None:
+        """Change pressures and shears so that they balance the loads of a piece.
+
+        Args:
+            loads: their work on its free motions, force, shape (k,).
+            normal: that of unit pressures at the vertices of the facets of each contact, shapes (m, d, k).
+            across: that of unit shears, shapes (m, d, d, k).
+            small: what may be left of it, force.
+        """
+        t = self.t
+        for _ in range(_BALANCES):
+            residual, flexible = loads.copy(), np.zeros((loads.size, loads.size))
+            for push, pull, surface in zip(normal, across, self.contacts, strict=True):
+                residual += np.einsum("fak,fa->k", push, surface.pressure) + np.einsum(
+                    "fadk,fad->k", pull, surface.shear
+                )
+                inside = np.linalg.norm(surface.shear, axis=2) < surface.least * (1 - SAME_LENGTH)
+                flexible += np.einsum(
+                    "fak,fal->kl", push / t.area[surface.facets, None, None], push * self._room(surface)
+                )
+                flexible += np.einsum(
+                    "fadk,fadl->kl", pull / t.area[surface.facets, None, None, None], pull * inside[:, :, None, None]
+                )
+            if np.abs(residual).max() <= small:
+                return
+            step = np.linalg.lstsq(flexible, residual, rcond=1e-12)[0]
+            for push, pull, surface in zip(normal, across, self.contacts, strict=True):
+                area = t.area[surface.facets, None]
+                inside = np.linalg.norm(surface.shear, axis=2) < surface.least * (1 - SAME_LENGTH)
+                surface.pressure = (surface.pressure - self._room(surface)[:, :, 0] * (push @ step) / area).clip(
+                    min=0.0
+                )
+                changed = surface.shear - inside[:, :, None] * (pull @ step) / area[:, :, None]
+                surface.shear = onto_disc(changed, surface.least)
+        raise Refused(UNBALANCED)
+
+    @staticmethod
+    def _room(surface: FacetsInContact) -> Array:
+        """1 where a pressure can become smaller and larger, shape (m, d, 1)."""
+        return (surface.pressure > 0)[:, :, None].astype(np.float64)
+
+    def _free_at(self, parts: Ints, count: int, projectors: Array) -> tuple[Array, Array]:
+        """Sizes and directions of what holds vertices or edges, shapes (count, d) and (count, d, d).
+
+        Args:
+            parts: those of each facet, shape (f, k).
+            count: of all of them.
+            projectors: onto the directions in which facets are held, shape (f, d, d).
+        """
+        held = np.zeros((count, *projectors.shape[1:]))
+        for k in range(parts.shape[1]):
+            np.add.at(held, parts[self.t.outer, k], projectors[self.t.outer])
+        sizes, vectors = np.linalg.eigh(held)
+        return sizes, vectors
+
+    def _beside(self, v: tuple[Array, Array], computed: Array) -> Admissible:
+        """What a displacement without penetration adds to the bound, given the strain of the computed one."""
+        t, strain = self.t, self.t.strain_at_corners(*v)
+        contact = np.zeros(len(t.corners))
+        for surface in self.contacts:
+            np.add.at(contact, t.sides[surface.facets, 0], 2 * self._on_contact(surface, *v))
+        return Admissible(*v, strain, contact, energy(t, strain - computed))
+
+    def _entered(self) -> Array:
+        """Of least energy with what the vertices enter the foundation, and slip where they stick; zero at supports."""
+        t, rows = self.t, [PrescribedComponents.of_facets(self.t.facets, self.held, np.zeros(self.t.dimension))]
+        sizes, vectors = self._free_at(t.facets, len(t.x), self.held)
+        for surface in self.contacts:
+            for corner in range(t.dimension):
+                vertex = t.facets[surface.facets, corner]
+                depth = np.einsum("fd,fd->f", self.y[vertex], surface.normal) - surface.below[:, corner]
+                slip = self.y[vertex] - surface.before[:, corner]
+                sticks = np.linalg.norm(surface.shear[:, corner], axis=1) < (1 - SAME_LENGTH) * surface.least[:, corner]
+                for selected, direction, value in (
+                    (np.ones(len(vertex), dtype=bool), surface.normal, depth.clip(min=0.0)),
+                    *((sticks, along, np.einsum("fd,fd->f", slip, along)) for along in surface.tangents),
+                ):
+                    axes, loose = vectors[vertex], sizes[vertex] <= SAME_LENGTH
+                    free = np.einsum("fik,fk,fjk,fj->fi", axes, loose, axes, direction)
+                    length = np.linalg.norm(free, axis=1)
+                    selected = selected & (length > 0.5)
+                    rows.append(
+                        PrescribedComponents(
+                            vertex[selected],
+                            free[selected] / length[selected, None],
+                            value[selected] / length[selected],
+                        )
+                    )
+        constraints = PrescribedComponents.joined(*rows)
+        displacement = smallest_energy(t, constraints)[0] if constraints.fixes(t) else np.zeros_like(self.y)
+        return np.einsum("vik,vk,vjk,vj->vi", vectors, sizes <= SAME_LENGTH, vectors, displacement)
+
+    def _admissible(self, removed: Array) -> tuple[Array, Array]:
+        """The displacement without what it enters the foundation, at vertices and middles of edges.
+
+        Args:
+            removed: what is taken away from it before at the vertices, linear between them, length, shape (v, d).
+        """
+        t = self.t
+        y, middle = self.y - removed, self.middle - removed[t.edges].mean(axis=1)
+        tiny = ROUND_OFF * self._far
+        if any(surface.bilateral for surface in self.contacts):
+            self._close(y, middle)
+        unmoved, opening = y.copy(), [surface for surface in self.contacts if not surface.bilateral]
+        for entities, first in ((t.facets, 0), (t.edges_of_facets, t.dimension)):
+            at_vertices = first == 0
+            values = y if at_vertices else middle
+            sizes, vectors = self._free_at(entities, len(values), self.held)
+            free = np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
+            wanted: dict[int, list[tuple[Array, float]]] = {}
+            for surface in opening:
+                excesses = (
+                    np.einsum("fcd,fd->fc", self.on_facets(y, middle, surface.facets), surface.normal) - surface.below
+                )
+                for column in range(first, first + entities.shape[1]):
+                    for k in np.flatnonzero(excesses[:, column] > -tiny):
+                        # Twice the middle of an edge is what its coefficient of Bernstein has of it.
+                        excess = float(excesses[k, column]) if at_vertices else float(excesses[k, column]) / 2
+                        wanted.setdefault(int(entities[surface.facets[k], column - first]), []).append(
+                            (surface.normal[k], excess)
+                        )
+            for where, rows in wanted.items():
+                normals, depths = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
+                values[where] -= out(normals, depths + tiny, free[where], tiny)
+            if at_vertices:
+                middle += (y - unmoved)[t.edges].mean(axis=1)
+        return y, middle
+
+    def _close(self, y: Array, middle: Array) -> None:
+        """Move a displacement to the foundations that contact cannot leave, in directions in which supports let it.
+
+        Vertices first, then middles, of which an edge has half its coefficient of Bernstein.
+        """
+        t, unmoved = self.t, y.copy()
+        for entities, first in ((t.facets, 0), (t.edges_of_facets, t.dimension)):
+            values, share = (y, 1.0) if first == 0 else (middle, 0.5)
+            sizes, vectors = self._free_at(entities, len(values), self.supported)
+            free = np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
+            rows: dict[int, list[tuple[Array, float]]] = {}
+            for surface in filter(lambda contact: contact.bilateral, self.contacts):
+                along = np.einsum("fcd,fd->fc", self.on_facets(y, middle, surface.facets), surface.normal)
+                for column in range(first, first + entities.shape[1]):
+                    missed = share * (surface.below - along)[:, column]
+                    for k, where in enumerate(entities[surface.facets, column - first]):
+                        rows.setdefault(int(where), []).append((surface.normal[k], float(missed[k])))
+            for where, pairs in rows.items():
+                normals = np.array([pair[0] for pair in pairs]) @ free[where]
+                lengths = np.array([pair[1] for pair in pairs])
+                change = free[where] @ np.linalg.lstsq(normals, lengths, rcond=SAME_LENGTH)[0]
+                tiny = SAME_LENGTH * np.abs(lengths).max() + ROUND_OFF * self._far
+                if np.abs(normals @ change - lengths).max() > tiny:
+                    raise Refused("supports and contact that cannot open prescribe different displacements")
+                values[where] += change
+            if first == 0:
+                middle += (y - unmoved)[t.edges].mean(axis=1)
+
+    @property
+    def _far(self) -> float:
+        """The largest displacement or gap, length."""
+        return float(
+            np.abs(self.y).max() + max((np.abs(surface.below).max() for surface in self.contacts), default=0.0)
+        )

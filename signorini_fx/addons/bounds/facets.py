@@ -1,0 +1,61 @@
+"""Facets of a body, edges or faces: points on them, and polynomials of Bernstein of degree 2.
+
+The polynomials are those of the vertices, and of the edges in the order of ``EDGES_OF_FACET``.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET
+
+# Gauss' rule on (0, 1).
+GAUSS = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2, np.polynomial.legendre.leggauss(8)[1] / 2
+
+
+def _collapsed(count: int) -> tuple[Array, Array]:
+    """Barycentric points and weights of Gauss' rule on a triangle, collapsed, shapes (q, 3) and (q,)."""
+    points, weights = np.polynomial.legendre.leggauss(count)
+    s, w = (points + 1) / 2, weights / 2
+    a, b = (grid.ravel() for grid in np.meshgrid(s, s, indexing="ij"))
+    products = np.outer(2 * w * (1 - s), w).ravel()
+    return np.column_stack((1 - a - b * (1 - a), a, b * (1 - a))), np.asarray(products, dtype=np.float64)
+
+
+def _lattice(d: int, n: int) -> Array:
+    """Barycentric coordinates of points of a facet that are multiples of 1 / n, shape (q, d)."""
+    points = [place for place in product(range(n + 1), repeat=d) if sum(place) == n]
+    return np.array(points[::-1]) / n
+
+
+# By dimension: barycentric points of quadrature on a facet, their weights, and the points at which gaps and friction
+# bounds are looked at; those between two of them are assumed to be bounded by what is seen there.
+POINTS: dict[int, Array] = {2: np.column_stack((1 - GAUSS[0], GAUSS[0])), 3: _collapsed(6)[0]}
+WEIGHTS: dict[int, Array] = {2: GAUSS[1], 3: _collapsed(6)[1]}
+SEEN: dict[int, Array] = {2: _lattice(2, 32), 3: _lattice(3, 8)}
+
+
+def _nodes(d: int) -> Ints:
+    """The vertices and the middles of the edges among ``SEEN``."""
+    middles = np.array([np.eye(d)[pair].mean(axis=0) for pair in EDGES_OF_FACET[d]])
+    nodes = np.concatenate((np.eye(d), middles))
+    return np.abs(SEEN[d] - nodes[:, None]).sum(axis=2).argmin(axis=1)
+
+
+NODES: dict[int, Ints] = {d: _nodes(d) for d in (2, 3)}
+
+
+def bernstein(local: Array) -> Array:
+    """Values of the polynomials at barycentric points, shape (q, d) to (q, 3) or (q, 6)."""
+    a, b = EDGES_OF_FACET[local.shape[1]].T
+    return np.column_stack((local**2, 2 * local[:, a] * local[:, b]))
+
+
+def coefficients(nodal: Array) -> Array:
+    """Of these polynomials, from values at vertices and at the middles of edges, shape (m, 3 or 6, ...)."""
+    d = 2 if nodal.shape[1] == 3 else 3
+    ends = nodal[:, :d]
+    return np.concatenate((ends, 2 * nodal[:, d:] - ends[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1)

@@ -1,0 +1,118 @@
+"""Integrals of loads over edges and triangles that are cut where expressions may jump, and how far they are not known.
+
+Two rules are compared, the finer one of which counts: their difference is what no statement may rest on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.bounded_scene import BoundPoints
+from signorini_fx.addons.bounds.facets import GAUSS
+from signorini_fx.addons.bounds.simplices import Simplices
+from signorini_fx.mechanics.statement.cut_simplices import cut, halved
+
+# Of the coarser rule inside triangles.
+_COARSE = (np.polynomial.legendre.leggauss(5)[0] + 1) / 2, np.polynomial.legendre.leggauss(5)[1] / 2
+# How often the parts of edges are halved for the rules that are compared.
+_HALVED = (2, 0, 1)
+
+# The force per area or volume at points, shape (m, q, 2), on parts of cells or edges, shape (m,).
+Density = Callable[[Ints, BoundPoints], Array]
+
+
+@dataclass(frozen=True)
+class Integrated:
+    """A load on edges or triangles.
+
+    Attributes:
+        moments: integrals with the functions that it is tested with over the length or area, stress or force per
+            volume, shape (n, functions, 2).
+        unknown: how far these are not known, see ``moments``.
+        missed: mean square of what constants or linear functions miss of it, shape (n,).
+        means: mean values, shape (n, 2).
+    """
+
+    moments: Array
+    unknown: Array
+    missed: Array
+    means: Array
+
+
+def on_edges(t: Simplices, edges: Ints, density: Density, values: list[Any]) -> Integrated:
+    """Moments of a load with the polynomials of Bernstein of degree 2, and what linear functions miss of it.
+
+    Args:
+        t: the triangles.
+        edges: that are loaded, shape (n,).
+        density: at points of these edges.
+        values: of the scene that it is made of.
+    """
+    x, varies = t.x[t.edges[edges]], not all(isinstance(value, float) for value in values)
+    owner, parts = cut(x, values)
+    rules: list[tuple[Array, Array]] = []
+    for often in _HALVED if varies else (0,):
+        owners, fine = owner, parts
+        for _ in range(often):
+            owners, fine = np.tile(owners, 2), halved(fine)
+        begin, length = fine[:, 0, 1], fine[:, 1, 1] - fine[:, 0, 1]
+        s, w = begin[:, None] + length[:, None] * GAUSS[0], length[:, None] * GAUSS[1]
+        a, b = x[owners, 0][:, None], x[owners, 1][:, None]
+        at = a + s[:, :, None] * (b - a)
+        force = density(owners, BoundPoints(at, np.broadcast_to(t.normal[edges[owners]][:, None], at.shape)))
+        tested = np.stack(((1 - s) ** 2, 2 * s * (1 - s), s**2), axis=1) * w[:, None]
+        moments = np.zeros((len(edges), 3, 2))
+        np.add.at(moments, owners, np.einsum("mbq,mqd->mbd", tested, force))
+        first, second = moments[:, 0] + moments[:, 1] / 2, moments[:, 2] + moments[:, 1] / 2
+        ends = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
+        linear = np.einsum("mqa,mad->mqd", np.stack((1 - s, s), axis=2), ends[owners])
+        missed = np.bincount(owners, np.einsum("mq,mqd->m", w, (force - linear) ** 2), len(edges))
+        rules.append((moments, np.asarray(missed, dtype=np.float64)))
+    return _compared(rules, rules[0][0].sum(axis=1))
+
+
+def in_triangles(x: Array, density: Density, values: list[Any]) -> Integrated:
+    """Moments of a load with the barycentric coordinates, and with their products, and what constants miss of it.
+
+    Args:
+        x: corners of triangles, length, shape (n, 3, 2).
+        density: at points of these.
+        values: of the scene that it is made of.
+    """
+    varies = not all(isinstance(value, float) for value in values)
+    owner, parts = cut(x, values)
+    share = np.abs(np.linalg.det(parts))
+    rules: list[tuple[Array, Array]] = []
+    for s, w in (GAUSS, _COARSE) if varies else (GAUSS,):
+        a, b = (grid.ravel() for grid in np.meshgrid(s, s, indexing="ij"))
+        weight = np.outer(w * (1 - s), w).ravel() * 2
+        places = np.column_stack((1 - a - b * (1 - a), a, b * (1 - a))) @ parts
+        at = np.einsum("mqc,mcd->mqd", places, x[owner])
+        force = density(owner, BoundPoints(at, np.zeros_like(at)))
+        products = [places[..., i] * places[..., j] for i in range(3) for j in range(3)]
+        tested = np.concatenate((places, np.stack(products, axis=2)), axis=2) * (share[:, None] * weight)[:, :, None]
+        moments = np.zeros((len(x), 12, 2))
+        np.add.at(moments, owner, np.einsum("mqb,mqd->mbd", tested, force))
+        means = moments[:, :3].sum(axis=1)
+        squares = share * np.einsum("q,mqd->m", weight, (force - means[owner][:, None]) ** 2)
+        rules.append((moments, np.bincount(owner, squares, len(x)).astype(np.float64)))
+    return _compared(rules, rules[0][0][:, :3].sum(axis=1))
+
+
+def _compared(rules: list[tuple[Array, Array]], means: Array) -> Integrated:
+    """What the first rule gives, and by how much the others differ from it."""
+    (moments, missed), further_rules = rules[0], rules[1:]
+    unknown = (
+        np.max([np.abs(estimate - moments) for estimate, _ in further_rules], axis=0)
+        if further_rules
+        else np.zeros_like(moments)
+    )
+    missed_change = (
+        np.max([np.abs(estimate - missed) for _, estimate in further_rules], axis=0) if further_rules else 0.0
+    )
+    return Integrated(moments, unknown, missed + missed_change, means)

@@ -1,0 +1,206 @@
+"""Symmetric stresses on triangles or tetrahedra divided by their centroids, linear on the parts, from linear tractions
+on the facets and a force that is constant on the parts.
+
+It is the element of Johnson and Mercier (C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116; in space M. Krizek,
+Apl. Mat. 27 (1982) 46-69; J. Gopalakrishnan, J. Guzman, J. J. Lee, The Johnson-Mercier elasticity element in any
+dimensions, 2024).  In space 96 numbers with 54 conditions between the parts leave 42, which tractions (36) and forces
+(12, of which 6 follow from balance) determine; in the plane 27 and 12 leave 15, which 12 and 6 (3) determine.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.simplices import COLUMNS, FACETS, ROWS, TWICE, Simplices
+
+# Numbers in the stresses of the cells whose matrices are made at the same time.
+_CHUNK = 3_500_000
+
+
+class LocalStress:
+    """The cells one by one: moments of tractions, integrals times the hat functions of the vertices of facets.
+
+    Similar triangles have the same matrices, so that those of the first of the parts of each cell of the mesh, m of
+    them, are enough.  A cell has k = d^2 (d + 1) moments.
+
+    Attributes:
+        places: of the moments of each cell among those of all facets, facet and vertex, shape (n, d + 1, d).
+        compliance: moments per displacement of the vertices of the facets, balanced, force per length, shape (m, k, k).
+        energy: traces of the squares of the norm per square of the moments, shape (m,).
+    """
+
+    def __init__(self, t: Simplices) -> None:
+        self._t, d = t, t.dimension
+        rows, columns = ROWS[d], COLUMNS[d]
+        rank = np.argsort(np.argsort(t.corners[:, FACETS[d]], axis=2), axis=2)
+        self.places: Ints = d * t.facets_of[:, :, None] + rank
+        self._determinant, self._inverse = factorial(d) * t.volume, np.linalg.inv(t.jacobian)
+        f = t.jacobian / self._determinant[:, None, None]
+        # sigma = F s F^T / J^2; tractions times areas are F (s n) / J, the divergence F (div s) / J^2.
+        once = f[:, rows][:, :, rows] * f[:, columns][:, :, columns]
+        twice = f[:, rows][:, :, columns] * f[:, columns][:, :, rows]
+        self._turn = once + np.where(rows == columns, 0.0, twice)
+        n, k, forces = len(t.corners) // t.parts, d * d * (d + 1), d * (d + 1)
+        self.compliance: Array = np.zeros((n, k, k))
+        self.energy: Array = np.zeros(n)
+        self._alone: Array = np.zeros((n, k, forces))
+        step = max(_CHUNK // ((d + 1) ** 2 * len(rows) * k), 1)
+        for first in range(0, n, step):
+            self._invert(slice(first, min(first + step, n)))
+
+    def _invert(self, chunk: slice) -> None:
+        """Compliance of some cells: least energy with balanced moments."""
+        t, d, operator = self._t, self._t.dimension, reference(self._t.dimension)[0]
+        count, parts, k = d + 1, (d + 1) ** 2, d * d * (d + 1)
+        map_ = self._determinant[chunk, None, None] * self._inverse[chunk]
+        n = len(map_)
+        # Linear tractions at the vertices of a facet of area 1 from their moments.
+        from_moments = d * (d + 1) * np.eye(d) - d
+        data = np.einsum("ij,ab,nkl->niakjbl", np.eye(count), from_moments, map_).reshape(n, k, k)
+        turn = self._turn[chunk, None]
+        stress = (turn @ (operator[:, :k] @ data).reshape(n, parts, -1, k)).reshape(n, -1, k)
+        weighted = self._conjugate(stress.reshape(n, count, count, -1, k), chunk).reshape(n, -1, k).transpose(0, 2, 1)
+        energy = weighted @ stress
+        fixed = (turn @ operator[:, k:].reshape(parts, -1, d * count)).reshape(n, -1, d * count)
+        centre = t.x[t.corners[chunk]].mean(axis=1)
+        size = t.volume[chunk] ** (1 / d)
+        arm = (t.x[t.corners[chunk]] - centre[:, None]) / size[:, None, None]
+        balance = _resultants(arm[:, FACETS[d]].reshape(n, -1, d))
+        self.energy[chunk] = np.trace(energy, axis1=1, axis2=2)
+        unit = self.energy[chunk, None, None] / k
+        matrix = np.zeros((n, k + balance.shape[1], k + balance.shape[1]))
+        matrix[:, :k, :k] = energy / unit
+        matrix[:, k:, :k], matrix[:, :k, k:] = balance, balance.transpose(0, 2, 1)
+        solution = np.linalg.inv(matrix)
+        self.compliance[chunk] = solution[:, :k, :k] / unit
+        # Forces of the parts on the reference cell from the integrals of the force, and its resultants.
+        divided = _forces_of_parts(d) / t.volume[chunk, None, None]
+        forces = -np.einsum("nij,nkl->nikjl", divided, self._inverse[chunk] * self._determinant[chunk, None, None] ** 2)
+        forces = forces.reshape(n, d * count, d * count)
+        self._alone[chunk] = -self.compliance[chunk] @ (weighted @ (fixed @ forces)) - solution[
+            :, :k, k:
+        ] @ _resultants(arm)
+
+    def _conjugate(self, stress: Array, chunk: slice) -> Array:
+        """The matrix of the integral of sigma : C^-1 tau times stresses, shape (n, d + 1, d + 1, 3 or 6, k)."""
+        t, d = self._t, self._t.dimension
+        scaled, unit = t.moduli.scaled_strain(np.moveaxis(stress, 3, -1), chunk)
+        strain = np.moveaxis(scaled, -1, 3) * TWICE[d][:, None]
+        weight = (t.volume[chunk] / ((d + 1) ** 2 * (d + 2) * unit))[:, None, None, None, None]
+        return np.asarray(weight * (strain + strain.sum(axis=2, keepdims=True)))
+
+    def alone(self, body: Array) -> Array:
+        """Moments in balance with a body force where the vertices of the facets do not move, force, shape (n, k).
+
+        Args:
+            body: integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d).
+        """
+        if not body.any():
+            return np.zeros((len(body), self._alone.shape[1]))
+        # The triangle between three similar ones is turned by half a turn, which changes no sign here.
+        moments = self._alone @ body.reshape(self._t.parts, len(self._alone), -1, 1)
+        return np.asarray(moments.reshape(len(body), -1))
+
+    def stress(self, tractions: Array, body: Array) -> tuple[Array, Array]:
+        """The stress, and the share of its data that it misses, by cell.
+
+        Args:
+            tractions: at the vertices of the facets of each cell, out of it, stress, shape (n, d + 1, d, d).
+            body: see ``alone``.
+
+        Returns:
+            On each part, opposite its corner, at the corners of the part: those of the facet, and the centroid; shape
+            (n, d + 1, d + 1, 3 or 6); and shape (n,).
+        """
+        t, d, n = self._t, self._t.dimension, len(tractions)
+        operator, conditions = reference(d)
+        inverse = self._inverse.transpose(0, 2, 1)
+        forces = tractions * t.area[t.facets_of][:, :, None, None] * self._determinant[:, None, None, None]
+        moments = (forces.reshape(n, -1, d) @ inverse).reshape(n, -1)
+        inside = -(constant_forces(t, body) * (self._determinant**2)[:, None, None]) @ inverse
+        data = np.concatenate((moments, inside.reshape(n, -1)), axis=1)
+        local = data @ operator.T
+        count = local.shape[1]
+        missed = local @ conditions[:, :count].T - data @ conditions[:, count:].T
+        missed_share = np.abs(missed).max(axis=1) / np.abs(data).max(axis=1, initial=1e-300)
+        stress = local.reshape(n, (d + 1) ** 2, -1) @ self._turn.transpose(0, 2, 1)
+        return stress.reshape(n, d + 1, d + 1, -1), missed_share
+
+
+def _resultants(arm: Array) -> Array:
+    """Force, and couple by the arms, of forces at q points, shape (n, 3 or 6, d q)."""
+    n, q, d = arm.shape
+    turns = list(combinations(range(d), 2))
+    resultants = np.zeros((n, d + len(turns), q, d))
+    for k in range(d):
+        resultants[:, k, :, k] = 1.0
+    for row, (i, j) in enumerate(turns, start=d):
+        resultants[:, row, :, i], resultants[:, row, :, j] = -arm[..., j], arm[..., i]
+    return resultants.reshape(n, -1, q * d)
+
+
+@cache
+def reference(d: int) -> tuple[Array, Array]:
+    """From tractions at the vertices of the facets and the divergences of the parts to the stress of the reference
+    cell, shape (27, 18) or (96, 48), and the conditions with their right-hand sides, shape (30, 27 + 18) or
+    (102, 96 + 48).
+
+    The conditions determine the stress; they are compatible if the cell is in equilibrium.
+    """
+    facets, count, components = FACETS[d], d + 1, len(ROWS[d])
+    x = np.concatenate((np.zeros((1, d)), np.eye(d)))
+    centre = x.mean(axis=0)
+    # Of the barycentric coordinates of each part: of the corners of its facet, and of the centroid.
+    gradients = np.zeros((count, count, d))
+    for i in range(count):
+        p = np.concatenate((x[facets[i]], centre[None]))
+        g = np.linalg.inv((p[1:] - p[0]).T)
+        gradients[i] = np.concatenate((-g.sum(axis=0, keepdims=True), g))
+
+    def traction(part: int, corner: int, normal: Array) -> Array:
+        row = np.zeros((d, count, count, components))
+        for k, (i, j) in enumerate(zip(ROWS[d], COLUMNS[d], strict=True)):
+            row[i, part, corner, k] += normal[j]
+            if i != j:
+                row[j, part, corner, k] += normal[i]
+        return row.reshape(d, -1)
+
+    rows, data = [], []
+
+    def add(row: Array, place: int | None = None) -> None:
+        right = np.zeros((d, d * count * (d + 1)))
+        if place is not None:
+            right[:, d * place : d * place + d] = np.eye(d)
+        rows.append(row)
+        data.append(right)
+
+    for i in range(count):
+        normal = -gradients[i, d] / (factorial(d - 1) * count)  # times the area of the facet
+        for a in range(d):
+            add(traction(i, a, normal), d * i + a)
+    for i, j in combinations(range(count), 2):
+        normal = gradients[i, list(facets[i]).index(j)]
+        normal = normal / np.linalg.norm(normal)
+        places = [(list(facets[i]).index(k), list(facets[j]).index(k)) for k in range(count) if k not in (i, j)]
+        for first, second in (*places, (d, d)):
+            add(traction(i, first, normal) - traction(j, second, normal))
+    for i in range(count):
+        add(np.sum([traction(i, corner, gradients[i, corner]) for corner in range(count)], axis=0), d * count + i)
+    conditions, right = np.concatenate(rows), np.concatenate(data)
+    return np.linalg.pinv(conditions) @ right, np.column_stack((conditions, right))
+
+
+def _forces_of_parts(d: int) -> Array:
+    """From integrals times barycentric coordinates, over the volume, to constants on the parts."""
+    share = (np.full((d + 1, d + 1), d + 2.0) - (d + 1) * np.eye(d + 1)) / (d + 1) ** 3  # int of l_j over the i-th part
+    return np.asarray(np.linalg.inv(share))
+
+
+def constant_forces(t: Simplices, body: Array) -> Array:
+    """The force per volume, constant on parts, with given integrals times barycentric coordinates, (n, d + 1, d)."""
+    return np.einsum("ij,njd->nid", _forces_of_parts(t.dimension), body) / t.volume[:, None, None]

@@ -1,0 +1,155 @@
+"""Displacements that are linear on cells and have the smallest energy among those with given components."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.cell_pieces import rigid_motions
+from signorini_fx.addons.bounds.definite_factor import Factor
+from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Simplices
+from signorini_fx.tuned import ZERO_IN_SOLUTION
+
+
+@dataclass(frozen=True)
+class PrescribedComponents:
+    """Components of displacements at vertices, r of them.
+
+    Attributes:
+        vertex: where, shape (r,).
+        direction: unit vectors, shape (r, d).
+        value: of the components, length, shape (r,).
+    """
+
+    vertex: Ints
+    direction: Array
+    value: Array
+
+    def fixes(self, t: Simplices) -> bool:
+        """Whether they leave no rigid motion of any piece free."""
+        of_row = t.piece_of_vertex[self.vertex]
+        for piece in range(int(t.piece.max()) + 1):
+            inside, rows = np.flatnonzero(t.piece_of_vertex == piece), of_row == piece
+            indices = np.searchsorted(inside, self.vertex[rows])
+            works = np.einsum("rdk,rd->rk", rigid_motions(t.x[inside])[indices], self.direction[rows])
+            if not float(np.linalg.eigvalsh(works.T @ works)[0]) > ZERO_IN_SOLUTION * len(works):
+                return False
+        return True
+
+    @staticmethod
+    def at_rest(vertex: Ints, d: int) -> PrescribedComponents:
+        """No displacement in any direction.
+
+        Args:
+            vertex: where, shape (r,).
+            d: the dimension.
+        """
+        return PrescribedComponents(
+            np.repeat(vertex, d), np.tile(np.eye(d), (len(vertex), 1)), np.zeros(d * len(vertex))
+        )
+
+    @staticmethod
+    def joined(*parts: PrescribedComponents) -> PrescribedComponents:
+        """All of them."""
+        return PrescribedComponents(
+            np.concatenate([part.vertex for part in parts]),
+            np.concatenate([part.direction for part in parts]),
+            np.concatenate([part.value for part in parts]),
+        )
+
+    @staticmethod
+    def of_facets(facets: Ints, projectors: Array, value: Array) -> PrescribedComponents:
+        """Those of a vector in directions that facets hold.
+
+        Args:
+            facets: vertices of edges or faces, shape (f, d).
+            projectors: onto these directions, shape (f, d, d).
+            value: of the displacement, length, shape (d,) or (f, d).
+        """
+        held_facets, d = np.flatnonzero(projectors.any(axis=(1, 2))), facets.shape[1]
+        sizes, vectors = np.linalg.eigh(projectors[held_facets])
+        parts = []
+        for k in range(d):
+            is_held = sizes[:, k] > 0.5
+            for corner in range(d):
+                direction = vectors[is_held, :, k]
+                prescribed = np.broadcast_to(value, facets.shape)[held_facets[is_held]]
+                parts.append(
+                    PrescribedComponents(
+                        facets[held_facets[is_held], corner], direction, (direction * prescribed).sum(axis=1)
+                    )
+                )
+        return PrescribedComponents.joined(*parts)
+
+
+def smallest_energy(t: Simplices, constraints: PrescribedComponents, load: Array | None = None) -> tuple[Array, float]:
+    """The displacement of least energy, loads included, with given components.
+
+    Args:
+        t: the cells.
+        constraints: the components; they leave no rigid motion free.
+        load: forces at vertices, shape (v, d); None: there are none.
+
+    Returns:
+        The displacement at the vertices, length, shape (v, d), and how far it is from what is given at most, length.
+    """
+    count, d = t.x.shape
+    weight, value = np.zeros((count, d, d)), np.zeros((count, d))
+    np.add.at(weight, constraints.vertex, constraints.direction[:, :, None] * constraints.direction[:, None])
+    np.add.at(value, constraints.vertex, constraints.direction * constraints.value[:, None])
+    turn, fixed, start = np.tile(np.eye(d), (count, 1, 1)), np.zeros((count, d), dtype=bool), np.zeros((count, d))
+    constrained = np.unique(constraints.vertex)
+    sizes, vectors = np.linalg.eigh(weight[constrained])
+    turn[constrained], fixed[constrained] = vectors, sizes > ZERO_IN_SOLUTION
+    along = np.einsum("nik,ni->nk", vectors, value[constrained])
+    start[constrained] = np.einsum(
+        "nik,nk->ni", vectors, np.where(fixed[constrained], along / np.where(fixed[constrained], sizes, 1.0), 0.0)
+    )
+    missed = np.abs((start[constraints.vertex] * constraints.direction).sum(axis=1) - constraints.value).max(
+        initial=0.0
+    )
+    matrix = stiffness(t)
+    force = (np.zeros((count, d)) if load is None else load) - (matrix @ start.ravel()).reshape(-1, d)
+    basis = free_basis(turn, fixed)
+    if not basis.shape[1]:
+        return start, float(missed)
+    upper = sp.triu(basis.T @ matrix @ basis, format="csr")
+    upper.sort_indices()
+    correction = basis @ Factor(upper).solve(basis.T @ force.ravel())
+    return start + correction.reshape(-1, d), float(missed)
+
+
+def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
+    """Displacements of v vertices from their free components, shape (d v, components).
+
+    Args:
+        turn: directions of components, one per column, shape (v, d, d).
+        fixed: which are not free, shape (v, d).
+    """
+    count, d = fixed.shape
+    numbers = (d * np.arange(count)[:, None, None] + np.arange(d)[:, None]).repeat(d, axis=2)
+    size = (d * count, d * count)
+    basis = sp.csr_matrix((turn.ravel(), (numbers.ravel(), numbers.transpose(0, 2, 1).ravel())), shape=size)
+    return sp.csr_matrix(basis[:, np.flatnonzero(~fixed.ravel())])
+
+
+def stiffness(t: Simplices) -> sp.csr_matrix:
+    """Of displacements linear on the cells, force per length, shape (d v, d v)."""
+    d = t.x.shape[1]
+    rows, columns, twice = ROWS[d], COLUMNS[d], TWICE[d]
+    gradient = np.einsum("nci,kj->nckji", t.gradients, np.eye(d)).reshape(len(t.corners), -1, d, d)
+    strain = (gradient[:, :, rows, columns] + gradient[:, :, columns, rows]) / 2
+    local = t.volume[:, None, None] * t.stress(strain) @ (strain * twice).transpose(0, 2, 1)
+    return assembled(local, t.corners, len(t.x))
+
+
+def assembled(local: Array, corners: Ints, count: int) -> sp.csr_matrix:
+    """The sum of the matrices of cells, of unknowns at vertices, shape (d v, d v)."""
+    d = local.shape[1] // corners.shape[1]
+    dofs = (d * corners[:, :, None] + np.arange(d)).reshape(len(corners), -1)
+    rows, columns = np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
+    return sp.csr_matrix((local.ravel(), (rows, columns)), shape=(d * count, d * count))

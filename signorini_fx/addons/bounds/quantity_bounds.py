@@ -1,0 +1,209 @@
+"""Two-sided bounds of the mean displacement of a boundary, and of the force of a support or a contact.
+
+Let v be a displacement that does not enter the foundation and tau a stress in equilibrium, as for the bound of the
+error.  The stress of the solution is within rho of their mean, (C eps(v) + tau) / 2, with
+
+    rho^2 = |C eps(v) - tau|^2 / 4 + int p (d - v_n) + int (g |v_t| - mu v_t)
+
+(the hypercircle of W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269).  A mean displacement Q and a force
+R along c follow from a stress tau' and a displacement w or z that their dual problem approximates
+(R. Becker and R. Rannacher, Acta Numerica 10 (2001) 1-102):
+
+    Q(u) = Q(v) + L(w) - a(v, w) + int (tau' - C eps(w)) : eps(u - v),
+    R(u) = a(u, z) - L(z) = a(v, z) - L(z) + int (C eps(z) - tau') : eps(u - v).
+
+For Q, tau' is in equilibrium with a unit load on the boundary, and w vanishes where forces of supports and contacts
+act.  For R, tau' has no load, and z is c on the boundary and vanishes where other forces of supports and contacts act.
+In both tau' has no traction on the contact boundary, because nothing is assumed of u - v there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.bounded_error import ROUND_OFF
+from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
+from signorini_fx.addons.bounds.equilibrated_stress import Loads
+from signorini_fx.addons.bounds.error_bound import Bounded
+from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
+from signorini_fx.addons.bounds.stress_products import from_strain, product, square
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.quantities.statements import Interval, Refused
+from signorini_fx.tuned import SAME_LENGTH
+
+
+def mean_displacement(
+    d: Model,
+    y: fem.Function,
+    contact: ContactState | None,
+    boundary: str,
+    direction: tuple[float, float],
+    step: float = 0.0,
+    before: fem.Function | None = None,
+) -> Interval | str:
+    """Bounds of the mean of u . direction over a boundary, a length; or why there are none.
+
+    They rest on what the bound of the error rests on, and print it.
+
+    Args:
+        d: the model.
+        y: the displacement.
+        contact: the contact nodes.
+        boundary: its name.
+        direction: any vector; a unit one gives a length.
+        step: the place of the load step in the lists of factors.
+        before: see ``error_bound``.
+    """
+    try:
+        return _Quantity(d, y, contact, step, before).mean(boundary, np.asarray(direction, dtype=np.float64))
+    except Refused as refused:
+        return str(refused)
+
+
+def force(
+    d: Model,
+    y: fem.Function,
+    contact: ContactState | None,
+    boundary: str,
+    direction: tuple[float, float],
+    step: float = 0.0,
+    before: fem.Function | None = None,
+) -> Interval | str:
+    """Bounds of the force on the body along a direction of a support or of a contact; or why there are none.
+
+    They rest on what the bound of the error rests on, and print it.  Where statics determines the force they are equal.
+
+    Args:
+        d: the model.
+        y: the displacement.
+        contact: the contact nodes.
+        boundary: of a support or of a contact.
+        direction: any vector; a unit one gives a force per thickness.
+        step: the place of the load step in the lists of factors.
+        before: see ``error_bound``.
+    """
+    try:
+        return _Quantity(d, y, contact, step, before).force(boundary, np.asarray(direction, dtype=np.float64))
+    except Refused as refused:
+        return str(refused)
+
+
+class _Quantity(Bounded):
+    """A problem with what bounds quantities of its solution."""
+
+    def __init__(
+        self,
+        d: Model,
+        y: fem.Function,
+        contact: ContactState | None,
+        step: float,
+        before: fem.Function | None = None,
+    ) -> None:
+        if d.tagged.dimension != 2:
+            raise Refused("in space the error alone has a guaranteed bound")
+        super().__init__(d, y, contact, step, before)
+
+    def mean(self, boundary: str, direction: Array) -> Interval:
+        """See ``mean_displacement``."""
+        t, edges = self.t, self._facets(boundary)
+        pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
+        if np.isin([piece for piece, _ in of_each_piece(t, free_motions(t, self.held))], pieces).any():
+            raise Refused("a mean displacement has bounds where supports hold the body without its contact")
+        unit = np.zeros((len(t.edges), 2, 2))
+        unit[edges] = direction / t.area[edges].sum()  # what supports take of it neither stress nor w know
+        stress = self.equilibration.stress(Loads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
+        load = np.zeros((len(t.x), 2))
+        for k in (0, 1):
+            np.add.at(load, t.edges[:, k], t.area[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
+        w = smallest_energy(t, self._closed(np.zeros((len(t.edges), 2)), pieces), load)[0]
+        y, middle = self.enclosure.v.y, self.enclosure.v.middle
+        share = t.area[edges] / t.area[edges].sum()
+        mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
+        residual, size, unknown = self._residual(w)
+        low, high = self._within(stress.stress - from_strain(t, self._strain(w)), stress.missing, size, pieces)
+        return Interval(mean + residual + low - unknown, mean + residual + high + unknown, self.grounds)
+
+    def force(self, boundary: str, direction: Array) -> Interval:
+        """See ``force``."""
+        t, edges = self.t, self._facets(boundary)
+        names = [effect.boundary for effect in self._d.statement.contact]
+        support = boundary not in names
+        if support and not self.held[edges].any(axis=(1, 2)).all():
+            raise Refused(f"{boundary!r} is neither a support nor a contact")
+        closed = any(effect.boundary == boundary and not effect.opens for effect in self._d.statement.contact)
+        if (support or closed) and any(
+            np.isin(self._facets(load.where), edges).any()
+            for load in self._d.statement.of(Force)
+            if load.where is not None
+        ):
+            raise Refused(f"loads act on {boundary!r}: its own force is not known apart from them")
+        value = np.zeros((len(t.edges), 2))
+        value[edges] = direction
+        pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
+        constraints = self._closed(value, pieces)
+        if not constraints.fixes(t):
+            raise Refused("a force has bounds where supports and contacts hold the body")
+        z, missed = smallest_energy(t, constraints)
+        if missed > SAME_LENGTH * np.abs(direction).max():
+            raise Refused(
+                f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact"
+            )
+        difference, missing = from_strain(t, self._strain(z)), 0.0
+        if support:
+            no_traction = np.zeros((len(t.edges), 2, 2))
+            unloaded = Loads(np.zeros((len(t.corners), 3, 2)), no_traction)
+            stress = self.equilibration.stress(unloaded, np.stack((value, value), axis=1))
+            difference, missing = difference - stress.stress, stress.missing
+        residual, size, unknown = self._residual(z)
+        low, high = self._within(difference, missing, size, pieces)
+        return Interval(low - residual - unknown, high - residual + unknown, self.grounds)
+
+    def _closed(self, value: Array, pieces: Ints) -> PrescribedComponents:
+        """Components where forces of supports and contacts act; without friction there is none along a contact.
+
+        Args:
+            value: of the displacement on edges, shape (e, 2).
+            pieces: whose quantity it is; others do not move.
+        """
+        t, parts = self.t, [PrescribedComponents.of_facets(self.t.edges, self.held, value)]
+        parts.append(PrescribedComponents.at_rest(np.flatnonzero(~np.isin(t.piece_of_vertex, pieces)), 2))
+        for surface in self.contacts:
+            slips = not (surface.bound.any() or surface.least.any())
+            projectors = np.zeros_like(self.held)
+            projectors[surface.facets] = surface.normal[:, :, None] * surface.normal[:, None] if slips else np.eye(2)
+            parts.append(PrescribedComponents.of_facets(t.edges, projectors, value))
+        return PrescribedComponents.joined(*parts)
+
+    def _strain(self, w: Array) -> Array:
+        """Of a displacement that is linear on triangles, at corners, shape (n, 3, 3)."""
+        return self.t.strain_at_corners(w, w[self.t.edges].mean(axis=1))
+
+    def _residual(self, w: Array) -> tuple[float, float, float]:
+        """The work L(w) - a(v, w), the size of what is summed up, and how far L(w) is not known by quadrature."""
+        t = self.t
+        # The strain of w is constant: the mean of that of v is enough.
+        mean_stress = t.stress(self.enclosure.v.strain.mean(axis=1)[:, None])[:, 0]
+        parts = t.volume * (mean_stress * self._strain(w)[:, 0] * [1.0, 1.0, 2.0]).sum(axis=1)
+        middle = w[t.edges].mean(axis=1)
+        outside, unknown = self.loads.work(w, middle), self.loads.unknown_work(w, middle)
+        return float(outside - parts.sum()), float(abs(outside) + np.abs(parts).sum()), unknown
+
+    def _within(self, stress: Array, missing: float, size: float, pieces: Ints) -> tuple[float, float]:
+        """Bounds of the integral of a stress times eps(u - v).
+
+        Args:
+            stress: on the thirds at their corners, shape (n, 3, 3, 3).
+            missing: what of it is not in equilibrium, ``Equilibrated.missing``.
+            size: of other sums that are added.
+            pieces: where the stress is.
+        """
+        t, enclosure = self.t, self.enclosure.of(np.isin(self.t.piece, pieces))
+        centre = float(product(t, stress, enclosure.difference).sum()) / 2
+        norm = float(np.sqrt(square(t, stress).sum()))
+        half = enclosure.radius * norm + enclosure.distance * missing
+        half += ROUND_OFF * len(t.corners) ** 0.5 * (size + norm * (enclosure.radius + enclosure.size))
+        return centre - half, centre + half

@@ -1,0 +1,328 @@
+"""Triangles or tetrahedra of a body as plain arrays: geometry, Hooke's law, strains of displacements of degree 2.
+
+What is of cells has n rows, of facets f, of edges e, of vertices v; facets are edges in the plane and faces in space,
+and volumes and areas are areas and lengths in the plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from math import factorial
+from typing import Protocol
+
+import numpy as np
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.cell_pieces import pieces_of_cells, pieces_of_vertices
+
+# By dimension: corners of the facet opposite each corner, and of each edge.
+FACETS: dict[int, Ints] = {
+    d: np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)], dtype=np.int64) for d in (2, 3)
+}
+EDGES: dict[int, Ints] = {d: np.array(list(combinations(range(d + 1), 2)), dtype=np.int64) for d in (2, 3)}
+# Vertices of the edges of a facet; in space the i-th is opposite its i-th vertex.
+EDGES_OF_FACET: dict[int, Ints] = {2: np.array([[0, 1]]), 3: np.array([[1, 2], [0, 2], [0, 1]])}
+# Rows and columns of the components (xx, yy, xy) or (xx, yy, zz, yz, xz, xy) of symmetric tensors, and how often each
+# one counts.
+ROWS: dict[int, Ints] = {2: np.array([0, 1, 0]), 3: np.array([0, 1, 2, 1, 0, 0])}
+COLUMNS: dict[int, Ints] = {2: np.array([0, 1, 1]), 3: np.array([0, 1, 2, 2, 2, 1])}
+TWICE: dict[int, Array] = {d: np.where(ROWS[d] == COLUMNS[d], 1.0, 2.0) for d in (2, 3)}
+
+
+class Moduli(Protocol):
+    """Hooke's law of n cells, in the components ``ROWS`` and ``COLUMNS`` of epsilon and sigma, m of them."""
+
+    @property
+    def softest(self) -> Array:
+        """Alpha with sigma(w) : eps(w) >= alpha |eps(w)|^2, stress, shape (n,)."""
+
+    def stress(self, strain: Array) -> Array:
+        """Of strains, shape (n, ..., m)."""
+
+    def scaled_strain(self, stress: Array, cells: slice = slice(None)) -> tuple[Array, Array]:
+        """Of stresses of some of the cells, shape (n, ..., m), times a modulus of each, shape (n,), and that."""
+
+    def repeated(self, times: int) -> Moduli:
+        """Of so many times the cells."""
+
+
+@dataclass(frozen=True)
+class IsotropicModuli:
+    """Those of lambda and mu, stresses, shape (n,).
+
+    Attributes:
+        lame: lambda.
+        mu: mu.
+        dimension: d.
+    """
+
+    lame: Array
+    mu: Array
+    dimension: int
+
+    @property
+    def softest(self) -> Array:
+        """See ``Moduli``."""
+        return np.minimum(2 * self.mu, self.dimension * self.lame + 2 * self.mu)
+
+    def stress(self, strain: Array) -> Array:
+        """See ``Moduli``."""
+        d, (first, second) = self.dimension, self._of_axes(strain.ndim, slice(None))
+        stress = 2 * second * strain
+        stress[..., :d] += first * strain[..., :d].sum(axis=-1, keepdims=True)
+        return np.asarray(stress)
+
+    def scaled_strain(self, stress: Array, cells: slice = slice(None)) -> tuple[Array, Array]:
+        """See ``Moduli``: times 2 mu."""
+        d, (first, second) = self.dimension, self._of_axes(stress.ndim, cells)
+        strain = stress.copy()
+        strain[..., :d] -= first / (d * first + 2 * second) * stress[..., :d].sum(axis=-1, keepdims=True)
+        return strain, 2 * self.mu[cells]
+
+    def _of_axes(self, axes: int, cells: slice) -> Iterator[Array]:
+        """Lambda and mu, to be multiplied with arrays of so many axes."""
+        return (values[cells].reshape(-1, *[1] * (axes - 1)) for values in (self.lame, self.mu))
+
+    def repeated(self, times: int) -> IsotropicModuli:
+        """See ``Moduli``."""
+        return IsotropicModuli(np.tile(self.lame, times), np.tile(self.mu, times), self.dimension)
+
+
+@dataclass(frozen=True)
+class MatrixModuli:
+    """Those of matrices.
+
+    Attributes:
+        stiffness: stresses from strains, shape (n, m, m).
+        compliance: its inverse.
+        softest: see ``Moduli``.
+    """
+
+    stiffness: Array
+    compliance: Array
+    softest: Array
+
+    def stress(self, strain: Array) -> Array:
+        """See ``Moduli``."""
+        return _times(self.stiffness, strain)
+
+    def scaled_strain(self, stress: Array, cells: slice = slice(None)) -> tuple[Array, Array]:
+        """See ``Moduli``: times one."""
+        return _times(self.compliance[cells], stress), np.ones(len(stress))
+
+    def repeated(self, times: int) -> MatrixModuli:
+        """See ``Moduli``."""
+        stiffness, compliance = (np.tile(matrix, (times, 1, 1)) for matrix in (self.stiffness, self.compliance))
+        return MatrixModuli(stiffness, compliance, np.tile(self.softest, times))
+
+
+@dataclass(frozen=True)
+class Simplices:
+    """A body of straight triangles or tetrahedra.
+
+    Attributes:
+        x: vertices, length, shape (v, d).
+        corners: of each cell, with positive determinants, shape (n, d + 1).
+        moduli: of each cell.
+        parts: how many similar triangles a cell of the mesh is divided into, 1 or 4: those of the i-th of m cells are
+            i, i + m and so on, with corners in the order of its own, the last one between the others.
+    """
+
+    x: Array
+    corners: Ints
+    moduli: Moduli
+    parts: int = 1
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return int(self.x.shape[1])
+
+    def keys(self, vertices: Ints) -> Ints:
+        """A number for each edge or facet, by which they are in ascending order.
+
+        Args:
+            vertices: of these, ascending, shape (..., k).
+        """
+        return vertices @ len(self.x) ** np.arange(vertices.shape[-1])[::-1]
+
+    def _numbered(self, parts: Ints) -> tuple[Ints, Ints]:
+        """Vertices of facets or edges, ascending, and their numbers in each cell.
+
+        Args:
+            parts: their corners.
+        """
+        vertices = np.sort(self.corners[:, parts], axis=2)
+        _, first, inverse = np.unique(self.keys(vertices), return_index=True, return_inverse=True)
+        return vertices.reshape(-1, parts.shape[1])[first], inverse.reshape(-1, len(parts))
+
+    @cached_property
+    def _facets(self) -> tuple[Ints, Ints]:
+        return self._numbered(FACETS[self.dimension])
+
+    @cached_property
+    def _edges(self) -> tuple[Ints, Ints]:
+        return self._numbered(EDGES[self.dimension])
+
+    @property
+    def facets(self) -> Ints:
+        """Vertices of each facet, ascending, shape (f, d)."""
+        return self._facets[0]
+
+    @property
+    def facets_of(self) -> Ints:
+        """Facets of each cell, the i-th opposite its i-th corner, shape (n, d + 1)."""
+        return self._facets[1]
+
+    @property
+    def edges(self) -> Ints:
+        """Vertices of each edge, ascending, shape (e, 2); in the plane those of the facets."""
+        return self._edges[0]
+
+    @property
+    def edges_of(self) -> Ints:
+        """Edges of each cell in the order of ``EDGES``, shape (n, 3 or 6)."""
+        return self._edges[1]
+
+    @cached_property
+    def edges_of_facets(self) -> Ints:
+        """Edges of each facet in the order of ``EDGES_OF_FACET``, shape (f, 1 or 3)."""
+        return np.searchsorted(self.keys(self.edges), self.keys(self.facets[:, EDGES_OF_FACET[self.dimension]]))
+
+    @cached_property
+    def sides(self) -> Ints:
+        """The cells at each facet, the lower number first, -1 for none, shape (f, 2)."""
+        order = np.argsort(self.facets_of.ravel(), kind="stable")
+        facet, cell = self.facets_of.ravel()[order], order // (self.dimension + 1)
+        second = np.append(False, facet[1:] == facet[:-1])
+        sides = np.full((len(self.facets), 2), -1)
+        sides[facet[~second], 0], sides[facet[second], 1] = cell[~second], cell[second]
+        return sides
+
+    @cached_property
+    def piece(self) -> Ints:
+        """The piece of the body that each cell is in, from 0, shape (n,)."""
+        return pieces_of_cells(self.sides, len(self.corners))
+
+    @cached_property
+    def piece_of_vertex(self) -> Ints:
+        """The piece that each vertex is in, shape (v,)."""
+        return pieces_of_vertices(self.corners, self.piece, len(self.x))
+
+    @cached_property
+    def sign(self) -> Array:
+        """1 where a cell is the first one at its facet, else -1, shape (n, d + 1)."""
+        first = self.sides[self.facets_of, 0] == np.arange(len(self.corners))[:, None]
+        return np.where(first, 1.0, -1.0)
+
+    @cached_property
+    def outer(self) -> Ints:
+        """The facets of the boundary."""
+        return np.flatnonzero(self.sides[:, 1] < 0)
+
+    @cached_property
+    def _scaled_normals(self) -> Array:
+        """The area of each facet times its normal out of its first cell, shape (f, d)."""
+        cell, scaled = self.sides[:, 0], -self.dimension * self.volume[:, None, None] * self.gradients
+        opposite = (self.facets_of[cell] == np.arange(len(cell))[:, None]).argmax(axis=1)
+        return np.asarray(scaled[cell, opposite])
+
+    @cached_property
+    def area(self) -> Array:
+        """Of each facet, shape (f,)."""
+        return np.asarray(np.linalg.norm(self._scaled_normals, axis=1))
+
+    @cached_property
+    def normal(self) -> Array:
+        """Of each facet, out of its first cell, on the boundary out of the body, unit, shape (f, d)."""
+        return self._scaled_normals / self.area[:, None]
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """(x_1 - x_0, x_2 - x_0, ...) of each cell, one per column, shape (n, d, d)."""
+        p = self.x[self.corners]
+        return (p[:, 1:] - p[:, :1]).transpose(0, 2, 1)
+
+    @cached_property
+    def volume(self) -> Array:
+        """Of each cell, shape (n,)."""
+        return np.linalg.det(self.jacobian) / factorial(self.dimension)
+
+    @cached_property
+    def gradients(self) -> Array:
+        """Of the barycentric coordinates, 1 / length, shape (n, d + 1, d)."""
+        inverse = np.linalg.inv(self.jacobian)
+        return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
+
+    def stress(self, strain: Array) -> Array:
+        """Of strains, shape (n, ..., 3 or 6)."""
+        return self.moduli.stress(strain)
+
+    def strain(self, stress: Array) -> Array:
+        """Of stresses, shape (n, ..., 3 or 6)."""
+        strain, unit = self.moduli.scaled_strain(stress)
+        return np.asarray(strain / unit.reshape(-1, *[1] * (stress.ndim - 1)))
+
+    def strain_at_corners(self, y: Array, middle: Array) -> Array:
+        """Strains of a displacement of degree 2 at the corners of the cells, shape (n, d + 1, 3 or 6).
+
+        Args:
+            y: at the vertices, length, shape (v, d).
+            middle: at the middles of the edges, shape (e, d).
+        """
+        d, g = self.dimension, self.gradients
+        bubble = (middle - y[self.edges].mean(axis=1))[self.edges_of]
+        gradient = np.repeat(np.einsum("nid,nij->ndj", y[self.corners], g)[:, None], d + 1, axis=1)
+        if np.any(bubble):
+            for k, (a, b) in enumerate(combinations(range(d + 1), 2)):  # 4 l_a l_b
+                gradient[:, a] += 4 * bubble[:, k, :, None] * g[:, b, None]
+                gradient[:, b] += 4 * bubble[:, k, :, None] * g[:, a, None]
+        rows, columns = ROWS[d], COLUMNS[d]
+        return np.asarray((gradient[..., rows, columns] + gradient[..., columns, rows]) / 2)
+
+
+def _times(matrix: Array, components: Array) -> Array:
+    """Of each cell, shape (n, ..., m)."""
+    count, m = components.shape[0], components.shape[-1]
+    return np.asarray((components.reshape(count, -1, m) @ matrix.swapaxes(1, 2)).reshape(components.shape))
+
+
+def moments_of(t: Simplices, traction: Array) -> Array:
+    """Integrals of linear tractions on facets, shape (f, d, ...), times the hat functions of their vertices."""
+    shape = (-1, *[1] * (traction.ndim - 1))
+    unit = t.area.reshape(shape) / (t.dimension * (t.dimension + 1))
+    return np.asarray(unit * (traction + traction.sum(axis=1, keepdims=True)))
+
+
+def divide(t: Simplices, y: Array, middle: Array) -> tuple[Simplices, Array, Array, Ints]:
+    """Each triangle in four by the middles of its edges, with a displacement of degree 2.
+
+    Args:
+        t: the triangles.
+        y: at their vertices, length, shape (v, 2).
+        middle: at the middles of their edges, length, shape (e, 2).
+
+    Returns:
+        Four times as many triangles, the first ones at the first corners; the displacement at their vertices, of which
+        the first v are the given ones and the next e the middles; at the middles of their edges; and the halves of
+        each given edge, that at its first end first, shape (e, 2).
+    """
+    first, m = len(t.x), t.facets_of + len(t.x)
+    corners = [np.column_stack([t.corners[:, i] if j == i else m[:, 3 - i - j] for j in range(3)]) for i in range(3)]
+    x = np.concatenate((t.x, t.x[t.edges].mean(axis=1)))
+    divided = Simplices(x, np.concatenate((*corners, m)), t.moduli.repeated(4), 4)
+    keys = divided.keys(divided.edges)
+    between = np.zeros((len(divided.edges), 2))
+    middles = first + np.arange(len(t.edges))
+    halves = np.stack([np.searchsorted(keys, divided.keys(np.column_stack((t.edges[:, k], middles)))) for k in (0, 1)])
+    for k in (0, 1):
+        between[halves[k]] = (3 * y[t.edges[:, k]] + 6 * middle - y[t.edges[:, 1 - k]]) / 8
+    at, mid = y[t.corners], middle[t.facets_of]
+    for i, (j, k) in enumerate(((1, 2), (0, 2), (0, 1))):  # between the middles of the edges opposite the other corners
+        between[np.searchsorted(keys, divided.keys(np.sort(m[:, [j, k]], axis=1)))] = (
+            mid[:, i] / 4 + (mid[:, j] + mid[:, k]) / 2 - (at[:, j] + at[:, k]) / 8
+        )
+    return divided, np.concatenate((y, middle)), between, halves.T

@@ -1,0 +1,34 @@
+"""Products of stresses that are linear on the parts of divided cells, and of strains that are linear on the cells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signorini_fx.addons.bounds.arrays import Array
+from signorini_fx.addons.bounds.simplices import FACETS, TWICE, Simplices
+
+
+def from_strain(t: Simplices, strain: Array) -> Array:
+    """The stress on the parts of cells at their corners, see ``LocalStress.stress``, of linear strains at corners."""
+    corner_stress = t.stress(strain)
+    centre = np.repeat(corner_stress.mean(axis=1)[:, None, None], t.dimension + 1, axis=1)
+    return np.concatenate((corner_stress[:, FACETS[t.dimension]], centre), axis=2)
+
+
+def product(t: Simplices, sigma: Array, tau: Array) -> Array:
+    """Integrals of sigma : C^-1 tau of stresses on the parts, by cell, energies (in the plane per thickness), (n,)."""
+    d, strain = t.dimension, t.strain(tau) * TWICE[t.dimension]
+    sums = (sigma * strain).sum(axis=(1, 2, 3)) + (sigma.sum(axis=2) * strain.sum(axis=2)).sum(axis=(1, 2))
+    return np.asarray(t.volume / ((d + 1) ** 2 * (d + 2)) * sums)
+
+
+def square(t: Simplices, stress: Array) -> Array:
+    """Squares of the norm of the complementary energy, by cell, see ``product``."""
+    return product(t, stress, stress).clip(min=0.0)
+
+
+def energy(t: Simplices, strain: Array) -> Array:
+    """Squares of energy norms of linear strains at corners, by cell, see ``product``."""
+    d, stress = t.dimension, t.stress(strain) * TWICE[t.dimension]
+    sums = (stress * strain).sum(axis=(1, 2)) + (stress.sum(axis=1) * strain.sum(axis=1)).sum(axis=1)
+    return np.asarray(t.volume / ((d + 1) * (d + 2)) * sums)

@@ -1,0 +1,248 @@
+"""Contact, ties and rigid surfaces of an Abaqus input file, as the contacts of a scene.  No dolfinx here."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signorini_fx.addons.decks.content import Deck, plain_name
+from signorini_fx.addons.decks.tools import tool_keys
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import quoted, real
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
+
+_PIECES = 64  # straight ones that an arc of a rigid surface becomes
+
+
+def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
+    """The lines of each [[contact]], and those of [solver] with their stiffness."""
+    tables: list[list[str]] = []
+    interactions: list[str | None] = []
+    taken: dict[str, Ints] = {}
+    touched: dict[str, Ints] = {}  # by others, which may be several
+    drives = _drives(deck, steps)
+    used = set()
+    for name, node in deck.coupled:
+        where = str(deck.boundary(name))
+        if np.setdiff1d(deck.nodes(name), deck.held(where)).size:
+            deck.lose(None, f"rigid coupling of {name!r}: not all of its nodes are on whole facets of the body")
+        used.add(node)
+        taken[where] = deck.mesh.boundaries[where]
+        keys = tool_keys(deck, node, drives.get(node, {}), always=True)
+        pivot = deck.model.raw.points[deck.model.places[node]][: deck.mesh.dim].tolist()
+        normal = [0.0] * (deck.mesh.dim - 1) + [1.0]  # a bond holds in all directions, whichever this is
+        shape = f'shape = "plane", point = {pivot}, normal = {normal}'
+        tables.append([f"boundary = {quoted(where)}", 'kind = "bonded"', f"foundation = {{ {shape}, {keys} }}"])
+    contacts = [(*names, None) for names in deck.ties] + deck.pairs
+    for slave, master, interaction in contacts:
+        tie = interaction is None or interaction in deck.tied
+        label = f"{'tie' if tie else 'contact'} of {slave!r} with {master!r}"
+        names = [name for name in (slave, master) if plain_name(name) in deck.rigid]
+        sides = {name: deck.boundary(name) for name in (slave, master) if name not in names}
+        missing = [name for name, where in sides.items() if where is None]
+        boundaries = [where for where in sides.values() if where is not None]
+        rows = {where: deck.mesh.boundaries[where] for where in boundaries}
+        occupied = {where: taken | ({} if where != boundaries[0] else touched) for where in boundaries}
+        shared = [
+            where for where in boundaries if any(np.intersect1d(rows[where], r).size for r in occupied[where].values())
+        ]
+        if len(names) == 2 or slave == master or (len(boundaries) == 2 and boundaries[0] == boundaries[1]):
+            deck.lose(None, f"{label}: " + ("both are rigid" if names else "a surface with itself"))
+        elif missing:
+            deck.lose(None, f"{label}: {missing[0]!r} is no boundary of the body")
+        elif shared:
+            deck.lose(None, f"{label}: facets of {shared[0]!r} are in another contact, and have one only")
+        else:
+            mover = deck.movers.get(plain_name(names[0])) if names else None
+            keys = "" if mover is None else tool_keys(deck, mover, drives.get(mover, {}))
+            if tie and names and not keys:
+                deck.lose(None, f"{label}: {names[0]!r} is rigid; give displacements instead")
+                continue
+            used |= set() if mover is None else {mover}
+            taken[boundaries[0]] = rows[boundaries[0]]
+            touched |= {where: rows[where] for where in boundaries[1:]}
+            pair = (slave, master) if interaction is None else (slave, master, interaction)
+            lines = [f"# {deck.pairing[pair].origin}", f"boundary = {quoted(boundaries[0])}"]
+            lines += _gap(deck, boundaries[0], names[0], keys) if names else [f"against = {quoted(boundaries[1])}"]
+            interactions.append(interaction)
+            if tie:
+                tables.append([*lines, 'kind = "bonded"'])
+                continue
+            lines += [] if names else _adjust(deck, label, (slave, master, interaction or ""))
+            if names and (slave, master, interaction) in deck.adjusted:
+                deck.lose(None, f"{label}: ADJUST, which scenes know between two bodies")
+            tables.append([*lines, *_friction(deck, label, interaction or "")])
+    for node in sorted(drives.keys() - used):
+        if tool_keys(deck, node, drives[node]):
+            deck.lose(None, f"what moves the rigid body of node {node}: no contact with it is in the scene")
+    return tables, _stiffness(deck, interactions)
+
+
+def _stiffness(deck: Deck, interactions: list[str | None]) -> list[str]:
+    """The stiffness of contact and of sticking, which are the same for the whole scene, as keys of [solver].
+
+    Args:
+        deck: what has been read.
+        interactions: of each contact that the scene has; None: of a tie.
+    """
+    size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    moduli = (properties.get("orthotropic", properties).get("young", 0.0) for properties in deck.materials.values())
+    young = max(float(np.max(stiffness)) for stiffness in moduli)
+    sliding = [name for name in interactions if name and ("coefficient" in deck.frictions.get(name, {}))]
+    lines = []
+    for key, of, stiffness in (("gamma_n", interactions, deck.stiffness), ("gamma_t", sliding, deck.sticking)):
+        slopes = {None if name is None else stiffness.get(name) for name in of}
+        soft = sorted(slope for slope in slopes if slope is not None)
+        if not soft:
+            continue
+        lines.append(f"{key} = {soft[-1]!r}")
+        if not soft[0] > 0:
+            raise ValueError(f"a contact has the stiffness {soft[0]:g}, which is not positive")
+        if len(soft) > 1:
+            deck.lose(
+                None,
+                f"contact of several stiffnesses, {', '.join(f'{slope:g}' for slope in soft)}: a scene has one {key}",
+            )
+        if None in slopes and soft[-1] < HARD_CONTACT * young / size:
+            deck.lose(None, f"hard contact or a tie beside soft contact: here it is soft, too, by {key}")
+    return lines
+
+
+def _adjust(deck: Deck, label: str, pair: tuple[str, str, str]) -> list[str]:
+    """How far points are moved onto the other side: ADJUST of *CONTACT PAIR, a length or a set of nodes."""
+    adjustment = deck.adjusted.get(pair)
+    if adjustment is None:
+        return []
+    try:
+        return [f"adjust = {real(adjustment)!r}"]
+    except ValueError:
+        named = deck.nodes(adjustment)
+    slave = deck.boundary(pair[0])
+    if slave is not None and not np.setdiff1d(deck.held(slave), named).size:
+        return [f"adjust = {float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))!r}"]
+    deck.lose(None, f"{label}: ADJUST={adjustment}, which has only some of the nodes of {pair[0]!r}")
+    return []
+
+
+def _drives(deck: Deck, steps: int) -> dict[int, dict[tuple[str, ...], list[float]]]:
+    """What moves rigid bodies in the steps, by the number of their reference nodes; see ``tool_keys``."""
+    drives: dict[int, dict[tuple[str, ...], list[float]]] = {}
+    for load in deck.loads.values():
+        if load.table == "tool":
+            drives.setdefault(int(load.target), {})[load.keys] = deck.course(load, steps)
+    return drives
+
+
+def _friction(deck: Deck, label: str, interaction: str) -> list[str]:
+    friction = deck.frictions.get(interaction, {})
+    if interaction in deck.rough:
+        deck.lose(None, f"{label}: rough friction, which never slides: give a coefficient")
+    elif friction.get("coefficient"):
+        cap = f", cap = {friction['cap']!r}" if "cap" in friction else ""
+        return [f'friction = {{ law = "coulomb", coefficient = {friction["coefficient"]!r}{cap} }}']
+    return []
+
+
+def _gap(deck: Deck, where: str, rigid: str, tool: str) -> list[str]:
+    """A rigid surface: the distance to a plane one as a formula, and one of lines and arcs as a polyline.
+
+    Args:
+        deck: what has been read.
+        where: the boundary of the body.
+        rigid: the surface.
+        tool: keys of what drives it, see ``tool_keys``; empty: it stays where it is.
+    """
+    driven = f", {tool}" if tool else ""
+    points = _points_of_surface(deck, plain_name(rigid))
+    body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
+    plane = None if points is None else _plane(points[:, : deck.mesh.dim])
+    if plane is None and points is not None and plain_name(rigid) in deck.drawn:
+        if len(points) > len(deck.drawn[plain_name(rigid)]):
+            deck.note(None, f"arcs of the rigid surface {rigid!r}: polygons of {_PIECES} sides each")
+        shape = f'shape = "polyline", points = {_with_left(points, body.mean(axis=0)).tolist()}'
+        return [f"foundation = {{ {shape}{driven} }}"]
+    if plane is None:
+        deck.lose(None, f"shape of the rigid surface {rigid!r}: write the gap to it as an expression")
+        if tool:
+            deck.lose(None, f"what moves the rigid surface {rigid!r}: {tool}")
+        return ["gap = 0.0  # the distance to the foundation, which is not known here"]
+    middle, normal = plane
+    side = float(np.mean(body, axis=0) @ normal - middle @ normal)
+    toward = -normal if side > 0 else normal
+    if abs(side) <= DIGITS_OF_FILES * float(np.ptp(deck.mesh.points, axis=0).max()):
+        toward = _outwards(deck, where, normal)
+    if tool:
+        shape = f'shape = "plane", point = {middle.tolist()}, normal = {(-toward + 0.0).tolist()}'
+        return [f"foundation = {{ {shape}{driven} }}"]
+    at, toward = float(middle @ toward), toward + 0.0  # without negative zeros
+    terms = "".join(
+        f" {'-' if share > 0 else '+'} {'' if abs(share) == 1 else f'{abs(share)!r}*'}x[{k}]"
+        for k, share in enumerate(map(float, toward))
+        if share
+    )
+    distance = f"{at!r}{terms}" if at else terms.removeprefix(" + ").lstrip()
+    return [f'gap = "{distance}"', f"direction = {toward.tolist()}"]
+
+
+def _outwards(deck: Deck, where: str, normal: Floats) -> Floats:
+    """The direction of a plane's normal that leads out of the body at a boundary that lies in it."""
+    inside = deck.mesh.points.mean(axis=0)
+    centre = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])].mean(axis=0)
+    return normal if (centre - inside) @ normal > 0 else -normal
+
+
+def _points_of_surface(deck: Deck, name: str) -> Floats | None:
+    """Points of a rigid surface that consists of elements, or in the plane of lines and arcs, which are in order."""
+    if (rows := deck.drawn.get(name)) is not None:
+        try:
+            return None if deck.mesh.dim == 3 else _walked(rows)
+        except (ValueError, IndexError) as error:
+            raise ValueError(f"the rigid surface {name!r}: {error}") from None
+    labels = {name, *deck.parts.get(name, ())}
+    nodes = [
+        block[rows].ravel()
+        for label, members in deck.model.raw.sets.items()
+        if label.upper() in labels
+        for (_, block), rows in zip(deck.model.raw.blocks, members, strict=True)
+    ]
+    return np.asarray(deck.model.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
+
+
+def _walked(rows: list[list[str]]) -> Floats | None:
+    """Points along START, LINE and CIRCL of a rigid surface; None: it has other pieces."""
+    points: list[Floats] = []
+    for kind, *words in rows:
+        end = np.array([real(word) for word in words[:2]])
+        if kind.upper() == "CIRCL":
+            centre = np.array([real(word) for word in words[2:4]])
+            (x, y), radius = points[-1] - centre, float(np.hypot(*(end - centre)))
+            first, last = np.arctan2(y, x), np.arctan2(*(end - centre)[::-1])
+            turn = (last - first + np.pi) % (2 * np.pi) - np.pi  # an arc is less than half a circle
+            angles = first + turn * np.arange(1, _PIECES) / _PIECES
+            points += list(centre + radius * np.column_stack((np.cos(angles), np.sin(angles))))
+        elif kind.upper() not in ("START", "LINE"):
+            return None
+        points.append(end)
+    return np.array(points)
+
+
+def _with_left(points: Floats, point: Floats) -> Floats:
+    """The points in the order in which a place is on the left of the nearest piece."""
+    ahead = np.diff(points, axis=0)
+    share = np.clip(((point - points[:-1]) * ahead).sum(axis=1) / (ahead**2).sum(axis=1), 0.0, 1.0)
+    near = int(np.argmin(np.linalg.norm(points[:-1] + share[:, None] * ahead - point, axis=1)))
+    (along, across), (x, y) = ahead[near], point - points[near]
+    return points if along * y - across * x > 0 else points[::-1]
+
+
+def _plane(points: Floats) -> tuple[Floats, Floats] | None:
+    """A point and the unit normal of the plane (in the plane: of the line) through points; None: there is none."""
+    middle = points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points - middle)
+    if (
+        len(points) < points.shape[1]
+        or sizes[-2] <= DIGITS_OF_FILES * sizes[0]
+        or sizes[-1] > DIGITS_OF_FILES * sizes[0]
+    ):
+        return None
+    normal = np.where(np.abs(axes[-1]) < 1e-12, 0.0, axes[-1])
+    return middle, np.asarray(normal / np.linalg.norm(normal))

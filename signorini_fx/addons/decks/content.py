@@ -1,0 +1,346 @@
+"""The content of an Abaqus input file in terms of a scene: loads by step, names of boundaries, what was left out.
+
+No dolfinx here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.addons.decks.keywords import CONSTRAINT, PLAIN
+from signorini_fx.mechanics.kinematics import of_materials
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.mesh.files.abaqus import DeckModel
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
+from signorini_fx.mechanics.mesh.files.abaqus_groups import Group
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.mesh.files.cells import dimension
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.statement.point_values import same_places
+
+# CalculiX takes a body of revolution as a sector of so many degrees, whose nodal forces it prints.
+_SECTOR = 2.0
+
+
+@dataclass
+class DeckLoad:
+    """A boundary condition or a load with its value in the steps that give one; in others it stays as it was.
+
+    Attributes:
+        table: of the scene.
+        target: name of its boundary.
+        keys: of the table.
+        direction: share of the value in each key.
+        block: the first keyword that gives it.
+        lines: of its table besides the keys.
+        values: step -> value; None: it ends with this step.
+    """
+
+    table: str
+    target: str
+    keys: tuple[str, ...]
+    block: DeckBlock
+    direction: tuple[float, ...] = (1.0,)
+    lines: tuple[str, ...] = ()
+    values: dict[int, float | None] = field(default_factory=dict)
+
+    @property
+    def keyword(self) -> str:
+        """That gives it."""
+        return self.block.keyword
+
+    def by_step(self, steps: int) -> list[float | None]:
+        """Its value in each step, None where there is none; what was given before the first one holds in all."""
+        current, values = self.values.get(-1), []
+        for step in range(steps):
+            current = self.values.get(step, current)
+            values.append(current)
+        return values
+
+
+@dataclass(frozen=True)
+class DeckSection:
+    """A part of the body and its material.
+
+    Attributes:
+        region: its name in the mesh; empty: the whole body.
+        material: its name, in capitals.
+        orientation: that of its axes, in capitals; empty: those of the file.
+        block: the keyword.
+    """
+
+    region: str
+    material: str
+    orientation: str
+    block: DeckBlock
+
+
+@dataclass
+class Deck:
+    """What has been read, and what was left out.
+
+    ``temperatures`` has those of the nodes at the end of each step that changes them, and those at rest as step -1.
+    ``turned`` has the axes of nodes with a *TRANSFORM, none where they differ from node to node.
+    ``movers`` has the reference node of each rigid surface, ``coupled`` sets of nodes of the body with theirs, and
+    ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body;
+    ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.  ``stiffness`` and ``sticking`` are
+    those of interactions, stress per length, and ``adjusted`` has the ADJUST of pairs: a length, or a set of nodes.
+    ``pairing`` has the keyword of each pair and tie, ``heating`` those that give temperatures.
+    ``ends`` has the times at the ends of steps.  ``nonlinear`` is the last step with NLGEOM.
+    ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
+    """
+
+    mesh: MeshArrays
+    model: DeckModel
+    said: dict[tuple[str, str, bool], list[str]] = field(default_factory=dict)
+    title: str = ""
+    materials: dict[str, dict[str, Any]] = field(default_factory=dict)
+    orientations: dict[str, DeckBlock] = field(default_factory=dict)
+    sections: list[DeckSection] = field(default_factory=list)
+    hypothesis: str = ""
+    assumed: str = ""
+    thickness: float = 1.0
+    steps: list[str] = field(default_factory=list)
+    period: float = 1.0
+    time: float = 0.0
+    ends: dict[int, float] = field(default_factory=dict)
+    loads: dict[tuple[Any, ...], DeckLoad] = field(default_factory=dict)
+    ended: set[tuple[int, str]] = field(default_factory=set)
+    amplitudes: dict[str, DeckBlock] = field(default_factory=dict)
+    temperatures: dict[int, Floats] = field(default_factory=dict)
+    heating: list[DeckBlock] = field(default_factory=list)
+    turned: dict[int, tuple[tuple[float, ...], ...]] = field(default_factory=dict)
+    frictions: dict[str, dict[str, float]] = field(default_factory=dict)
+    stiffness: dict[str, float] = field(default_factory=dict)
+    sticking: dict[str, float] = field(default_factory=dict)
+    pairs: list[tuple[str, str, str]] = field(default_factory=list)
+    pairing: dict[tuple[str, ...], DeckBlock] = field(default_factory=dict)
+    adjusted: dict[tuple[str, str, str], str] = field(default_factory=dict)
+    ties: list[tuple[str, str]] = field(default_factory=list)
+    tied: set[str] = field(default_factory=set)
+    rigid: set[str] = field(default_factory=set)
+    parts: dict[str, list[str]] = field(default_factory=dict)
+    movers: dict[str, int] = field(default_factory=dict)
+    coupled: list[tuple[str, int]] = field(default_factory=list)
+    turners: dict[int, int] = field(default_factory=dict)
+    bolts: dict[int, str] = field(default_factory=dict)
+    drawn: dict[str, list[list[str]]] = field(default_factory=dict)
+    rough: set[str] = field(default_factory=set)
+    nonlinear: DeckBlock | None = None
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """That of its cells."""
+        return of_materials([(self.hypothesis, False)])
+
+    @property
+    def printed_share(self) -> float:
+        """Of the forces of a scene those that CalculiX prints: over the thickness, or of its sector of a ring."""
+        if self.mesh.dim == 3:
+            return 1.0
+        return self.thickness if self.kinematics.uniform else _SECTOR / 360.0
+
+    def outside(self, block: DeckBlock, what: str) -> None:
+        """Say that something is given at nodes that are no part of the body; it matters where a constraint or an
+        element that is none either ties them to it.
+        """
+        keywords = {keyword.keyword for keyword in self.model.blocks}
+        constrained = "RIGIDBODY" in keywords or any(
+            rule.effect == CONSTRAINT for keyword, rule in PLAIN.items() if keyword in keywords
+        )
+        if self.model.tied or constrained:
+            self.lose(block, f"{what}: no part of the body, which a constraint may tie to it")
+        else:
+            self.note(block, f"{what}: no part of the body")
+
+    @property
+    def touches(self) -> bool:
+        """Whether it has contact, which may not be in the scene."""
+        words = ("CONTACT", "CONTACTPAIR", "TIE", "GAP")
+        return any(block.keyword in words for block in self.model.blocks)
+
+    @property
+    def step(self) -> int:
+        """The current one, from 0; -1 before the first."""
+        return len(self.steps) - 1
+
+    @property
+    def axes(self) -> str:
+        """Of the mesh."""
+        return "xyz"[: self.mesh.dim]
+
+    def lose(self, block: DeckBlock | None, why: str) -> None:
+        """Say that something is not in the scene that changes its solution."""
+        self._say(block, why, lost=True)
+
+    def note(self, block: DeckBlock | None, why: str) -> None:
+        """Say that something is told in another way, or is nothing that a scene is about."""
+        self._say(block, why, lost=False)
+
+    def _say(self, block: DeckBlock | None, why: str, *, lost: bool) -> None:
+        places = self.said.setdefault((block.name if block else "", why, lost), [])
+        if block and block.place not in places:
+            places.append(block.place)
+
+    def remarks(self, *, lost: bool) -> list[str]:
+        """What was lost, or only noted; what is so for the same reason several times is one line."""
+        lines = []
+        for (name, why, changes), places in self.said.items():
+            repeats = f" and {len(places) - 1} more" if len(places) > 1 else ""
+            if changes is lost:
+                lines.append(f"{places[0]}, *{name}{repeats}: {why}" if places else why)
+        return lines
+
+    def course(self, load: DeckLoad, steps: int) -> list[float]:
+        """The values of a load in the steps; supports that are not there in all of them are lost."""
+        values = load.by_step(steps)
+        prescribes = load.table == "displacement" or load.keys[0] == "prescribed"
+        if prescribes and None in values and any(value is not None for value in values):
+            free = ", ".join(name for name, value in zip(self.steps, values, strict=False) if value is None)
+            where = repr(load.target) if load.target else load.lines[0]
+            where = f"rigid body of node {load.target}" if load.table == "tool" else where
+            self.lose(None, f"{where} is free along {load.keys[-1]} in {free}: here it is held there")
+        return [value or 0.0 for value in values]
+
+    def boundary(self, name: str) -> str | None:
+        """The boundary of the mesh that a set or surface of the file is, whatever its case and its instance."""
+        return _defined_name(name, self._boundaries)
+
+    def surface(self, name: str) -> str | None:
+        """The surface of faces of the file with a name, also one inside the body."""
+        return _defined_name(name, self._surfaces)
+
+    def region(self, name: str) -> str | None:
+        """The same for a part of the body."""
+        return _defined_name(name, self._regions)
+
+    @cached_property
+    def _boundaries(self) -> dict[str, str]:
+        return _by_capitals(label for label, facets in self.mesh.boundaries.items() if facets.size)
+
+    @cached_property
+    def _surfaces(self) -> dict[str, str]:
+        return _by_capitals(label for label, faces in self.model.surfaces.items() if faces)
+
+    @cached_property
+    def _regions(self) -> dict[str, str]:
+        return _by_capitals(self.mesh.regions)
+
+    @cached_property
+    def _node_sets(self) -> dict[str, str]:
+        return _by_capitals(self.model.raw.node_sets)
+
+    @cached_property
+    def numbers(self) -> Ints:
+        """Row of the file of each node of the body, ascending; nodes that complete its cells have none."""
+        raw = self.model.raw
+        used = [nodes.ravel() for kind, nodes in raw.blocks if dimension(kind) == self.mesh.dim]
+        return np.unique(np.concatenate(used))
+
+    @cached_property
+    def names(self) -> Ints:
+        """The number in the file of each node of the body, in the order of ``numbers``."""
+        names = np.empty(len(self.model.places), dtype=np.int64)
+        names[list(self.model.places.values())] = list(self.model.places)
+        return np.asarray(names[self.numbers])
+
+    @cached_property
+    def bodies(self) -> dict[str, Ints]:
+        """The name of each body and where its nodes are in ``numbers``; the name of the only one is empty."""
+        if not self.model.bodies:
+            return {"": np.arange(len(self.numbers))}
+        nodes = {name: np.unique(self.mesh.cells[self.mesh.regions[name]]) for name in self.model.bodies}
+        return {name: of_body[of_body < len(self.numbers)] for name, of_body in nodes.items()}
+
+    def position(self, row: int) -> list[float]:
+        """Of a row of the file that is a node of the body."""
+        point: list[float] = self.mesh.points[np.searchsorted(self.numbers, row)].tolist()
+        return point
+
+    def number(self, row: int) -> int:
+        """In the file, of a row of it that is a node of the body."""
+        return int(self.names[np.searchsorted(self.numbers, row)])
+
+    def beside(self, row: int) -> tuple[list[str], str]:
+        """The bodies of other nodes at the place of one, and its own."""
+        node = int(np.searchsorted(self.numbers, row))
+        together = np.flatnonzero(self._places == self._places[node])
+
+        def body(node: int) -> str:
+            return next(name for name, nodes in self.bodies.items() if node in nodes)
+
+        return [body(int(other)) for other in together if other != node], body(node)
+
+    @cached_property
+    def _places(self) -> Ints:
+        """The number of the place of each node of the body."""
+        return same_places(self.mesh.points[: len(self.numbers)])
+
+    def rows(self, nodes: Iterable[int]) -> Ints:
+        """Rows of the file of those of some nodes that the body has, in their order."""
+        rows = np.array([self.model.places.get(node, -1) for node in nodes], dtype=np.int64)
+        return rows[np.isin(rows, self.numbers)]
+
+    def nodes(self, name: str) -> Ints:
+        """Rows of the file of the nodes of a set that the body has."""
+        label = _defined_name(name, self._node_sets)
+        return np.empty(0, np.int64) if label is None else np.intersect1d(self.model.raw.node_sets[label], self.numbers)
+
+    def single(self, name: str) -> int | None:
+        """The number of a node, or of the only one of a set, also if the body has it not; None: it is none."""
+        plain = name.rpartition(".")[2]
+        if plain.isdigit():
+            return int(plain)
+        label = _defined_name(name, self._node_sets)
+        rows = [] if label is None else list(self.model.raw.node_sets[label])
+        return (
+            next((node for node, row in self.model.places.items() if row == rows[0]), None) if len(rows) == 1 else None
+        )
+
+    def mover(self, name: str) -> int | None:
+        """The node that moves or turns a rigid body, if a set or a node is one; None: it is none."""
+        return node if self.driven and (node := self.single(name)) in self.driven else None
+
+    @cached_property
+    def driven(self) -> set[int]:
+        """All nodes that move or turn rigid bodies, or tighten bolts."""
+        return {*self.movers.values(), *(node for _, node in self.coupled), *self.turners, *self.bolts}
+
+    def without_rigid(self, group: Group) -> Group:
+        """What a keyword says of single nodes, without those that move rigid bodies."""
+        rows = [k for k, node in enumerate(group.nodes) if node not in self.driven]
+        return replace(group, nodes=tuple(group.nodes[k] for k in rows), values=tuple(group.values[k] for k in rows))
+
+    def held(self, boundary: str) -> Ints:
+        """Rows of the file of the nodes of a boundary."""
+        nodes = np.unique(self.mesh.facets[self.mesh.boundaries[boundary]])
+        return self.numbers[nodes[nodes < len(self.numbers)]]
+
+    def inside(self, boundary: str) -> int:
+        """How many faces of a surface of the file its boundary does not have, because they are inside the body."""
+        raw, held = self.model.raw, self.held(boundary)
+        faces = [
+            nodes[rows]
+            for (kind, nodes), rows in zip(raw.blocks, raw.sets.get(boundary, ()), strict=False)
+            if dimension(kind) == self.mesh.dim - 1
+        ]
+        return sum(int((~np.isin(nodes, held)).any(axis=1).sum()) for nodes in faces)
+
+
+def _by_capitals(names: Iterable[str]) -> dict[str, str]:
+    """Names by their capitals, which the programs do not distinguish; the first of several."""
+    return {label.upper(): label for label in reversed(list(names))}
+
+
+def _defined_name(name: str, by_capitals: Mapping[str, str]) -> str | None:
+    return by_capitals.get(name.upper(), by_capitals.get(plain_name(name)))
+
+
+def plain_name(name: str) -> str:
+    """The name of a set in capitals, without its instance."""
+    return name.rpartition(".")[2].upper()

@@ -1,0 +1,285 @@
+"""An Abaqus input file as a scene can say it: materials, static steps with what acts in them, and contact.
+
+What a scene cannot say, or what would need a guess, is listed and left out.  No dolfinx here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from signorini_fx.addons.decks.bolts import read_bolt
+from signorini_fx.addons.decks.content import Deck, plain_name
+from signorini_fx.addons.decks.keywords import (
+    CHANGED_WITHIN,
+    NOT_WRITTEN,
+    OTHER_PROCEDURE,
+    PERTURBATION,
+    PLAIN,
+    RULES,
+    SECTOR,
+    SMALL,
+    UNKNOWN,
+    WRITTEN,
+    Grade,
+)
+from signorini_fx.addons.decks.loads import read_body_forces, read_boundary, read_forces, read_surface_loads
+from signorini_fx.addons.decks.material import frame, read_constants, read_section
+from signorini_fx.addons.decks.temperatures import read_temperatures
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.abaqus import NO_BODY, POINTS, read_model
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
+
+_STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
+# What a step does, unless it is static.
+_PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
+
+
+def read_deck(file: Path, mesh: MeshArrays) -> Deck:
+    """What acts on the body of an input file.
+
+    Args:
+        file: the input file.
+        mesh: what was read from it.
+
+    Raises:
+        MeshError: a number is none, or a line has too few of them.
+    """
+    deck = Deck(mesh, read_model(file))
+    for name, missing in deck.model.undefined.items():
+        say = deck.lose if name in deck.model.surfaces else deck.note
+        say(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")
+    _find_rigid(deck)
+    for block in deck.model.blocks:
+        if block.keyword == "PRE-TENSIONSECTION":
+            with _placed(file, block):
+                read_bolt(deck, block)
+    for block in deck.model.blocks:
+        with _placed(file, block):
+            match block.keyword:
+                case "AMPLITUDE":
+                    deck.amplitudes[block.parameters["NAME"].upper()] = block
+                case "ORIENTATION":
+                    deck.orientations[block.parameters["NAME"].upper()] = block
+                case "TRANSFORM":
+                    deck.turned |= dict.fromkeys(map(int, deck.nodes(block.parameters["NSET"])), _axes_of_nodes(block))
+    material = interaction = ""
+    for block in _used_keywords(deck):
+        with _placed(file, block):
+            match block.keyword:
+                case "ELASTIC" | "EXPANSION" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
+                    deck.lose(block, CHANGED_WITHIN)
+                case "MATERIAL":
+                    material = block.parameters["NAME"].upper()
+                    deck.materials.setdefault(material, {})
+                case "SURFACEINTERACTION":
+                    interaction = block.parameters["NAME"].upper()
+                    deck.frictions.setdefault(interaction, {})
+                case "ELASTIC" | "DENSITY" | "EXPANSION":
+                    read_constants(deck, block, material)
+                case "FRICTION":
+                    _friction(deck, block, interaction)
+                case "SURFACEBEHAVIOR":
+                    _behaviour(deck, block, interaction)
+                case _:
+                    _read(deck, block)
+    return deck
+
+
+def _axes_of_nodes(block: DeckBlock) -> tuple[tuple[float, ...], ...]:
+    """The unit vectors of *TRANSFORM; none of one that is not rectangular."""
+    if block.parameters.get("TYPE", "R").upper() != "R":
+        return ()
+    points = np.array([real(word) for word in block.rows[0]])
+    if len(points) != 6:
+        raise ValueError("two points are expected")
+    return tuple(map(tuple, plain(frame(points[:3], points[3:]))))
+
+
+@contextmanager
+def _placed(file: Path, block: DeckBlock) -> Iterator[None]:
+    """Add the place in the file to an error."""
+    try:
+        yield
+    except DeckError as error:  # of another keyword that this one refers to
+        raise MeshError(f"{file}: {error.text}") from None
+    except (ValueError, IndexError) as error:
+        raise MeshError(f"{file}: {block.origin}: {error}") from None
+    except KeyError as error:
+        raise MeshError(f"{file}: {block.origin}: {error} is missing") from None
+
+
+def _used_keywords(deck: Deck) -> Iterator[DeckBlock]:
+    """The keywords without those of steps that a scene has not."""
+    step: list[DeckBlock] | None = None
+    steps = 0
+    for block in deck.model.blocks:
+        if block.keyword == "STEP":
+            step = []
+        if step is None:
+            yield block
+            continue
+        step.append(block)
+        if block.keyword != "ENDSTEP":
+            continue
+        procedure = next((entry.name for entry in step if entry.keyword in _PROCEDURES), None)
+        if procedure is not None:
+            deck.lose(step[0], f"the step, *{procedure}: {OTHER_PROCEDURE}")
+        elif steps and "PERTURBATION" in step[0].parameters:
+            deck.lose(step[0], "the step, a perturbation of the one before it")
+        else:
+            if "PERTURBATION" in step[0].parameters:
+                deck.lose(step[0], PERTURBATION)
+            steps += 1
+            yield from step
+        step = None
+    yield from step or ()
+
+
+def _read(deck: Deck, block: DeckBlock) -> None:
+    parameters, rows = block.parameters, block.rows
+    match block.keyword:
+        case "HEADING":
+            deck.title = ", ".join(rows[0]) if rows else ""
+        case "SOLIDSECTION" | "SHELLSECTION" | "MEMBRANESECTION" | "BEAMSECTION":
+            read_section(deck, block)
+        case "ELEMENT":
+            kind = parameters["TYPE"].upper()
+            _hypothesis(deck, block, kind)
+            if NO_BODY.match(kind) and not POINTS.match(kind):
+                deck.lose(block, f"{kind}, which is no part of the body")
+        case "STEP":
+            deck.steps.append(parameters.get("NAME", f"step {len(deck.steps) + 1}"))
+            deck.time += deck.period if deck.step else 0.0
+            deck.period = 1.0
+            if parameters.get("NLGEOM", "NO").upper() == "YES" or ("NLGEOM" in parameters and not parameters["NLGEOM"]):
+                deck.note(block, SMALL)
+                deck.nonlinear = block
+        case "STATIC":
+            deck.period = real(rows[0][1]) if rows and len(rows[0]) > 1 else 1.0
+            deck.ends[deck.step] = deck.time + deck.period
+        case "BOUNDARY":
+            read_boundary(deck, block)
+        case "DSLOAD":
+            read_surface_loads(deck, block)
+        case "DLOAD":
+            read_body_forces(deck, block)
+        case "CLOAD":
+            read_forces(deck, block)
+        case "TEMPERATURE" | "INITIALCONDITIONS":
+            read_temperatures(deck, block)
+        case "CONTACTPAIR":
+            pairs = [_pair(row, parameters.get("INTERACTION", "")) for row in rows]
+            deck.pairs += pairs
+            deck.pairing |= dict.fromkeys(pairs, block)
+            if "ADJUST" in parameters:
+                deck.adjusted |= dict.fromkeys(pairs, parameters["ADJUST"])
+        case "TIE" if "CYCLICSYMMETRY" in parameters:
+            deck.lose(block, "cyclic symmetry: model the whole body")
+        case "TIE":
+            ties = [_pair(row, "")[:2] for row in rows]
+            deck.ties += ties
+            deck.pairing |= dict.fromkeys(ties, block)
+        case keyword if keyword in WRITTEN:
+            _output(deck, block)
+        case keyword:
+            rule = PLAIN.get(keyword)
+            if rule is None or rule.grade is Grade.LOST:
+                deck.lose(block, UNKNOWN if rule is None else rule.effect)
+            elif rule.grade is Grade.NOTED:
+                deck.note(block, rule.effect)
+
+
+def _output(deck: Deck, block: DeckBlock) -> None:
+    """Say which tables are not written, and of which body forces are."""
+    file, written = WRITTEN[block.keyword]
+    words = [word.upper() for row in block.rows for word in row]
+    missing = [word for word in words if word[:4] not in written]
+    if missing:
+        deck.note(block, f"{', '.join(missing)} in {file}: {NOT_WRITTEN}")
+    if "RF" in words and "RF" in written and not deck.kinematics.uniform:
+        deck.note(block, f"RF in {file}: {SECTOR}")
+
+
+def _hypothesis(deck: Deck, block: DeckBlock, kind: str) -> None:
+    """What elements of the plane assume; one assumption is that of all."""
+    if deck.mesh.dim == 3 or NO_BODY.match(kind) or kind == "CAX4P":  # meshio writes any quadrilateral as CAX4P
+        return
+    known = {"axisymmetric": "CAX", "plane stress": _STRESS.pattern, "plane strain": "CPE"}
+    assumed = next((name for name, pattern in known.items() if re.match(pattern, kind)), None)
+    if assumed is None:
+        return
+    if deck.assumed not in ("", assumed):
+        deck.lose(block, f"{kind} beside elements of another kind ({deck.assumed}): all are {assumed} here")
+    deck.assumed = assumed
+    deck.hypothesis = "" if assumed == "plane strain" else assumed
+
+
+def _pair(row: list[str], interaction: str) -> tuple[str, str, str]:
+    return row[0], row[1] if len(row) > 1 else row[0], interaction.upper()
+
+
+def _find_rigid(deck: Deck) -> None:
+    """Rigid surfaces, and the nodes or sets of nodes that move them, wherever in the file they are named."""
+    for block in deck.model.blocks:
+        parameters = block.parameters
+        if block.keyword == "RIGIDBODY":
+            names = [parameters[key] for key in ("ANALYTICALSURFACE", "ELSET") if key in parameters]
+            sets = [parameters[key] for key in ("NSET", "TIENSET", "PINNSET") if key in parameters]
+            node, turner = (deck.single(parameters.get(key, "")) for key in ("REFNODE", "ROTNODE"))
+            if node is not None and turner is not None:
+                deck.turners[turner] = node
+            if sets and not names and node is not None and all(deck.boundary(name) is not None for name in sets):
+                deck.coupled += [(name, node) for name in sets]
+                continue
+            if not names or any(deck.region(name) is not None for name in names):
+                deck.lose(block, "a rigid part of the body: it deforms here")
+                continue
+            deck.rigid |= {plain_name(name) for name in names}
+            deck.movers |= {plain_name(name): node for name in names if node is not None}
+        elif block.keyword == "ELEMENT" and re.match(r"R[23]D", parameters.get("TYPE", "").upper()):
+            deck.rigid.add(plain_name(parameters.get("ELSET", "")))
+    for block in (block for block in deck.model.blocks if block.keyword == "SURFACE" and "NAME" in block.parameters):
+        name = plain_name(block.parameters["NAME"])
+        if block.parameters.get("TYPE", "").upper() in ("SEGMENTS", "CYLINDER", "REVOLUTION"):
+            deck.drawn[name] = block.rows
+            deck.rigid.add(name)
+        elif block.rows and all(plain_name(row[0]) in deck.rigid for row in block.rows):
+            deck.rigid.add(name)
+            deck.parts[name] = [plain_name(row[0]) for row in block.rows]
+            nodes = [deck.movers[part] for part in deck.parts[name] if part in deck.movers]
+            deck.movers |= {name: nodes[0]} if nodes else {}
+    deck.rigid.discard("")
+
+
+def _friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
+    if "ROUGH" in block.parameters:
+        deck.rough.add(interaction)
+        return
+    friction = deck.frictions.setdefault(interaction, {})
+    if block.rows and block.rows[0]:
+        friction["coefficient"] = real(block.rows[0][0])
+    if "TAUMAX" in block.parameters:
+        friction["cap"] = real(block.parameters["TAUMAX"])
+    # CalculiX gives the stiffness of sticking after the coefficient.
+    if len(block.rows) == 1 and len(block.rows[0]) == 2:
+        deck.sticking[interaction] = real(block.rows[0][1])
+    if len(block.rows) > 1 or any(len(row) > 2 for row in block.rows):
+        deck.lose(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
+
+
+def _behaviour(deck: Deck, block: DeckBlock, interaction: str) -> None:
+    kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").upper()
+    if kind == "TIED":
+        deck.tied.add(interaction)
+    if kind in ("LINEAR", "TIED") and block.rows and block.rows[0]:
+        deck.stiffness[interaction] = real(block.rows[0][0])
+    elif kind not in ("HARD", "TIED"):
+        deck.lose(block, f"soft contact, {kind.lower()}: here it is hard")
+    if "NOSEPARATION" in block.parameters:
+        deck.lose(block, 'contact that does not open again: kind = "bilateral" does not open at all')

@@ -1,0 +1,206 @@
+"""One adjoint solve: what a quantity of the solution owes to every residual force and to every change of the law.
+
+Data p enter the state (x, t) through
+
+    R(x, t; p) = A x - b + B^T (w t) = 0,    dt = D (d(B x) - dd) + c,
+
+with the linearised law of ``derivatives.law``.  For a quantity J(x, t) with J_t = w kappa the adjoint state solves
+
+    (A + B^T w D^T B) psi = J_x + B^T w D^T kappa,
+
+and with q = B psi - kappa, and all derivatives by p those for fixed x and t,
+
+    dJ/dp = J_p - psi . R_p - sum of w q . (D (B x - d)_p + c).
+
+Without regularisation psi must not move tied components.  The multipliers chi of this condition are found with the same
+matrix, as augmentation finds tractions: each time the error shrinks by the compliance of the body times 1 / gamma.  The
+matrix is the transposed tangent of Newton's method, whose last factor serves if it has the same blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx.addons.derivatives.law import LinearisedLaw
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.linalg import ElasticSystem, callbacks, options
+from signorini_fx.algebra.linalg.failures import unprinted
+from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.algebra.problem.tangent import ContactTangent
+from signorini_fx.errors import SignoriniError
+from signorini_fx.machine import parallel
+from signorini_fx.tuned import ADJOINT_CHANGE, ADJOINT_STALLED, MOST_ADJOINT_SOLVES
+
+
+class AdjointError(SignoriniError):
+    """The adjoint problem has no solution: the tangent is singular, as it is where the solution is not unique."""
+
+
+@dataclass(frozen=True)
+class Adjoint:
+    """The adjoint state of one quantity.
+
+    Attributes:
+        psi: at all unknowns of the stiffness, zero where they are prescribed.
+        untied: q at the points, for what changes tractions at a given displacement, shape (n, d).
+        tied: minus what a displacement of the tied components, and the turning of shear, contribute, shape (n, d).
+        law: the linearised law.
+        weight: w, shape (n,).
+        solves: linear solves that it took.
+    """
+
+    psi: PETSc.Vec
+    untied: Nodal
+    tied: Nodal
+    law: LinearisedLaw
+    weight: Nodal
+    solves: int
+
+    def derivative(
+        self, direct: float, residual: PETSc.Vec | None, relative: Nodal | None, bound: Nodal | None
+    ) -> float:
+        """dJ/dp; collective.
+
+        Args:
+            direct: J_p.
+            residual: R_p, shape of the unknowns of the stiffness; None: zero.
+            relative: (B x - d)_p, shape (n, d); None: zero.
+            bound: that of the friction bound at the pressure of the solution, shape (n,); None: zero.
+        """
+        changes = np.zeros_like(self.tied)
+        if relative is not None:
+            changes += self.tied * relative
+        if bound is not None:
+            changes += self.untied * self.law.by_bound(bound)
+        points = parallel.global_sum(self.psi.comm.tompi4py(), np.array(self.weight @ changes.sum(axis=1)))
+        return float(direct - (0.0 if residual is None else self.psi.dot(residual)) - points)
+
+
+class TransposedTangent:
+    """The transposed Newton tangent at a solution, factorised once for all quantities; collective.
+
+    Args:
+        system: the elastic system.
+        law: the linearised law.
+        methods: whose factors may serve; None: one that was not used.
+        last: the tangent of another load step, which is not needed any more: on the same system its matrix serves, so
+            that its factorisation is not planned again, and its factor if the sets are the same; None: there is none.
+    """
+
+    _ksp: PETSc.KSP
+    _tangent: ContactTangent
+
+    def __init__(
+        self,
+        system: ElasticSystem,
+        law: LinearisedLaw,
+        methods: Sequence[SemismoothNewton | None] = (),
+        last: TransposedTangent | None = None,
+    ) -> None:
+        self._of, self._system, self._law = system, copy(system), law  # a Krylov system keeps the size of its forces
+        self._symmetric = _symmetric(system, law)
+        self._pc = next((pc for pc in map(self._reused, methods) if pc is not None), None)
+        if self._pc is not None:
+            return
+        if last is not None and last._pc is None and last._of is system and last._symmetric == self._symmetric:
+            self._system, self._ksp, self._tangent = last._system, last._ksp, last._tangent  # KSP calls the system
+        else:
+            self._set_up()
+        self._tangent.insert(self._ksp.getOperators()[0], np.ascontiguousarray(law.tangent.transpose(0, 2, 1)))
+
+    def _reused(self, newton: SemismoothNewton | None) -> PETSc.PC | None:
+        """The last factor of a method, if it is of the same blocks; collective."""
+        if newton is None or not isinstance(newton.problem, RegularisedProblem):
+            return None
+        jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
+        tables = newton.problem.tangent.factorised, newton.problem.tangent.inserted
+        factorised = [table.get(jacobian.handle) for table in tables]
+        unchanged = all(blocks is not None and np.array_equal(blocks, self._law.tangent) for blocks in factorised)
+        if parallel.any_rank(self._system.comm, not unchanged or ksp.getType() != PETSc.KSP.Type.PREONLY):
+            return None
+        return ksp.getPC()
+
+    def _set_up(self) -> None:
+        system = self._system
+        self._tangent = ContactTangent(system.matrix, system.contact)
+        matrix = self._tangent.create()
+        self._ksp = PETSc.KSP().create(system.comm)
+        self._ksp.setOptionsPrefix(options.PREFIX)
+        self._ksp.setOperators(matrix)
+        with options.defaults(system.solver_defaults):
+            system.configure(self._ksp, symmetric=self._symmetric)
+            self._ksp.setFromOptions()
+        if self._symmetric:
+            matrix.setOption(PETSc.Mat.Option.SPD, True)
+
+    def _solve(self, right: PETSc.Vec, x: PETSc.Vec, forces: float) -> None:
+        """Solve for one right-hand side, by a Krylov method to a residual against ``forces``; collective."""
+        if self._pc is not None:
+            (self._pc.apply if self._symmetric else self._pc.applyTranspose)(right, x)
+            return
+        self._system.keep_factor(self._ksp, None, forces, exact=True)
+        x.set(0.0)
+        with options.defaults(self._system.solver_defaults), unprinted():
+            callbacks.solve(self._ksp.solve, right, x)
+        if self._ksp.getConvergedReason() < 0:
+            raise AdjointError("the linear solver has failed for the tangent at the solution: there is no derivative")
+
+    def adjoint(self, by_displacement: PETSc.Vec, by_traction: Nodal) -> Adjoint:
+        """The adjoint state of a quantity; collective.
+
+        Args:
+            by_displacement: J_x at the unknowns of the stiffness, zero where they are prescribed.
+            by_traction: kappa, J_t over the weight, shape (n, d).
+
+        Raises:
+            AdjointError: the tangent is singular, or the iteration for chi is too slow.
+        """
+        law, right = self._law, self._system.with_load(by_displacement)
+        contact, load = right.contact, right.load
+        _add(contact, np.einsum("nji,nj->ni", law.tangent, by_traction), load)
+        psi, correction, residual, forces = load.duplicate(), load.duplicate(), load.copy(), load.norm()
+        chi, solves, last = np.zeros_like(by_traction), 0, np.inf
+        psi.set(0.0)
+        while True:
+            self._solve(residual, correction, forces)
+            psi.axpy(1.0, correction)
+            solves += 1
+            moved = np.column_stack(contact.traces(psi))
+            untied = moved - by_traction
+            # A traction cannot move what supports prescribe, and so without regularisation it is none of the unknowns.
+            unmoved = (moved == 0.0) & law.exact
+            step = law.gamma * law.tied_tractions(np.where(unmoved, 0.0, untied))
+            chi = chi + step
+            change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
+            if not np.isfinite(change):
+                raise AdjointError("the tangent at the solution is singular: there is no derivative")
+            stalls = change > 0.5 * last and change <= ADJOINT_STALLED * size
+            if not law.exact or change <= ADJOINT_CHANGE * size or stalls or solves >= MOST_ADJOINT_SOLVES:
+                break
+            last = change
+            residual.set(0.0)
+            _add(contact, -step, residual)  # the smaller it is the less a Krylov method has to do
+        if law.exact and change > ADJOINT_STALLED * size:
+            raise AdjointError(
+                f"the tractions of the adjoint problem still change by {change / size:.0e} of their size "
+                f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need fewer"
+            )
+        turned = np.einsum("nji,nj->ni", law.turning, untied)
+        return Adjoint(right.displacement(psi), untied, chi + turned, law, contact.points.weight, solves)
+
+
+def _symmetric(system: ElasticSystem, law: LinearisedLaw) -> bool:
+    """Whether the tangent is symmetric; collective."""
+    blocks = law.tangent
+    return not parallel.any_rank(system.comm, not np.array_equal(blocks, blocks.transpose(0, 2, 1)))
+
+
+def _add(contact: ContactMap, tractions: Nodal, load: PETSc.Vec) -> None:
+    contact.add_forces(tractions[:, 0], tractions[:, 1:], load)

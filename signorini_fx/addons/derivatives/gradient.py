@@ -1,0 +1,336 @@
+"""The derivative of a quantity by one datum: the adjoint states, and the problem evaluated at two values of the datum.
+
+What depends on the datum explicitly is evaluated for the displacement and the tractions of the solution, which stay:
+the difference of two residuals is exact but for round-off where the problem is linear in the datum, as it is in loads,
+in Young's modulus and in friction coefficients, and of second order elsewhere.  No solve takes part in it.
+
+A load step with friction begins with the tangential displacement tau_T y of the one before it, and, where it is
+regularised, with its shear mu: its slip counts from the place o = tau_T y - mu / gamma_2.  With z = D^T q in the
+tangential components of its adjoint state, what a quantity owes to the earlier step is sum of w z . o, a quantity of
+that step: one loop from the last step to the first finds all adjoint states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from petsc4py import PETSc
+
+from signorini_fx.addons.derivatives.adjoint import Adjoint, TransposedTangent
+from signorini_fx.addons.derivatives.law import LinearisedLaw, linearised
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import action
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_map import contact_map
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.rigid_bodies import Driven
+from signorini_fx.quantities.functional import Functional
+from signorini_fx.results.step_frames import turned
+
+Array = npt.NDArray[np.float64]
+# What of a load step, by its number, depends on a datum explicitly.
+By = Callable[[int], "Explicit"]
+
+
+@dataclass(frozen=True)
+class SolvedStep:
+    """A load step with its solution, and all that its derivatives need.
+
+    Attributes:
+        body: the elastic body.
+        system: that it was solved with.
+        law: of contact and friction, linearised at the solution.
+        methods: whose factors may serve.
+        state: the contact points.
+        displacement: y, from the initial position.
+        driven: the unknowns of rigid bodies, shape (k,).
+        compliance: 1 / gamma_2, length per stress; zero without regularisation.
+    """
+
+    body: ElasticBody
+    system: ElasticSystem
+    law: LinearisedLaw
+    methods: Sequence[SemismoothNewton | None]
+    state: ContactState
+    displacement: fem.Function
+    driven: Array
+    compliance: float
+
+    @classmethod
+    def of(
+        cls,
+        body: ElasticBody,
+        task: Task,
+        outcome: Outcome,
+        start: Start,
+        state: ContactState,
+        displacement: fem.Function,
+        law: PointFriction | None,
+    ) -> SolvedStep:
+        """A load step that has just been solved; collective.
+
+        Args:
+            body: the elastic body.
+            task: its contact problem.
+            outcome: how that ended.
+            start: where it started.
+            state: the contact points.
+            displacement: y, from the initial position.
+            law: of friction; None: there is none.
+        """
+        exact = not all(np.isfinite(task.promised(outcome)[:2]))
+        data = start.data if exact else outcome.problem.data
+        gamma = data.gamma_n, data.gamma_t
+        return cls(
+            body,
+            task.system,
+            linearised(state, law, gamma, exact=exact, before=start.data.mu_hat),
+            [outcome.newton, vars(task.iterate).get("unsymmetric_newton")],  # if it was used
+            state,
+            displacement,
+            body.driven(outcome.displacement(), task.rest),
+            0.0 if exact else 1 / data.gamma_t,
+        )
+
+    def quantity(self, of: Functional) -> tuple[PETSc.Vec, Nodal]:
+        """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d); collective."""
+        row = of.by_displacement(self.displacement)
+        vector = self.body.vector(np.zeros(self.body.fixed.size) if row is None else row)
+        vector.getArray()[self.body.prescribed] = 0.0
+        return vector, of.by_traction(self.state.boundary, self.state.pressure, self.state.shear)
+
+    def handed_back(self, adjoint: Adjoint, earlier: SolvedStep) -> tuple[PETSc.Vec, Nodal]:
+        """What a quantity with this adjoint state owes to the load step before, as ``quantity``; collective."""
+        body, boundary, slips = earlier.body, self.state.boundary, adjoint.tied[:, 1:]
+        contact = _map_to(boundary, body)
+        vector = body.vector(np.zeros(body.fixed.size))
+        contact.add_forces(np.zeros(len(slips)), slips, vector)
+        carried = -self.compliance * np.einsum("njk,nj->nk", turned(earlier.state.boundary, boundary), slips)
+        return vector, np.column_stack((np.zeros(len(slips)), carried))
+
+
+def adjoints_of(
+    steps: Sequence[SolvedStep], quantities: Sequence[tuple[int, Functional]]
+) -> list[list[Adjoint | None]]:
+    """The adjoint states of quantities, at each load step those of all of them; collective.
+
+    Args:
+        steps: the load steps, from the first one.
+        quantities: each with the number of its load step.
+
+    Returns:
+        None where a quantity owes nothing to a load step.
+    """
+    adjoints: list[list[Adjoint | None]] = [[None] * len(quantities) for _ in steps]
+    owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)
+    tangent = None
+    for k in range(len(steps) - 1, -1, -1):
+        step = steps[k]
+        owed = [step.quantity(of) if at == k else debt for (at, of), debt in zip(quantities, owed, strict=True)]
+        if not any(debt is not None for debt in owed):
+            continue
+        tangent = TransposedTangent(step.system, step.law, step.methods, tangent)
+        for number, debt in enumerate(owed):
+            if debt is None:
+                continue
+            adjoint = adjoints[k][number] = tangent.adjoint(*debt)
+            matters = parallel.any_rank(step.body.comm, bool(adjoint.tied[:, 1:].any()))
+            owed[number] = step.handed_back(adjoint, steps[k - 1]) if k and matters else None
+    return adjoints
+
+
+def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
+    """B of contact points from the unknowns of a body; collective."""
+    body_boundary = body.boundary
+    assert body_boundary is not None
+    unchanged = boundary is body_boundary
+    if boundary.averages is body_boundary.averages and boundary.moving is body_boundary.moving:
+        unchanged = unchanged or np.array_equal(boundary.frames, body_boundary.frames)
+    if not parallel.any_rank(body.comm, not unchanged):
+        return body.contact
+    return contact_map(boundary, body.prescribed, body.stiffness, body.rotation, body.dimension)
+
+
+@dataclass(frozen=True)
+class ChangedStep:
+    """A load step at some value of a datum.
+
+    Attributes:
+        forms: terms of a(., .), with that value while it is evaluated; none where what they give does not change.
+        forces: L at the owned dofs.
+        prescribed: the prescribed displacements at the owned dofs.
+        boundary: the contact points.
+        gap: d from the initial position, length, shape (n,).
+        law: of friction; None: there is none.
+        driven: what drives rigid bodies; None: there are none.
+        drift: how far foundations have moved in this load step, length, shape (n, d); None: they have not.
+        usual: the same at the solution, whose objects are these where the datum changes nothing; None: that is not
+            known.
+    """
+
+    forms: Sequence[fem.Form]
+    forces: Array
+    prescribed: Array
+    boundary: ContactBoundary
+    gap: Nodal
+    law: PointFriction | None
+    driven: Driven | None = None
+    drift: Nodal | None = None
+    usual: ChangedStep | None = None
+
+    def changes(self, *names: str) -> bool:
+        """Whether the datum may change one of these attributes."""
+        usual = self.usual
+        return usual is None or any(getattr(self, name) is not getattr(usual, name) for name in names)
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or its derivatives.
+
+    Attributes:
+        values: of the quantities.
+        residual: R at the unknowns of the stiffness; None: the datum does not change it.
+        relative: B x - d, length, shape (n, d); None: the datum does not change it.
+        bound: the friction bound, stress, shape (n,); None: the datum does not change it.
+    """
+
+    values: Sequence[float]
+    residual: PETSc.Vec | None = None
+    relative: Nodal | None = None
+    bound: Nodal | None = None
+
+
+def explicit(
+    solved: SolvedStep,
+    data: ChangedStep,
+    quantities: Sequence[Functional],
+    previous: tuple[SolvedStep, ChangedStep] | None = None,
+) -> Explicit:
+    """A load step with some data at the displacement and the tractions of its solution; collective.
+
+    Args:
+        solved: the load step.
+        data: of it.
+        quantities: that are evaluated.
+        previous: the load step before it, with its data; None: there is none.
+    """
+    state, values, residual, relative, bound = solved.state, [0.0] * len(quantities), None, None, None
+    moved = data.changes("prescribed", "driven", "boundary")
+    if data.forms or moved or data.changes("forces"):
+        residual = _residual(solved, data)
+    if moved or data.changes("gap", "drift") or (previous and previous[1].changes("prescribed", "driven", "boundary")):
+        relative = _relative(solved, data, previous)
+    if data.changes("law"):
+        bound = np.zeros_like(state.pressure) if data.law is None else data.law.bound(state.pressure)
+        bound = np.where(np.isfinite(bound), bound, 0.0)
+    if moved and quantities:
+        y = solved.body.function(_displaced(solved, data, solved.body))
+        values = [quantity.value(y, data.boundary, state.pressure, state.shear) for quantity in quantities]
+    return Explicit(values, residual, relative, bound)
+
+
+def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
+    """R at the unknowns of the stiffness; collective."""
+    body, state = solved.body, solved.state
+    residual = body.vector(-data.forces)
+    if data.forms:
+        residual.axpy(1.0, elastic_forces(body, data.forms, body.function(_displaced(solved, data, body))))
+    if data.driven is not None:
+        body.begin_driven(residual, -data.driven.forces, None)
+    _map_to(data.boundary, body).add_forces(state.pressure, state.shear, residual)
+    residual.getArray()[body.prescribed] = 0.0
+    return residual
+
+
+def elastic_forces(body: ElasticBody, forms: Sequence[fem.Form] | PETSc.Mat, y: fem.Function) -> PETSc.Vec:
+    """A(y, .) of forms, or of their matrix without supports, at the unknowns of the stiffness; collective."""
+    if not isinstance(forms, PETSc.Mat):
+        nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
+        return body.vector(action(tuple(forms), y, nodes))
+    values, forces = forms.createVecs()
+    values.getArray()[:] = y.x.array[: values.getLocalSize()]
+    forms.mult(values, forces)
+    return body.vector(forces.getArray(readonly=True))
+
+
+def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None) -> Nodal:
+    """B x - d, length, shape (n, d); collective."""
+    body, contact = solved.body, _map_to(data.boundary, solved.body)
+    u_n, u_t = contact.traces(_displaced(solved, data, body))
+    if data.drift is not None:
+        u_t = u_t - np.einsum("nij,ni->nj", data.boundary.tangents, data.drift)
+    if previous is not None:
+        earlier, earlier_data = previous
+        u_t = u_t - contact.traces(_displaced(earlier, earlier_data, body))[1]
+        if solved.compliance and data.boundary is not earlier_data.boundary:
+            shear = np.einsum("njk,nk->nj", turned(earlier_data.boundary, data.boundary), earlier.state.shear)
+            u_t = u_t + solved.compliance * shear
+    return np.column_stack((u_n - data.gap, u_t))
+
+
+def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETSc.Vec:
+    """The displacement of a load step with what its data prescribe, in the unknowns of a body; collective."""
+    x, prescribed = solved.body.unknowns(solved.displacement), solved.body.vector(data.prescribed)
+    if data.driven is not None:
+        solved.body.begin_driven(x, solved.driven, None)
+        solved.body.begin_driven(prescribed, data.driven.motion, None)
+    fixed = solved.body.prescribed
+    x.getArray()[fixed] = prescribed.getArray(readonly=True)[fixed]
+    if solved.body is body or solved.body.rotation is body.rotation:
+        return x
+    displacement = body.unknowns(solved.body.function(x))
+    if data.driven is not None:
+        body.begin_driven(displacement, solved.body.driven(x, None), None)
+    return displacement
+
+
+def central(above: By, below: By, step: float) -> By:
+    """The derivatives of what depends on a datum, from what it is where the datum is larger and smaller by a step."""
+
+    def by(k: int) -> Explicit:
+        high, low, residual = above(k), below(k), None
+        if high.residual is not None and low.residual is not None:
+            residual = (high.residual - low.residual) * (0.5 / step)
+        slopes = [
+            None if upper is None or lower is None else np.asarray((upper - lower) / (2 * step), dtype=np.float64)
+            for upper, lower in ((high.relative, low.relative), (high.bound, low.bound))
+        ]
+        direct = [(upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)]
+        return Explicit(direct, residual, *slopes)
+
+    return by
+
+
+def derivatives(
+    adjoints: Sequence[Sequence[Adjoint | None]], quantities: Sequence[tuple[int, Functional]], by: By
+) -> list[float]:
+    """The derivative of each quantity by one datum; collective.
+
+    Args:
+        adjoints: see ``adjoints_of``.
+        quantities: each with the number of its load step.
+        by: the derivatives by the datum of a load step, with its quantities.
+    """
+    slopes = np.zeros(len(quantities))
+    for k, step_adjoints in enumerate(adjoints):
+        if not any(state is not None for state in step_adjoints):
+            continue
+        change = by(k)
+        direct = iter(change.values)
+        for number, ((at_step, _), adjoint) in enumerate(zip(quantities, step_adjoints, strict=True)):
+            by_itself = next(direct) if at_step == k else 0.0
+            if adjoint is not None:
+                slopes[number] += adjoint.derivative(by_itself, change.residual, change.relative, change.bound)
+    return slopes.tolist()

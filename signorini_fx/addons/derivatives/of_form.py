@@ -1,0 +1,202 @@
+"""Derivatives of results of a ``ContactProblem`` by its Constants."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from signorini_fx.addons.derivatives.gradient import (
+    By,
+    ChangedStep,
+    SolvedStep,
+    adjoints_of,
+    central,
+    derivatives,
+    explicit,
+)
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import Nodal, length
+from signorini_fx.errors import FormError, SceneError, SignoriniError
+from signorini_fx.machine import parallel
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.body.assembly import assemble
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.model import Model
+from signorini_fx.quantities.differentiable import functional_of
+from signorini_fx.quantities.functional import Functional, Gradient
+from signorini_fx.tuned import (
+    DIFFERENCE_SETTLED,
+    DIFFERENCE_STEP,
+    NOISE_OF_DIFFERENCE,
+    WIDEST_DIFFERENCE,
+    WIDTHS_OF_DIFFERENCE,
+    ZERO_IN_SOLUTION,
+)
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class OfForm:
+    """A UFL form of the displacement u without arguments, see ``Functional``.
+
+    Attributes:
+        form: compiled.
+        derivative: by u, compiled.
+        u: the displacement that it is a form of.
+    """
+
+    form: fem.Form
+    derivative: fem.Form
+    u: fem.Function
+
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+        """See ``Functional``."""
+        saved = self.u.x.array.copy()
+        self.u.x.array[:] = y.x.array
+        try:
+            return float(parallel.global_sum(boundary.comm, np.array(fem.assemble_scalar(self.form))))
+        finally:
+            self.u.x.array[:] = saved
+
+    def by_displacement(self, y: fem.Function) -> Array | None:
+        """See ``Functional``."""
+        return assemble(self.derivative)
+
+    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+        """See ``Functional``."""
+        return np.zeros((pressure.size, 1 + shear.shape[1]))
+
+
+def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Functional:
+    """A result as ``ContactProblem.gradient`` takes it; collective.
+
+    Args:
+        wanted: a form, or a request of a quantity, with the name of a contact or its number.
+        u: the displacement.
+        body: gives the body.
+
+    Raises:
+        FormError: it is none.
+    """
+    if isinstance(wanted, ufl.Form):
+        if wanted.arguments():
+            raise FormError([("of", "has arguments: a number is expected, a form of u alone")])
+        with compiling():
+            test = ufl.TestFunction(u.function_space)
+            return OfForm(fem.form(wanted), fem.form(ufl.derivative(wanted, u, test)), u)
+    named, words = body(), str(wanted).split()
+    contacts = [effect.boundary for effect in named.statement.contact]
+    if len(words) > 1 and words[1].isdigit() and int(words[1]) < len(contacts):
+        words[1] = shlex.quote(contacts[int(words[1])])
+    try:
+        return functional_of(named, " ".join(words))
+    except SceneError as error:
+        raise FormError(
+            [*error.problems, ("of", f"{wanted!r} is no result; a UFL form of u without arguments is one, too")]
+        ) from None
+
+
+def _checked(by: Sequence[Any]) -> list[fem.Constant]:
+    """The Constants.
+
+    Raises:
+        FormError: something is no Constant with one value.
+    """
+    constants = [by] if isinstance(by, fem.Constant) else list(by)
+    wrong = [
+        k for k, constant in enumerate(constants) if not isinstance(constant, fem.Constant) or constant.value.size != 1
+    ]
+    if wrong:
+        raise FormError([(f"by[{k}]", "a Constant with one value is expected, that the problem uses") for k in wrong])
+    return constants
+
+
+def extrapolated(slope: Callable[[float], float], unit: float) -> float:
+    """A derivative from central differences over several widths, by Ridders' method: without the noise of a narrow one
+    where the data are smooth, and the narrow one elsewhere.
+
+    Args:
+        slope: the difference quotient over a half width.
+        unit: by which half widths are counted; 0: it is not known.
+    """
+    narrow = slope(DIFFERENCE_STEP * (unit or 1.0))
+    best, error, rows = narrow, NOISE_OF_DIFFERENCE * abs(narrow), list[list[float]]()
+    for k in range(WIDTHS_OF_DIFFERENCE if unit else 0):
+        try:
+            row = [slope(WIDEST_DIFFERENCE * 0.5**k * unit)]
+        except SignoriniError:  # data that the problem refuses
+            row = [float("nan")]
+        for order, coarser in enumerate(rows[-1] if rows else [], start=1):
+            row.append(row[-1] + (row[-1] - coarser) / (4.0**order - 1))
+            change = max(abs(row[-1] - row[-2]), abs(row[-1] - coarser))
+            if change < error:
+                best, error = row[-1], change
+        rows.append(row)
+        if error <= DIFFERENCE_SETTLED * abs(best):
+            break
+    return best
+
+
+def gradient(
+    of: Any,
+    by: Sequence[Any],
+    body: Callable[[], Model],
+    step: tuple[ElasticBody, Task, Outcome, Start, ContactState, fem.Function, PointFriction | None],
+    data: Callable[[], tuple[Any, ...]],
+) -> Gradient:
+    """The derivatives of one result; collective.
+
+    Args:
+        of: the result, see ``ContactProblem.gradient``.
+        by: the Constants.
+        body: gives the body.
+        step: the solution, see ``SolvedStep.of``.
+        data: evaluates the problem with the values that the Constants have: forms, forces, prescribed displacements,
+            contact points, gap, law, see ``ChangedStep``.
+
+    Raises:
+        FormError: an argument is wrong.
+        RuntimeError: the result depends on the step before, whose Constants, Functions and conditions are not known
+            any more.
+    """
+    _, _, _, begun, _, u, _ = step
+    quantity, constants = _quantity_of(of, u, body), _checked(by)
+    solved, quantities = SolvedStep.of(*step), [(0, quantity)]
+    adjoints, state = adjoints_of([solved], quantities), solved.state
+    value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
+    moved = state.points.weight * (length(state.u_t) + length(state.slip_length))
+    owed = [np.sum(moved * length(adjoint.tied[:, 1:])) for adjoint in adjoints[0] if adjoint is not None]
+    if begun.step > 0 and parallel.global_sum(solved.body.comm, np.sum(owed)) > ZERO_IN_SOLUTION * abs(value):
+        raise RuntimeError(
+            "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
+            "in space, turn, and what that step was solved with is not kept: take a scene with load steps"
+        )
+    slopes: list[float] = []
+    for constant in constants:
+        kept = constant.value.copy()
+
+        def at(change: float, constant: fem.Constant = constant, initial: Array = kept) -> By:
+            try:
+                constant.value[...] = initial + change
+                evaluated = explicit(solved, ChangedStep(*data()), [quantity])
+            finally:
+                constant.value[...] = initial
+            return lambda k: evaluated
+
+        def slope(width: float, at: Callable[[float], By] = at) -> float:
+            return derivatives(adjoints, quantities, central(at(width), at(-width), width))[0]
+
+        slopes.append(extrapolated(slope, abs(float(kept.ravel()[0]))))
+    solves = sum(adjoint.solves for adjoint in adjoints[0] if adjoint is not None)
+    return Gradient(value, np.array(slopes), solved.law.between, solves)

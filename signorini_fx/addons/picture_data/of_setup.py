@@ -1,0 +1,179 @@
+"""What a scene prescribes and where, as plain arrays for a picture, before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx.addons.picture_data.rigid_shapes import lines_of
+from signorini_fx.addons.pictures.setup import NamedBoundary, Setup
+from signorini_fx.errors import OutputError, cannot_be_written
+from signorini_fx.machine import parallel
+from signorini_fx.machine.compat import geometry_cells
+from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.body.sampled_points import SampledPoints
+from signorini_fx.mechanics.effects.contact import Contact as ContactEffect
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file
+from signorini_fx.mechanics.statement.effect import Effect, Force
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.scene import Scene
+
+_SUFFIXES = (".png", ".pdf", ".svg")
+Floats = npt.NDArray[np.float64]
+
+
+def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: str = "") -> Setup:
+    """A body with all that acts on its boundaries, on the first rank; on the others without facets; collective.
+
+    Args:
+        tagged: its mesh.
+        statement: what acts; None: nothing.
+        title: of the picture.
+    """
+    mesh, dim, comm = tagged.mesh, tagged.dimension, tagged.mesh.comm
+    mesh.topology.create_connectivity(dim - 1, dim)
+    if dim == 2:
+        shown = _corners(tagged, 2, np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32))
+    else:
+        shown, _ = _sides(tagged, dmesh.exterior_facet_indices(mesh.topology))
+    acting: dict[str, list[Effect]] = {name: [] for name in tagged.boundaries}
+    for effect in () if statement is None else statement.of(Effect):
+        if effect.where is not None and (effect.acts or effect.label == "contact"):
+            acting[effect.where].append(effect)
+        if isinstance(effect, ContactEffect) and effect.against is not None:
+            acting[effect.against].append(effect)
+    time = 0.0 if statement is None else statement.time_at(statement.steps - 1)
+    return Setup(
+        title,
+        parallel.rows_on_root(comm, shown),
+        tuple(_boundary(tagged, name, acting[name], time) for name in _shown(tagged, acting)),
+        {} if statement is None else statement.unit_names(dim),
+        () if statement is None else _lines(statement, tagged),
+    )
+
+
+def _lines(statement: Statement, tagged: TaggedMesh) -> list[Floats]:
+    """The lines of the foundations of the plane that have shapes, see ``lines_of``; collective."""
+    placed = statement.placed(0).contact if tagged.dimension == 2 else ()
+    return lines_of([effect.gap_in(2) for effect in placed if effect.surface is not None], tagged)
+
+
+def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
+    """The boundaries that are shown: of two of the same facets only that which the scene uses, and of ``right`` and
+    ``body.right`` the longer one; collective.
+    """
+    used = [name for name, effects in acting.items() if effects]
+    facets = {name: tagged.facets(name) for name in acting}
+    equal = np.array(
+        [[np.array_equal(facets[name], facets[used_name]) for used_name in used] for name in acting], dtype=np.int8
+    )
+    tagged.mesh.comm.Allreduce(MPI.IN_PLACE, equal, MPI.MIN)
+    bodies = tagged.origin.get("bodies", {})
+    body_names = {name for name in acting if name.partition(".")[0] in bodies}
+    short = {name.partition(".")[2] for name in body_names} - body_names
+    return [
+        name for name, twins in zip(acting, equal, strict=True) if acting[name] or not (twins.any() or name in short)
+    ]
+
+
+def draw_setup(scene: Scene, comm: MPI.Comm, file: Path) -> None:
+    """Draw a scene before it is solved, into a file whose suffix is .png, .pdf or .svg; collective.
+
+    Raises:
+        SceneError: the scene does not fit its mesh.
+        MeshError: the mesh cannot be read or generated.
+        OutputError: the file cannot be written.
+        PictureError: in space, PyVista is missing.
+    """
+    _draw(lambda: gather_setup(load_mesh(scene, comm), scene.statement, scene.title), comm, file)
+
+
+def draw_mesh(mesh: MeshFile, comm: MPI.Comm, file: Path) -> None:
+    """Draw the mesh of a file with the names of its boundaries, see ``draw_setup``; collective."""
+    _draw(lambda: gather_setup(load_file(mesh, comm), title=Path(mesh.file).name), comm, file)
+
+
+def _draw(gather: Callable[[], Setup], comm: MPI.Comm, file: Path) -> None:
+    if file.suffix not in _SUFFIXES:
+        raise OutputError(f"{file}: a picture is .png, .pdf or .svg")
+    setup = gather()
+
+    def draw() -> None:
+        try:
+            setup.draw(file.with_suffix(""), (file.suffix,))
+        except OSError as error:
+            raise cannot_be_written(file, error) from None
+
+    parallel.on_root(comm, draw)
+
+
+def _corners(tagged: TaggedMesh, dim: int, entities: npt.NDArray[np.int32]) -> Floats:
+    """Corners of sides or cells along their perimeters, shape (n, k, d)."""
+    x, mesh = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64), tagged.mesh
+    cell = mesh.topology.cell_name()
+    order = [0, 1] if dim == 1 else [0, 1, 3, 2] if cell in ("quadrilateral", "hexahedron") else [0, 1, 2]
+    if not entities.size:  # dolfinx divides by their number
+        return np.empty((0, len(order), tagged.dimension))
+    return np.asarray(x[dmesh.entities_to_geometry(mesh, dim, entities)[:, order]])
+
+
+def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) -> NamedBoundary:
+    """A boundary with what acts on it, on the first rank; collective."""
+    corners, normals = _sides(tagged, tagged.facets(name))
+    middles = corners.mean(axis=1)
+
+    def whole(effect: Effect) -> float:
+        """By one point on each facet, which is enough for arrows."""
+        first, last = corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]
+        sizes = np.linalg.norm(first if corners.shape[1] == 2 else np.cross(first, last), axis=1)
+        if corners.shape[1] == 3:
+            sizes = sizes / 2
+        return float(parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.weighting)[:, 0])))
+
+    on = SampledPoints(middles, normals[:, None], whole)
+    load, moved = np.zeros_like(middles), np.zeros_like(middles)
+    held: dict[str, None] = {}
+    grounded = False
+    for acting_effect in (effect.at_time(time) for effect in acting):
+        if isinstance(acting_effect, ContactEffect):
+            grounded |= acting_effect.against is None
+        elif isinstance(acting_effect, Force):
+            load += acting_effect.density_at(on)[:, 0]
+        elif isinstance(acting_effect, PrescribedDisplacement):
+            along = (*acting_effect.components, acting_effect.normal)
+            held |= {
+                key: None for key, value in zip(("x", "y", "z", "normal"), along, strict=True) if value is not None
+            }
+            moved += on.vector(tuple(value or 0.0 for value in acting_effect.components))[:, 0]
+            moved += on.value(acting_effect.normal or 0.0) * normals
+    kinds = tuple(dict.fromkeys(acting_effect.label for acting_effect in acting))
+    corners, normals, load, moved = (
+        parallel.rows_on_root(tagged.mesh.comm, rows) for rows in (corners, normals, load, moved)
+    )
+    return NamedBoundary(name, kinds, corners, normals, load, moved, tuple(held), grounded)
+
+
+def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
+    """Corners of facets, in space counterclockwise as seen from outside, shape (f, k, d), and outward unit normals of
+    the plane through the first of them, shape (f, d).
+    """
+    mesh, dim = tagged.mesh, tagged.dimension
+    corners = _corners(tagged, dim - 1, facets)
+    along = corners[:, 1] - corners[:, 0]
+    if dim == 2:
+        normals = np.column_stack((along[:, 1], -along[:, 0]))
+    else:
+        normals = np.asarray(np.cross(along, corners[:, 2] - corners[:, 0]))
+    inside = mesh.geometry.x[geometry_cells(mesh)[facet_entities(mesh, facets)[:, 0]], :dim].mean(axis=1)
+    inwards = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - inside) < 0
+    corners[inwards] = corners[inwards, ::-1]
+    normals[inwards] *= -1
+    return corners, np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])

@@ -1,0 +1,404 @@
+"""Curves along the contact boundary: pressure, shear with its bounds, displacements, and the state of each node."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.patches import Patch
+
+from signorini_fx.addons.pictures.style import (
+    BLUE,
+    LIMIT,
+    MOTION,
+    MULTIPLIER,
+    MUTED,
+    ORANGE,
+    RULE,
+    SCREEN,
+    STYLE,
+    Floats,
+    decimal_power,
+    finish,
+    largest_of,
+    plain,
+    unit_of,
+)
+from signorini_fx.machine.csv_text import Table
+from signorini_fx.mechanics.statement.units import bracketed
+from signorini_fx.tuned import SMALL_PART
+
+SIDES = ("contact", "friction")
+WATER = {"color": BLUE, "linewidth": 1.2, "linestyle": (0, (4.0, 1.5)), "marker": ".", "markersize": 3.0}
+AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
+# Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
+STATES = {
+    "open": ("#f0f0f0", "open"),
+    "slip": (ORANGE, "slip"),  # in space, where it has a direction in place of a sign
+    "slip+": (ORANGE, r"slip $+$"),
+    "slip-": (BLUE, r"slip $-$"),
+    "stick": ("#262626", "stick"),
+    "contact": ("#8c8c8c", "in contact, no friction"),
+}
+
+_FEWEST = 5  # nodes of a part of it that is drawn alone: the curves of fewer are hardly to be seen
+
+
+@dataclass(frozen=True)
+class ContactColumns:
+    """A contact boundary by its name, with its columns of ``contact.csv``, each of shape (n,)."""
+
+    name: str
+    columns: Table
+
+    def floats(self, name: str) -> Floats:
+        """A numeric column, shape (n,)."""
+        return np.asarray(self.columns[name], dtype=np.float64)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether a friction law acts anywhere on it."""
+        return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
+
+    @property
+    def out_of_section(self) -> bool:
+        """Whether its tangential vectors have a part around the axis of the body, of which it is the section."""
+        return "shear_z" in self.columns and "s" in self.columns
+
+    def along(self, name: str) -> Floats:
+        """A tangential vector along t = (-n_y, n_x); its part in the section where there is another one."""
+        if not self.out_of_section:
+            return self.floats(name)
+        parts = ((f"{name}_x", -self.floats("n_y")), (f"{name}_y", self.floats("n_x")))
+        return np.asarray(sum(self.floats(part) * axis for part, axis in parts))
+
+    @property
+    def water(self) -> Floats:
+        """The pressure of a fluid that has entered, shape (n,)."""
+        return self.floats("water") if "water" in self.columns else np.zeros(len(self.columns["state"]))
+
+    @property
+    def against(self) -> str:
+        """The boundary of another body that it may touch; empty: a rigid foundation."""
+        return str(self.columns["against"][0]) if "against" in self.columns else ""
+
+    @property
+    def touching(self) -> npt.NDArray[np.bool_]:
+        """The nodes in contact, shape (n,)."""
+        return np.asarray(self.columns["state"] != "open")
+
+    @property
+    def states(self) -> list[str]:
+        """Keys of ``STATES``, n of them: the state in the contact.
+
+        Tresca friction acts on open nodes too, where stick and slip would only confuse.
+        """
+        closed = np.where(self.columns["friction"] != "none", self.columns["state"], "contact")
+        return [str(key) for key in np.where(self.touching, closed, "open")]
+
+
+@dataclass(frozen=True)
+class PlaneBoundary(ContactColumns):
+    """One of the plane: the coordinate to draw against, its label, and where its connected pieces start."""
+
+    coordinate: Floats
+    label: str
+    starts: list[int]
+
+    def draw(self, axes: Axes, values: Floats, **style: Any) -> None:
+        """A line that is interrupted between the pieces."""
+        axes.plot(
+            np.insert(self.coordinate, self.starts[1:], np.nan), np.insert(values, self.starts[1:], np.nan), **style
+        )
+
+    @property
+    def window(self) -> tuple[float, float] | None:
+        """The part of the coordinate around the nodes in contact, if that is a small part of the whole."""
+        low, high = float(self.coordinate.min()), float(self.coordinate.max())
+        inside = self.coordinate[self.touching | (self.water > 0)]
+        if not inside.size:
+            return None
+        first, last = float(inside.min()), float(inside.max())
+        spacing = (high - low) / max(len(self.coordinate) - 1, 1)
+        around = 0.75 * (last - first) + 2 * min(spacing, 0.02 * (high - low))
+        away = np.sort(np.maximum(first - self.coordinate, self.coordinate - last))
+        around = max(around, float(away[:_FEWEST][-1]))
+        first, last = max(first - around, low), min(last + around, high)
+        return (first, last) if last - first < SMALL_PART * (high - low) else None
+
+    def near(self) -> PlaneBoundary:
+        """The nodes in the window; the whole boundary if there is none."""
+        if self.window is None:
+            return self
+        first, last = self.window
+        rows = np.flatnonzero((self.coordinate >= first) & (self.coordinate <= last))
+        piece = np.searchsorted(self.starts, rows, side="right")
+        starts = [0, *(int(k) + 1 for k in np.flatnonzero((np.diff(rows) > 1) | (np.diff(piece) > 0)))]
+        columns = {key: np.asarray(column)[rows] for key, column in self.columns.items()}
+        return PlaneBoundary(self.name, columns, self.coordinate[rows], f"{self.label}, the part in contact", starts)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One quantity along a boundary.
+
+    Attributes:
+        name: in words.
+        symbol: for mathtext.
+        values: at the nodes, shape (n,).
+        style: of the line.
+    """
+
+    name: str
+    symbol: str
+    values: Floats
+    style: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Quantities of one unit, drawn on one axis.
+
+    Attributes:
+        unit: stress or length.
+        curves: the most important one first.
+        reach: what lies further from zero is cut off.
+        least: what the axis shows at least, so that round-off looks like zero.
+    """
+
+    unit: str
+    curves: Sequence[Curve]
+    reach: float = math.inf
+    least: float = 0.0
+
+    @property
+    def power(self) -> int:
+        """The power of ten that the figures at the axis are multiplied by."""
+        largest = min(largest_of(*(curve.values for curve in self.curves)), self.reach)
+        return decimal_power(max(largest, self.least))
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Of the axis, with a margin."""
+        return _limits([curve.values for curve in self.curves], self.reach, self.least)
+
+
+def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
+    """What is drawn of a boundary: its stresses, and its lengths.
+
+    Args:
+        boundary: the boundary.
+        side: ``contact``: pressure, normal displacement and gap; ``friction``: shear, its bounds, tangential
+            displacement.
+    """
+    if side == "contact":
+        pressure, motion, gap = (boundary.floats(name) for name in ("pressure", "u_n", "gap"))
+        moves, opposite = ("relative ", "the other body") if boundary.against else ("", "rigid foundation")
+        # The foundation is drawn where it is near, and its nearest point is always visible.
+        nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
+        water = [Curve("pressure of the fluid", "p", boundary.water, WATER)] if boundary.water.any() else []
+        return [
+            Panel("stress", [Curve("contact pressure", r"\lambda", pressure, MULTIPLIER), *water]),
+            Panel(
+                "length",
+                [
+                    Curve(f"{moves}normal displacement", r"\tau_N\,\mathbf{y}", motion, MOTION),
+                    Curve(opposite, "d", gap, LIMIT),
+                ],
+                max(2.5 * largest_of(motion), 1.2 * nearest),
+            ),
+        ]
+    moves = "relative " if boundary.against else ""
+    shear, bound, motion = boundary.along("shear"), boundary.floats("bound"), boundary.along("u_t")
+    # A bound that is never reached, or that is practically infinite, should not flatten the shear.
+    bounds = [
+        Curve("friction bound", r"\pm\,\mathfrak{F}\,g", bound, LIMIT),
+        Curve("friction bound, other direction", "", -bound, LIMIT),
+    ]
+    if not np.isfinite(bound).any():  # a bond
+        bounds = []
+    inside = " in the section" if boundary.out_of_section else ""
+    shears = [Curve(f"shear stress{inside}", r"\mu", shear, MULTIPLIER)]
+    motions = [Curve(f"{moves}tangential displacement{inside}", r"\tau_T\,\mathbf{y}", motion, MOTION)]
+    if boundary.out_of_section:
+        shears.append(Curve("around the axis", r"\mu_\theta", boundary.floats("shear_z"), AROUND))
+        motions.append(Curve("around the axis", r"\mathbf{y}_\theta", boundary.floats("u_t_z"), AROUND))
+    return [
+        Panel("stress", [*shears, *bounds], 10 * largest_of(*(curve.values for curve in shears)) or math.inf),
+        Panel(
+            "length",
+            motions,
+            least=1e-4 * largest_of(*(curve.values for curve in motions), boundary.floats("u_n")),
+        ),
+    ]
+
+
+def boundary_profiles(
+    path_stem: str | Path,
+    table: Table,
+    *,
+    title: str = "",
+    sides: Sequence[str] = SIDES,
+    suffixes: Sequence[str] = SCREEN,
+) -> None:
+    """Draw the curves along the contact boundary, one block per boundary.
+
+    Left: contact pressure lambda, with the pressure of a fluid that has entered, and below it the normal displacement
+    and the rigid foundation, or how far the other body is.  Right: shear stress mu with its bounds, and below it the
+    tangential displacement; where there is one also around the axis.  Stresses and lengths have axes of their own.
+    Foundation and bounds are cut off where they lie far beyond the other curves.  The strip shows the state of the
+    contact.  Without friction there is only the left column.  If little of a boundary is in contact, only the
+    surroundings of that part are drawn, and the coordinate says so.
+
+    Args:
+        path_stem: where to write, without suffix.
+        table: columns of ``contact.csv``, each of shape (n,), nodes in order along each boundary: s, x, y, gap, u_n,
+            u_t, pressure, shear, bound as floats, state, friction, boundary as strings.
+        title: title of the picture.
+        sides: which of the two columns to draw.
+        suffixes: of the files to write.
+
+    Raises:
+        ValueError: the table has no rows.
+    """
+    boundaries = [boundary.near() for boundary in boundaries_of(table)]
+    if not boundaries:
+        raise ValueError("the contact table has no rows")
+    if not any(boundary.has_friction for boundary in boundaries):
+        sides = ["contact"]
+    with mpl.rc_context(STYLE):
+        size = (7.2 if len(sides) == 2 else 4.2, 3.9 * len(boundaries) + 0.4)
+        figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03, wspace=0.05))
+        heights = [1, 0.8, 0.055] * len(boundaries)
+        grid = figure.add_gridspec(3 * len(boundaries), len(sides), height_ratios=heights)
+        seen: set[str] = set()
+        for i, boundary in enumerate(boundaries):
+            for j, side in enumerate(sides):
+                name = boundary.name if len(boundaries) > 1 else ""
+                upper = figure.add_subplot(grid[3 * i, j])
+                if side == "friction" and not boundary.has_friction:
+                    upper.set_axis_off()
+                    upper.text(0.5, 0.5, f"{name}: no friction", color=MUTED, ha="center", transform=upper.transAxes)
+                    continue
+                lower = figure.add_subplot(grid[3 * i + 1, j], sharex=upper)
+                strip = figure.add_subplot(grid[3 * i + 2, j], sharex=upper)
+                for axes, panel in zip((upper, lower), panels_of(boundary, side), strict=True):
+                    _draw_panel(axes, boundary, panel, name if axes is upper else "")
+                seen.update(boundary.states)
+                state_strip(strip, boundary)
+        patches = state_patches(seen)
+        figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
+        finish(figure, path_stem, title, suffixes)
+
+
+def _draw_panel(axes: Axes, boundary: PlaneBoundary, panel: Panel, name: str) -> None:
+    power = panel.power
+    for curve in reversed(panel.curves):
+        label = {"label": f"{curve.name} ${curve.symbol}$"} if curve.symbol else {}
+        boundary.draw(axes, curve.values * 10.0**power, **curve.style, **label)
+    finish_panel(axes, boundary, name, [curve.values for curve in panel.curves], panel.reach)
+    low, high = panel.limits
+    axes.set_ylim(low * 10.0**power, high * 10.0**power)
+    axes.set_ylabel(f"{panel.unit}{unit_of(power, panel.unit)}")
+
+
+def state_patches(states: set[str]) -> list[Patch]:
+    """Entries of a legend, in a fixed order, for the states that occur."""
+    return [
+        Patch(facecolor=color, edgecolor=MUTED, linewidth=0.5, label=label)
+        for state, (color, label) in STATES.items()
+        if state in states
+    ]
+
+
+def boundaries_of(table: Table) -> list[PlaneBoundary]:
+    """The boundaries in the order in which they appear."""
+    names = [str(name) for name in table["boundary"]]
+    boundaries = []
+    for name in dict.fromkeys(names):
+        on_boundary = np.array([label == name for label in names])
+        columns = _closed({key: np.asarray(column)[on_boundary] for key, column in table.items()})
+        x, y, s = (np.asarray(columns[key], dtype=np.float64) for key in ("x", "y", "s"))
+        starts = _starts(s)
+        if np.ptp(y) <= 1e-9 * np.ptp(x):
+            boundaries.append(PlaneBoundary(plain(name), columns, x, "$x$", starts))
+        else:
+            offset = np.zeros_like(s)
+            for start in starts[1:]:
+                offset[start:] += s[start - 1]
+            boundaries.append(PlaneBoundary(plain(name), columns, s + offset, "arc length $s$", starts))
+    return boundaries
+
+
+def _starts(s: Floats) -> list[int]:
+    """Where connected pieces start: the arc length starts again at 0 with each of them."""
+    return [0, *(int(k) + 1 for k in np.flatnonzero(np.diff(s) <= 0))]
+
+
+def _closed(columns: Table) -> Table:
+    """The columns of a boundary with the first row of each closed piece once more at its end."""
+    if "to_next" not in columns:
+        return columns
+    s, to_next = (np.asarray(columns[key], dtype=np.float64) for key in ("s", "to_next"))
+    starts = _starts(s)
+    ends = [*starts[1:], len(s)]
+    rows = [[*range(a, b), *([a] if to_next[b - 1] > 0 else [])] for a, b in zip(starts, ends, strict=True)]
+    along = [
+        np.append(s[a:b], s[b - 1] + to_next[b - 1])[: len(piece)]
+        for a, b, piece in zip(starts, ends, rows, strict=True)
+    ]
+    all_rows = np.concatenate([np.array(piece, dtype=np.int64) for piece in rows])
+    return {key: np.asarray(column)[all_rows] for key, column in columns.items()} | {"s": np.concatenate(along)}
+
+
+def _limits(curves: Sequence[Floats], reach: float, least: float = 0.0) -> tuple[float, float]:
+    """Of an axis, with a margin; what lies further from zero than ``reach`` is cut off."""
+    values = np.concatenate(curves)
+    values = np.clip(values[np.isfinite(values)], -reach, reach)
+    low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
+    if max(-low, high) < least:
+        low, high = -least, least
+    margin = 0.05 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def finish_panel(axes: Axes, boundary: PlaneBoundary, name: str, curves: Sequence[Floats], reach: float) -> None:
+    """Axes and legend; what lies further from zero than ``reach`` is cut off."""
+    axes.set_ylim(*_limits(curves, reach))
+    low, high = float(boundary.coordinate.min()), float(boundary.coordinate.max())
+    axes.set_xlim(low, high if high > low else low + 1.0)
+    axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
+    axes.tick_params(axis="x", length=0, labelbottom=False)
+    axes.spines["bottom"].set_visible(False)
+    axes.locator_params(axis="y", nbins=6)
+    handles, labels = axes.get_legend_handles_labels()
+    legend = axes.legend(
+        handles[::-1], labels[::-1], title=name or None, alignment="left", loc="lower left", bbox_to_anchor=(0.0, 1.01)
+    )
+    legend.get_title().set_fontweight("bold")
+
+
+def state_strip(axes: Axes, boundary: PlaneBoundary) -> None:
+    """Every node colours the boundary up to halfway to its neighbours; nodes of equal state are one rectangle."""
+    states = boundary.states
+    for first, end in itertools.pairwise([*boundary.starts, len(states)]):
+        x = boundary.coordinate[first:end]
+        borders = np.concatenate((x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]))
+        start = 0
+        for state, run in itertools.groupby(states[first:end]):
+            stop = start + len(list(run))
+            axes.axvspan(borders[start], borders[stop], color=STATES[state][0], linewidth=0)
+            start = stop
+    axes.set(ylim=(0, 1), yticks=[], xlabel=f"{boundary.label}{bracketed('length')}")
+    axes.spines[:].set_visible(True)
+    axes.spines[:].set_linewidth(0.5)

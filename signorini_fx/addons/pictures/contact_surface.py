@@ -1,0 +1,406 @@
+"""The contact surface of a body in space, seen along its normal: pressure and shear, states and slip."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.tri import Triangulation
+
+from signorini_fx.addons.pictures import view
+from signorini_fx.addons.pictures.boundary_profiles import STATES, ContactColumns, state_patches
+from signorini_fx.addons.pictures.style import (
+    BLUE,
+    INK,
+    MUTED,
+    SCREEN,
+    STYLE,
+    VALUES,
+    Floats,
+    decimal_power,
+    finish,
+    largest_of,
+    lay_out,
+    math_number,
+    plain,
+    readable,
+    unit_of,
+)
+from signorini_fx.addons.pictures.tones import spaced, upper_tone
+from signorini_fx.machine.csv_text import Table
+from signorini_fx.mechanics.statement.units import bracketed, unit
+from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, STACKED_PANELS, SURFACE_MARGIN
+
+Rows = npt.NDArray[np.int64]
+PANELS = ("pressure", "state")
+
+# The rows of a facet in the order of VTK, as polygons of vertices.
+_POLYGONS = {
+    3: [[0, 1, 2]],
+    4: [[0, 1, 2, 3]],
+    9: [[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]],
+}
+_UNTOUCHED = "#f0f0f0"
+_ARROWS = 28  # number of arrows side by side along the longer side
+_LONG_NAME = 40  # letters of the name of a boundary behind which its title goes on in another line
+_MANY = 1000  # polygons from which on they are drawn as an image
+
+
+@dataclass(frozen=True)
+class VisibleSide(ContactColumns):
+    """The visible part of one contact boundary from one side.
+
+    Attributes:
+        polygons: of its facets that face the foundation along the direction of sight, rows of ``columns``, (m, 3 or 4).
+        view: along the outward normal, so from within the body.
+        hidden: whether there are facets that face the other way, none of them in contact, which are not shown.
+    """
+
+    polygons: Rows
+    view: view.View
+    hidden: bool = False
+
+    def vectors(self, name: str) -> Floats:
+        """A vector at every node, in the picture, shape (n, 2)."""
+        return self.view.flat(np.column_stack([self.floats(f"{name}_{axis}") for axis in "xyz"]))
+
+    @property
+    def nodes(self) -> Floats:
+        """Nodes in the picture, shape (n, 2)."""
+        return self.view.flat(np.column_stack([self.floats(axis) for axis in "xyz"]))
+
+    @property
+    def shown(self) -> npt.NDArray[np.bool_]:
+        """Nodes of the polygons, shape (n,)."""
+        seen = np.zeros(len(self.columns["x"]), dtype=bool)
+        seen[self.polygons.ravel()] = True
+        return seen
+
+
+def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
+    """The contact boundaries in their order, each as seen along the mean normal of the facets in contact.
+
+    A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is seen from a second
+    side as well, if anything is in contact there.
+
+    Args:
+        table: columns of ``contact.csv``.
+        facets: its rows at each facet in the order of VTK, see ``read_facets``.
+
+    Raises:
+        ValueError: a facet of a shape that no contact surface has.
+    """
+    if facets.shape[1] not in _POLYGONS:
+        raise ValueError(f"facets of {facets.shape[1]} nodes")
+    polygons = facets[:, _POLYGONS[facets.shape[1]]].reshape(-1, len(_POLYGONS[facets.shape[1]][0]))
+    names = np.asarray(table["boundary"])
+    sides = []
+    for name in dict.fromkeys(map(str, names)):
+        rows = np.flatnonzero(names == name)
+        columns = {key: np.asarray(column)[rows] for key, column in table.items()}
+        number = np.full(len(names), -1)
+        number[rows] = np.arange(len(rows))
+        of_boundary = number[polygons[names[polygons[:, 0]] == name]]
+        normal = np.column_stack([np.asarray(columns[f"n_{axis}"], dtype=np.float64) for axis in "xyz"])
+        weight = np.asarray(columns["weight"], dtype=np.float64)
+        touching = weight * (columns["state"] != "open")
+        sights = [by @ normal / by.sum() for by in (touching, weight) if by.sum() > 0]
+        # Practically closed: the coordinate axis that it faces most.
+        sights.append(np.eye(3)[np.argmax(weight @ normal**2)])
+        sight = next(sight for sight in sights if np.linalg.norm(sight) > CLOSED_IN_PICTURE)
+        forth = normal[of_boundary].mean(axis=1) @ -view.along(sight).toward >= -1e-6
+        two_sided = bool(np.any(touching[of_boundary[~forth]] > 0))
+        sides.append(
+            VisibleSide(
+                plain(name), columns, of_boundary[forth], view.along(sight), bool(np.any(~forth)) and not two_sided
+            )
+        )
+        if two_sided:
+            sides.append(VisibleSide(plain(name), columns, of_boundary[~forth], view.along(-sight)))
+    return sides
+
+
+def contact_surface(
+    path_stem: str | Path,
+    table: Table,
+    facets: Rows,
+    *,
+    title: str = "",
+    panels: Sequence[str] = PANELS,
+    suffixes: Sequence[str] = SCREEN,
+    boundary: str | None = None,
+) -> None:
+    """Draw each contact boundary of a body in space, seen along its outward normal through the body.
+
+    On the left, or above: contact pressure in colour where a facet is in contact, linear between the nodes, and the
+    shear stress mu as arrows; dots are nodes with a fluid that has entered.  If a singular edge would leave the rest
+    dark, the scale ends at the pressure that is not exceeded on 99 % of the contact area.  On the right, or below: the
+    state of each node in the area halfway to its neighbours, and the slip as arrows, magnified as stated in the panel.
+    If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows that part,
+    and says so.  Without friction: only pressure.
+
+    Args:
+        path_stem: where to write, without suffix.
+        table: columns of ``contact.csv`` of a scene in space, each of shape (n,).
+        facets: its rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
+        title: title of the picture.
+        panels: which of the two to draw.
+        suffixes: of the files to write.
+        boundary: the only one to draw; None: all.
+
+    Raises:
+        ValueError: the table has no rows.
+    """
+    with mpl.rc_context(STYLE):
+        finish(contact_figure(table, facets, panels, boundary), path_stem, title, suffixes)
+
+
+def boundaries_shown(table: Table, facets: Rows) -> list[str]:
+    """The contact boundaries that have a picture: one whose nodes belong to facets of others alone has none to show."""
+    return list(dict.fromkeys(side.name for side in sides_of(table, facets) if side.polygons.size))
+
+
+def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS, boundary: str | None = None) -> Figure:
+    """The figure that ``contact_surface`` writes."""
+    sides = [side for side in sides_of(table, facets) if side.polygons.size and boundary in (None, side.name)]
+    if not sides:
+        raise ValueError("the contact table has no rows")
+    friction = any(side.has_friction for side in sides)
+    shown = shown if friction else PANELS[:1]
+    windows = [_window(side) for side in sides]
+    wide = max((high[0] - low[0]) / (high[1] - low[1]) for low, high, _ in windows) > STACKED_PANELS
+    columns = 1 if wide else len(shown)
+    width = (5.8 if columns == 2 else 5.4 if wide else 4.4) - 0.4
+    heights = [
+        float(np.clip((width / columns - 0.5) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 5.0))
+        for low, high, _ in windows
+    ]
+    panels = len(shown) if wide else 1
+    figure = Figure(
+        figsize=(width + 0.4, sum(panels * (height + 1.0) for height in heights) + 0.4),
+        layout=ConstrainedLayoutEngine(h_pad=0.05, wspace=0.05),
+    )
+    grid = figure.add_gridspec(len(sides) * panels, columns, height_ratios=np.repeat(heights, panels) + 0.9)
+    seen: set[str] = set()
+    for i, (side, (low, high, part)) in enumerate(zip(sides, windows, strict=True)):
+        axes = [figure.add_subplot(cell) for cell in _cells(grid, i, panels, columns)]
+        for panel_axes in axes:
+            _frame(panel_axes, side, low, high)
+        sight = f"seen along ${view.combination(-side.view.toward)}$" + (", the part in contact" if part else "")
+        sight += ", the other side is open" if side.hidden and not part else ""
+        between = "\n" if len(side.name) > _LONG_NAME else " "
+        for panel, panel_axes in zip(shown, axes, strict=True):
+            if panel == "pressure":
+                _pressure_panel(figure, panel_axes, side, low, high, f"{side.name},{between}{sight}")
+            elif side.has_friction:
+                seen.update(_state_panel(panel_axes, side, low, high, f"{side.name}: state"))
+            else:
+                panel_axes.clear()
+                panel_axes.set_axis_off()
+                panel_axes.text(
+                    0.5, 0.5, f"{side.name}: no friction", color=MUTED, ha="center", transform=panel_axes.transAxes
+                )
+    if seen:
+        patches = state_patches(seen)
+        figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
+    lay_out(figure)  # the layout needs a second pass if equal axes do not fill their place
+    return figure
+
+
+def _cells(grid: mpl.gridspec.GridSpec, row: int, panels: int, columns: int) -> list[mpl.gridspec.SubplotSpec]:
+    """The places of the panels of a side: beside each other, or one above the other."""
+    return [grid[panels * row + k, 0] for k in range(panels)] if panels > 1 else [grid[row, k] for k in range(columns)]
+
+
+def _window(side: VisibleSide) -> tuple[Floats, Floats, bool]:
+    """Lower and upper corner of the visible part, each of shape (2,), and whether it is only a part of the boundary."""
+    visible = side.nodes[side.shown]
+    low, high = visible.min(axis=0), visible.max(axis=0)
+    size = _size(low, high) or 1.0
+    margin = (SURFACE_MARGIN if side.has_friction else 0.5 * SURFACE_MARGIN) * size
+    closed = side.nodes[side.shown & side.touching]
+    if len(closed):
+        first, last = closed.min(axis=0), closed.max(axis=0)
+        spacing = math.sqrt(float(np.median(side.floats("weight")[side.shown & side.touching])))
+        around = 0.3 * float(max(last - first)) + 2 * spacing
+        first, last = np.maximum(first - around, low - margin), np.minimum(last + around, high + margin)
+        if max(last - first) < 0.5 * size:
+            return first, last, True
+    return low - margin, high + margin, False
+
+
+def _size(low: Floats, high: Floats) -> float:
+    """Length of the longer side."""
+    return float(np.max(high - low))
+
+
+def _frame(axes: Axes, side: VisibleSide, low: Floats, high: Floats) -> None:
+    """Equal axes with the coordinates in space."""
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    for kind, direction in (("x", side.view.right), ("y", side.view.up)):
+        _, label, falls = view.coordinate(direction)
+        axis = axes.xaxis if kind == "x" else axes.yaxis
+        axis.set_label_text(f"{label}{bracketed('length')}")
+        if falls:  # the picture is drawn along the view, its numbers are those of the coordinate
+            axis.set_major_formatter(lambda value, _: f"{-value + 0.0:g}".replace("-", "\N{MINUS SIGN}"))
+        axis.set_major_locator(mpl.ticker.MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
+
+
+def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str) -> None:
+    pressure, nodes, closed = np.nan_to_num(side.floats("pressure"), posinf=0.0, neginf=0.0), side.nodes, side.touching
+    power = decimal_power(largest_of(pressure))
+    inside = side.shown & closed
+    top = upper_tone(pressure[inside], side.floats("weight")[inside])
+    bottom = min(0.0, float(pressure[inside].min(initial=0.0)))  # in bilateral contact the pressure may be negative
+    ground = PolyCollection(
+        list(nodes[side.polygons]), facecolors=_UNTOUCHED, edgecolors=_UNTOUCHED, linewidths=0.4, zorder=1
+    )
+    ground.set_rasterized(len(side.polygons) > _MANY)
+    axes.add_collection(ground, autolim=False)
+    points, triangles, (values,) = _triangles(side.polygons[closed[side.polygons].any(axis=1)], nodes, pressure)
+    if len(triangles):
+        colours = axes.tripcolor(
+            Triangulation(*points.T, triangles),
+            values * 10.0**power,
+            shading="gouraud",
+            cmap=VALUES,
+            vmin=bottom * 10.0**power,
+            vmax=top * 10.0**power,
+            rasterized=True,
+            zorder=2,
+        )
+        bar = figure.colorbar(
+            colours,
+            ax=axes,
+            orientation="horizontal",
+            extend="max" if float(pressure[inside].max(initial=0.0)) > 1.001 * top else "neither",
+            shrink=0.8,
+            aspect=40,
+            pad=0.02,
+        )
+        bar.ax.locator_params(nbins=6)
+        bar.set_label(rf"contact pressure $\lambda${unit_of(power, 'stress')}")
+    axes.add_collection(_rim(side), autolim=False)
+    text = heading if len(triangles) else f"{heading}: nothing in contact"
+    if side.has_friction:
+        shear = side.vectors("shear")
+        longest = largest_of(side.floats("shear"))
+        drawn = _arrows(axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high)
+        if drawn > 0:
+            text += f"\narrows: shear stress $\\mu$, the longest ${math_number(float(f'{drawn:.3g}'))}${_of_stress()}"
+    wet = side.shown & (side.water > 0)
+    if wet.any():
+        axes.plot(*nodes[wet].T, linestyle="", marker="o", markersize=2.5, color=BLUE, zorder=4)
+        reach = tuple(math_number(float(f"{value:.3g}")) for value in (side.water[wet].min(), side.water[wet].max()))
+        text += f"\ndots: fluid, pressure {' to '.join(f'${value}$' for value in dict.fromkeys(reach))}{_of_stress()}"
+    axes.set_title(text, loc="left", fontsize=8)
+
+
+def _of_stress() -> str:
+    """The unit behind a figure in a title; "": it is not known."""
+    return f" {plain(unit('stress'))}".rstrip()
+
+
+def _state_panel(axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str) -> set[str]:
+    states, nodes = side.states, side.nodes
+    where, owner = _around_nodes(nodes, side.polygons)
+    colours = np.array([to_rgba(STATES[state][0]) for state in states])[owner]
+    regions = PolyCollection(list(where), facecolors=colours, edgecolors=colours, linewidths=0.4, zorder=1)
+    regions.set_rasterized(len(where) > _MANY)
+    axes.add_collection(regions, autolim=False)
+    axes.add_collection(_rim(side), autolim=False)
+    moving = side.shown & np.asarray(side.columns["friction"] == "slip")
+    slip = side.vectors("slip")
+    text = heading
+    longest = float(np.linalg.norm(slip[moving], axis=1).max(initial=0.0))
+    if longest > 0:
+        factor = readable(0.8 * LONGEST_ARROW * _size(low, high) / longest)
+        _arrows(axes, side, slip, moving, low, high, factor)
+        text += f"\narrows: slip $\\times\\,{math_number(factor)}$"
+    elif np.any(side.touching):
+        text += "\nno slip"
+    axes.set_title(text, loc="left", fontsize=8)
+    return {states[k] for k in np.flatnonzero(side.shown)}
+
+
+def _rim(side: VisibleSide) -> LineCollection:
+    """Where the boundary ends."""
+    edges = side.nodes[view.outline(side.nodes, side.polygons)]
+    return LineCollection(list(edges), colors=MUTED, linewidths=0.8, zorder=3)
+
+
+def _triangles(polygons: Rows, nodes: Floats, *nodal: Floats) -> tuple[Floats, Rows, list[Floats]]:
+    """Points, triangles and values at the points; quadrilaterals are cut at their middle, which comes after the nodes,
+    because a diagonal would make the picture of a symmetric pressure unsymmetric.
+    """
+    if polygons.shape[1] == 3:
+        return nodes, polygons, list(nodal)
+    centre = np.broadcast_to(len(nodes) + np.arange(len(polygons))[:, None], polygons.shape)
+    triangles = np.stack((polygons, np.roll(polygons, -1, axis=1), centre), axis=2).reshape(-1, 3)
+    points = np.concatenate((nodes, nodes[polygons].mean(axis=1)))
+    return points, triangles, [np.concatenate((values, values[polygons].mean(axis=1))) for values in nodal]
+
+
+def _around_nodes(nodes: Floats, polygons: Rows) -> tuple[Floats, Rows]:
+    """Each polygon cut into a quadrilateral for each of its nodes, shape (., 4, 2), and the node of each."""
+    corners = nodes[polygons]
+    ahead = 0.5 * (corners + np.roll(corners, -1, axis=1))
+    behind = np.roll(ahead, 1, axis=1)
+    centre = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
+    return np.stack((corners, ahead, centre, behind), axis=2).reshape(-1, 4, 2), polygons.ravel()
+
+
+def _arrows(
+    axes: Axes,
+    side: VisibleSide,
+    vectors: Floats,
+    where: npt.NDArray[np.bool_],
+    low: Floats,
+    high: Floats,
+    factor: float | None = None,
+) -> float:
+    """Draw vectors at nodes among ``where``, times the factor or, without one, scaled to the room for the longest.
+
+    Returns:
+        The length of the longest, 0 if there is none.
+    """
+    inside = np.all((side.nodes >= low) & (side.nodes <= high), axis=1) & np.isfinite(vectors).all(axis=1)
+    size = _size(low, high)
+    rows = np.flatnonzero(where & inside)
+    lengths = np.linalg.norm(vectors[rows], axis=1)
+    longest = float(lengths.max(initial=0.0))
+    if longest == 0:
+        return 0.0
+    # The longest one first, so that it is never left out.
+    order = np.lexsort((*np.round(side.nodes[rows] / size, 9).T[::-1], lengths < longest))
+    rows = spaced(side.nodes, rows[order], size / _ARROWS)
+    scaled = vectors[rows] * (LONGEST_ARROW * size / longest if factor is None else factor)
+    axes.quiver(
+        *side.nodes[rows].T,
+        *scaled.T,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        units="inches",
+        width=0.018,
+        headwidth=3.2,
+        headlength=4.2,
+        headaxislength=3.8,
+        minlength=0.4,
+        facecolor="white",
+        edgecolor=INK,
+        linewidth=0.35,
+        zorder=4,
+        clip_on=True,
+    )
+    return longest

@@ -1,0 +1,172 @@
+"""The style of all pictures, and how they are written: ``with mpl.rc_context(STYLE)`` gives other pictures the same.
+
+A picture is written as ``stem.png``, unless ``suffixes`` names others: ``.pdf`` for print, which takes longer than all
+the rest, or ``.svg`` as in the report.  Pictures are readable in black and white: line styles and lightness differ as
+well, and in every field the lighter colour is the larger value, as in most programs.  Lettering has 9 points in
+pictures of at most 5 to 7 inches, so that it can still be read where a telephone shows them with a width of 9 cm.
+"""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.backend_bases import get_registered_canvas_class
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
+
+from signorini_fx.machine.terminal import printable
+from signorini_fx.mechanics.statement.units import bracketed, unit
+
+Floats = npt.NDArray[np.float64]
+_PNG_DPI = 200
+_RASTER_DPI = 300  # of what is an image in a PDF or SVG
+_POINTS = 72  # to an inch: the unit in which PDF and SVG measure
+SCREEN, PRINT = (".png",), (".png", ".pdf")
+INK, MUTED, RULE = "#1a1a1a", "#6b6b6b", "#c8c8c8"
+# Perceptually uniform, from dark to light; without the darkest colours, on which neither light nor lines would be seen.
+VALUES = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.15, 1.0, 256)), name="values")
+BLUE, ORANGE = "#0072b2", "#e69f00"
+MULTIPLIER: dict[str, Any] = {"color": INK, "linewidth": 1.5}
+LIMIT: dict[str, Any] = {"color": MUTED, "linewidth": 1.3, "linestyle": (0, (1, 1.4))}
+MOTION: dict[str, Any] = {"color": BLUE, "linewidth": 1.3, "linestyle": (0, (4.5, 1.8))}
+STYLE: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9,
+    "mathtext.fontset": "dejavusans",
+    "axes.titlesize": 10,
+    "axes.labelsize": 9,
+    "axes.edgecolor": MUTED,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.labelcolor": INK,
+    "axes.formatter.use_mathtext": True,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "legend.handlelength": 2.4,
+    "legend.borderaxespad": 0.2,
+    "legend.labelspacing": 0.3,
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "signorini_fx",  # the same data give the same identifiers
+    "text.color": INK,
+}
+
+
+def plain(text: str) -> str:
+    """A user's text for a picture, in which dollar signs do not begin mathematics, without control characters."""
+    return printable(text).replace("$", r"\$")
+
+
+def largest_of(*curves: Floats) -> float:
+    """The largest finite entry by size, 0 if there is none."""
+    values = np.abs(np.concatenate(curves))
+    return float(values[np.isfinite(values)].max(initial=0.0))
+
+
+def decimal_power(largest: float) -> int:
+    """The k for which figures up to ``largest``, times 10^k, need no exponent at an axis."""
+    return 0 if largest == 0 or 1e-3 <= largest < 1e4 else -math.floor(math.log10(largest))
+
+
+def readable(ideal: float) -> float:
+    """The factor next to a positive ideal one that is 1, 2 or 5 times a power of ten."""
+    decade = math.floor(math.log10(ideal))
+    steps = [m * 10.0**k for k in (decade, decade + 1) for m in (1, 2, 5)]
+    return float(f"{min(steps, key=lambda step: abs(math.log(step / ideal))):.0e}")
+
+
+def unit_of(power: int, quantity: str = "") -> str:
+    """The suffix of a label whose figures were multiplied by 10^power: each of them counts 10^-power.
+
+    A factor behind the name, as in "force x 10^4", could be taken for either direction.
+
+    Args:
+        power: of ten.
+        quantity: whose unit it has, see ``signorini_fx.mechanics.statement.units``.
+    """
+    if not power:
+        return plain(bracketed(quantity))
+    return rf" (unit {f'$10^{{{-power}}}$ {plain(unit(quantity))}'.rstrip()})"
+
+
+def math_number(value: float) -> str:
+    """A factor for mathtext: plain digits if they are few, else m x 10^k."""
+    if value == 0 or 0.01 <= abs(value) < 1e5:
+        return f"{value:.6g}"
+    digits, power = f"{value:.5e}".split("e")
+    digits = f"{float(digits):g}"
+    return rf"10^{{{int(power)}}}" if digits == "1" else rf"{digits}\cdot 10^{{{int(power)}}}"
+
+
+class _Digits(ScalarFormatter):
+    """Numbers at an axis as plain text: they look the same as mathematics, which takes far longer to set.  A factor
+    that they have in common stays mathematics.
+    """
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        text = str(super().__call__(x, pos))
+        return text.removeprefix(r"$\mathdefault{").removesuffix("}$")
+
+
+def _entitle(figure: Figure, title: str) -> None:
+    """The title at the top left; one that is wider than the figure in several lines, the remark in one of its own."""
+    text = figure.suptitle(title, x=0.012, ha="left", fontsize=10)
+    room = 0.976 * figure.bbox.width
+    if text.get_window_extent().width <= room:
+        return
+    headline, *remark = title.split("   (", 1)
+    text.set_text(headline)
+    letters = int(len(headline) * room / text.get_window_extent().width)  # a user's text, without mathematics
+    lines = [line for part in headline.split("\n") for line in textwrap.wrap(part, max(letters, 10))]
+    text.set_text("\n".join([*lines, *(f"({part}" for part in remark)]))
+
+
+def lay_out(figure: Figure, suffix: str = ".png") -> None:
+    """Give everything in a figure its place, as measured by what will write it."""
+    get_registered_canvas_class(suffix[1:])(figure)
+    figure.set_dpi(_PNG_DPI if suffix == ".png" else _POINTS)
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+
+
+def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = SCREEN) -> None:
+    """Title the figure and write it; without dates, so that the same data give the same files.
+
+    ``Figure.savefig`` would draw all of it once more for each file, to find the places of things: here this is done
+    once, and for all files as for the first one.
+    """
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if type(axis.get_major_formatter()) is ScalarFormatter:
+            axis.set_major_formatter(_Digits())
+    stem = Path(path_stem)
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    dateless = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
+    if title:
+        _entitle(figure, title)
+    for suffix in suffixes:
+        if suffix == suffixes[0]:
+            lay_out(figure, suffix)
+            figure.set_layout_engine("none")
+        canvas = get_registered_canvas_class(suffix[1:])(figure)
+        figure.set_dpi(_PNG_DPI if suffix == ".png" else _RASTER_DPI)
+        write = getattr(canvas, f"print_{suffix[1:]}")
+        write(stem.with_name(f"{stem.name}{suffix}"), metadata=dateless.get(suffix))

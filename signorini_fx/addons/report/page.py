@@ -1,0 +1,158 @@
+"""A result folder as one page of HTML that needs no network and no other file; it can be read without scripts too.
+
+It is made from the files of ``solve``, without dolfinx: curves are drawn again from the CSV files as SVG, and the
+deformed body is the picture that ``solve`` drew.  What was found comes first, what stands behind it after that.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from signorini_fx import __version__
+from signorini_fx.addons.report import evidence, sections
+from signorini_fx.addons.report.advice import next_steps
+from signorini_fx.addons.report.interactive import head
+from signorini_fx.addons.report.markup import joined, tag
+from signorini_fx.addons.report.templating import Markup, rendered
+from signorini_fx.errors import OutputError, ResultError, cannot_be_written
+from signorini_fx.machine import manifest
+from signorini_fx.machine.display import status_in_words
+from signorini_fx.machine.result_files import ResultFiles, in_space, read_summary
+from signorini_fx.mechanics.statement.units import labelled, names_of
+from signorini_fx.quantities.validity import validity_of, was_solved
+
+PAGE = "report.html"
+# The chapters that consist of figures, which say of what they are where there is no solution.
+_OF_FIGURES = {"Contact surface", "Contact boundary", "Forces and areas", "Forces and zones", "Forces", "Load steps"}
+# By this a page is known to be one of these.
+_MADE_BY = '<meta name="generator" content="signorini_fx'
+
+
+def page(folder: Path) -> str:
+    """The report of a result folder.
+
+    Raises:
+        ResultError: it is not a result folder, or it is incomplete.
+    """
+    summary = read_summary(folder)
+    try:
+        with labelled(names_of(summary["scene"], 3 if in_space(summary) else 2)):
+            return _page(summary, ResultFiles(folder), folder.resolve().name)
+    except FileNotFoundError as error:
+        name = Path(error.filename).name
+        raise ResultError(f"{folder}: {name} is missing, so this is only a part of a result: solve again") from None
+    except (ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError) as error:
+        raise ResultError(
+            f"{folder}: its files are not as signorini-fx {__version__} writes them, or do not belong together "
+            f"({type(error).__name__}: {error}): solve again"
+        ) from error
+
+
+def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
+    solid = in_space(summary)
+    solved = was_solved(summary)
+    contact = folder.columns("contact.csv", summary["contact_nodes"]) if solved and "contact_nodes" in summary else {}
+    stressed = "stress" in summary["scene"].get("forms", ["stress"])
+    no_result = "" if validity_of(summary).solved else sections.no_result(summary)
+    overview = sections.overview(folder, solid=solid, stressed=stressed, no_result=no_result)
+    # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
+    chapters = {
+        "Outcome": sections.outcome(summary, overview, evidence.cost(summary)),
+        "Figures": sections.figures(summary) if validity_of(summary).solved else "",
+        "Further pictures": sections.further_pictures(folder, solid=solid),
+    }
+    if contact and solid:
+        from signorini_fx.addons.report import sections_in_space
+
+        facets = folder.facets(summary["contact_nodes"])
+        if facets.size:  # all nodes of a facet may be those of other boundaries
+            chapters["Contact surface"] = sections_in_space.surface(contact, facets)
+        chapters["Forces and areas"] = joined(
+            [sections_in_space.resultants(summary, contact), sections.forces(summary)],
+        )
+    elif contact:
+        chapters["Contact boundary"] = sections.profiles(contact)
+        chapters["Forces and zones"] = sections.forces(summary)
+    elif solved and summary.get("resultants"):
+        chapters["Forces"] = sections.forces(summary)
+    if solved and "steps" in summary:
+        chapters["Load steps"] = sections.steps(
+            folder, folder.columns("steps.csv", len(summary["steps"])), contact, around=sections.is_around(summary)
+        )
+    lines = [tag("li", line) for line in next_steps(summary, contact)]
+    if lines:
+        chapters["What to do next"] = tag("ul", *lines)
+    if "price_list" in summary:
+        chapters["Price list"] = evidence.price_list(summary["price_list"])
+    chapters["Certificate"] = evidence.certificate(summary) if solved else ""
+    chapters["Scene and effects"] = evidence.scene(summary)
+    if contact:
+        columns = folder.columns("history.csv", summary["linear_solves"])
+        chapters["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
+    if no_result:
+        for heading in chapters.keys() & _OF_FIGURES:
+            chapters[heading] = joined([tag("p", no_result, class_="note"), chapters[heading]])
+    chapters["Made with"] = evidence.made_with(summary, sections.size(summary))
+    files = resources.files("signorini_fx.addons.report")
+    block = summary["scene"].get("title_block", {})
+    text = rendered(
+        "page",
+        version=__version__,
+        title=summary["title"] or name,
+        status=status_in_words(summary),
+        name=name,
+        day=f"{sections.done(summary)} on {summary['finished'].partition('T')[0]}" if "finished" in summary else "",
+        block={key: entry for key, entry in block.items() if entry},
+        head=joined(head() if 'class="plots' in chapters.get("Contact boundary", "") else []),
+        style=Markup(files.joinpath("report.css").read_text(encoding="utf-8")),
+        chapters={heading: text for heading, text in chapters.items() if text},
+    )
+    return f"{text}\n"
+
+
+def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
+    """Write the report of a result folder.
+
+    Args:
+        folder: the result folder that ``solve`` wrote.
+        file: the page; None: ``report.html`` in the folder.
+
+    Returns:
+        The file.
+
+    Raises:
+        ResultError: the folder is not a result folder, or it is incomplete.
+        OutputError: the page cannot be written, or a file is in the way that is no such page.
+    """
+    folder = Path(folder)
+    text = page(folder)
+    listed = file is None
+    file = Path(folder / PAGE if file is None else file)
+    if file.is_dir():
+        raise OutputError(f"{file}: is a folder: give the name of a file")
+    if os.path.lexists(file) and not _is_page(file):
+        raise OutputError(f"{file}: already exists, and is no report: give another name, or remove it")
+    part = file.parent / f".{file.name}.part"
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
+        if listed:
+            manifest.add(folder, [PAGE])
+        part.replace(file)
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        with contextlib.suppress(OSError, ValueError):
+            part.unlink(missing_ok=True)
+        raise cannot_be_written(file, error) from None
+    return file
+
+
+def _is_page(file: Path) -> bool:
+    try:
+        with file.open(encoding="utf-8") as stream:
+            return _MADE_BY in stream.read(1000)
+    except (OSError, ValueError):
+        return False

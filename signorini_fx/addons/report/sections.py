@@ -1,0 +1,323 @@
+"""The sections that come first on the page: outcome, pictures, curves, forces, load steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.report.interactive import plots, turning
+from signorini_fx.addons.report.markup import drawn_by, in_text, joined, long_table, picture, table, tag
+from signorini_fx.addons.report.templating import Markup, rendered
+from signorini_fx.errors import PYVISTA
+from signorini_fx.machine.display import clean, results_of, status_in_words
+from signorini_fx.machine.result_files import ResultFiles, in_space, seconds_of
+from signorini_fx.mechanics.statement.units import bracketed, unit
+from signorini_fx.quantities.answers import answers
+from signorini_fx.quantities.digits import components, figure, percent
+from signorini_fx.quantities.quantity import Card
+from signorini_fx.quantities.registry import quantities, shown_cards
+from signorini_fx.quantities.text import has_friction, kinematics_of, named_components
+from signorini_fx.quantities.validity import Validity, validity_of, was_solved
+
+_TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
+_TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
+# Counts that are of interest to those who solve.
+_COUNTS = {"dofs": "unknowns", "contact_nodes": "contact nodes"}
+
+
+def outcome(summary: dict[str, Any], overview: str = "", cost: str = "") -> Markup:
+    """Status, verdict of the certificate, four answers beside the picture of the body, with what accuracy costs below
+    them, and warnings.
+    """
+    validity = validity_of(summary)
+    verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
+    if not validity.solved:
+        of = "this state, which means nothing" if summary["certificate"]["holds"] else "the last iterate"
+        verdict = f"{verdict} All figures are of {of}: do not use them."
+        if not was_solved(summary):
+            verdict = "Nothing was solved, so there are no figures."
+    elif "results_of" in summary:
+        verdict = f"{verdict} All figures are of {results_of(summary)}."
+    elif validity is Validity.LESS_ACCURATE:
+        verdict = f"{verdict} All figures are of the last mesh."
+    lacking = summary.get("incomplete", ())
+    return rendered(
+        "outcome",
+        tone="bad" if lacking else _TONES[validity],
+        status=status_in_words(summary),
+        verdict=verdict,
+        lacking=lacking,
+        advice="" if validity is Validity.SOLUTION else summary["advice"],
+        answers=[replace(answer, details=tuple(map(in_text, answer.details))) for answer in answers(summary)],
+        overview=overview,
+        cost=cost,
+        warnings=_warnings(summary),
+    )
+
+
+def done(summary: dict[str, Any]) -> str:
+    """What was done with the scene, in a word."""
+    return "solved" if was_solved(summary) else "tried"
+
+
+def no_result(summary: dict[str, Any]) -> str:
+    """Of what figures and pictures are that are none of a solution."""
+    found = summary["certificate"]["holds"]
+    return "Of the state that was found, which is no result." if found else "Of the last iterate, which is no solution."
+
+
+def figures(summary: dict[str, Any]) -> Markup:
+    """The figures of all quantities by their names, with units, and what is to be known of each."""
+    cards = [card for quantity in quantities() for card in shown_cards(quantity, summary)]
+    rows = [(card.label, card.text, card.remark or _estimate(card)) for card in cards]
+    who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
+    return joined([table(["figure", "value", ""], rows), tag("p", _note(summary, who, body), class_="note")])
+
+
+def size(summary: dict[str, Any]) -> str:
+    """What the solve took, for those who make such solves."""
+    counts = [f"{summary[key]} {label}" for key, label in _COUNTS.items() if key in summary]
+    return ", ".join([*counts, f"{seconds_of(summary):.3g} seconds"])
+
+
+def _note(summary: dict[str, Any], who: str, body: str) -> str:
+    """What the forces are, and how many digits are shown."""
+    forms = "forms" in summary["scene"]  # their measure says what is integrated
+    measure = "what" if forms or kinematics_of(summary).whole else "per unit thickness, and what"
+    integrated = ", integrated by the measure of the forms" if forms else ""
+    named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
+    digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
+    return f"Forces are {measure} {who} exerts on {body}{integrated}{named}. {digits}"
+
+
+def is_around(summary: dict[str, Any]) -> bool:
+    """Whether the body is one of revolution."""
+    return not kinematics_of(summary).uniform
+
+
+def _sides(against: Iterable[str | None]) -> tuple[str, str]:
+    """What exerts the forces of contacts, and on what, from the other boundary of each; none or "": it is rigid."""
+    kinds = {bool(name) for name in against}
+    who = {(True,): "the other body", (False, True): "the foundation or the other body"}
+    return who.get(tuple(sorted(kinds)), "the foundation"), "the body of the boundary" if True in kinds else "the body"
+
+
+def _estimate(card: Card) -> str:
+    """What is said below a figure that says nothing itself."""
+    share = percent(card.error) if card.error and card.error < 1 else ""
+    return share and f"error {'' if share.startswith('below') else 'about '}{share}"
+
+
+def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
+    """About the scene and the result."""
+    warned = [finding for finding in summary.get("findings", []) if finding["level"] == "warning"]
+    others = [finding for finding in warned if finding["message"] != summary["advice"]]
+    return [{**finding, "message": in_text(finding["message"])} for finding in others]
+
+
+_COLOURS = "Colour: von Mises stress, recovered, which smooths peaks narrower than a cell"
+_CIRCLE = "; circle: the largest one, recovered or raw. "
+_DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
+_PLANE_BODY = "Hatched: the foundation. The title says what is magnified."
+_SETUP = "What the scene prescribes, before it is solved. Orange: contact; blue: loads; green: supports."
+_SECTION = "Von Mises stress within the body, which is cut through the centre of the contact pressure."
+_SOLID_BODY = (
+    "Gray lines: undeformed body; gray surface: the foundation; arrows: how long the body is. The title says what is "
+    "magnified."
+)
+
+_APART = (
+    "The bodies moved apart along the mean normal of their contact, or out of a fit, so that both faces can be seen."
+)
+
+
+def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True, no_result: str = "") -> Markup:
+    """The picture of the deformed body, or why there is none.
+
+    Args:
+        folder: of the result.
+        solid: whether the body is in space.
+        stressed: whether its stress is known.
+        no_result: of what it is where there is no solution; "": it is one, of which the largest stress is marked.
+    """
+    data = folder.picture("setup.png")
+    if data is not None:
+        return picture(data, "png", "body, supports, loads and contact", _SETUP, "still overview")
+    data = folder.picture("deformed.png")
+    if data is None:
+        reason = "this was solved with --no-pictures"
+        if solid:
+            reason += f", or has too many facets to be drawn, or without {PYVISTA}"
+        return tag("p", f"No picture: {reason}.", class_="note")
+    colours = f"{_COLOURS}{'. ' if no_result else _CIRCLE}" if stressed else _DISPLACEMENT
+    caption = f"{no_result}{' ' * bool(no_result)}{colours}{_SOLID_BODY if solid else _PLANE_BODY}"
+    return picture(data, "png", "deformed body on its foundation", caption, "still overview")
+
+
+def further_pictures(folder: ResultFiles, *, solid: bool = False) -> Markup:
+    """The body to be turned, a section, bodies apart, and the pictures of other fields that were asked for."""
+    cut, apart = folder.picture("section.png"), folder.picture("exploded.png")
+    inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]
+    inside += [] if apart is None else [picture(apart, "png", "bodies moved apart", _APART)]
+    further = inside + [
+        picture(data, "png", field.in_words, f"{field.in_words[0].upper()}{field.in_words[1:]}{field.remark}.")
+        for name, field in FIELDS.items()
+        if (data := folder.picture(f"field_{name}.png")) is not None
+    ]
+    turned = turning(folder) if solid else []
+    return joined([*turned, *([tag("div", *further, class_="pictures")] if further else [])])
+
+
+def profiles(contact: dict[str, Any]) -> Markup:
+    """Curves along the contact boundary, to be zoomed where the page can; contact and friction beside each other."""
+    from signorini_fx.addons.pictures.boundary_profiles import boundaries_of, boundary_profiles
+
+    frictional = bool(np.any(contact["bound"] != 0) or np.any(contact["friction"] != "none"))
+    opposite, _ = _sides(contact.get("against", ()))
+    beside = opposite.replace("the ", "")
+    sides = {"contact": f"Contact pressure; normal displacement and {beside}; below, what is in contact."}
+    if frictional:
+        sides["friction"] = "Shear and its bounds; tangential displacement; below, where the contact sticks and slips."
+    drawn = [
+        drawn_by(boundary_profiles, contact, sides=[side], caption=caption, class_="still curves")
+        for side, caption in sides.items()
+    ]
+    signs = f"Normal displacement above {opposite} is penetration{'; shear has the sign of the slip' * frictional}."
+    if "shear_z" in contact:
+        signs += " Friction acts along the section and around the axis: both parts together are bounded."
+    apart = contact["state"] == "open"
+    if np.any(np.abs(contact["shear"][apart]) > 1e-9 * np.abs(contact["shear"]).max(initial=0.0)):
+        signs += " Tresca friction acts where nothing is in contact too, as its bound does not depend on the pressure."
+    return joined(
+        [tag("div", *drawn, class_="pictures"), *plots(boundaries_of(contact)), tag("p", signs, class_="note")]
+    )
+
+
+def forces(summary: dict[str, Any]) -> Markup:
+    """Resultants of all boundaries, figures of each contact boundary and zones, as far as the summary has them."""
+    parts = [_resultants(summary), _contact_boundaries(summary), _zones(summary)]
+    return joined([part for part in parts if part is not None])
+
+
+def _resultants(summary: dict[str, Any]) -> Markup | None:
+    """Force, moment and point of action through each boundary, component by component."""
+    entries = summary.get("resultants", [])
+    if not entries:
+        return None
+    kinematics = kinematics_of(summary)
+    axes = named_components(kinematics, len(entries[0]["force"]))
+    moments = [list(entry["moment"]) if isinstance(entry["moment"], list) else [entry["moment"]] for entry in entries]
+    turns = [k for k in range(len(moments[0])) if kinematics.uniform or any(moment[k] for moment in moments)]
+    places = [_place_of_action(summary, entry.get("acts_at")) for entry in entries]
+    names = [f"force {name}{bracketed('force')}" for name in axes.values()]
+    names += [f"moment{f' {chr(120 + k)}' * (len(moments[0]) > 1)}{bracketed('moment')}" for k in turns]
+    names += [f"acts at {axis}{bracketed('length')}" for axis in "xyz"[: len(axes)]] if any(places) else []
+    rows = []
+    for entry, moment, place in zip(entries, moments, places, strict=True):
+        row = [entry.get("boundary") or "whole body", " and ".join(entry.get("acts", []))]
+        row += [*components([entry["force"][k] for k in axes]), *components([moment[k] for k in turns])]
+        row += (components(place) if place else [""] * len(axes)) if any(places) else []
+        rows.append(tuple(row))
+    note = "Forces on the body."
+    if turns:
+        note += " Moments are about the origin" + (", counterclockwise." if len(moments[0]) == 1 else ".")
+    if any(places):
+        note += " The point is one of the line on which the force acts."
+    if any(places) and not all(places):
+        note += " Where no point is named the force acts far outside the body or nowhere: the moment counts."
+    return joined([table(["boundary", "by", *names], rows), tag("p", note, class_="note")])
+
+
+def _place_of_action(summary: dict[str, Any], point: list[float] | None) -> list[float] | None:
+    """A point of the line of action that is not farther from the body than the body is large."""
+    bounds = [piece["bounds"] for piece in summary.get("pieces", ())]
+    if point is None or not bounds:
+        return point
+    low, high = np.min([bound[0] for bound in bounds], axis=0), np.max([bound[1] for bound in bounds], axis=0)
+    away = np.maximum(0.0, np.maximum(low - point, point - high))
+    return point if np.linalg.norm(away) <= np.linalg.norm(high - low) else None
+
+
+def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
+    """Area, mean pressure and friction of each contact boundary."""
+    entries = summary.get("contact_boundaries", [])
+    if not entries:
+        return None
+    length = unit("length")
+    solid = kinematics_of(summary).whole
+    area = f"area{f' ({length}²)' if length else ''}" if solid else f"length{bracketed('length')}"
+    names = {
+        "boundary": "contact boundary",
+        "area": area,
+        "contact_area": f"in contact, {area}",
+        "pressure_integral": f"integral of pressure{bracketed('force')}",
+        "mean_pressure": f"mean pressure{bracketed('stress')}",
+        "tangential_force": f"tangential force{bracketed('force')}",
+        "friction_limit": f"friction limit{bracketed('force')}",
+        "friction_moment": f"moment of friction about its middle{bracketed('moment')}",
+        "moment_limit": f"moment limit{bracketed('moment')}",
+    }
+    used = [key for key in names if any(entry.get(key) is not None for entry in entries)]
+    if not has_friction(summary):
+        used = [key for key in used if key not in ("tangential_force", "friction_limit")]
+    if in_space(summary):  # the table of areas has them
+        used = [key for key in used if key not in ("area", "contact_area")]
+    rows = [tuple(figure(entry.get(key)) if key != "boundary" else entry[key] for key in used) for entry in entries]
+    return table([names[key] for key in used], rows)
+
+
+def _zones(summary: dict[str, Any]) -> Markup | None:
+    """The zones of contact, stick and slip."""
+    if "zones" not in summary:
+        return None
+    size = max((abs(c) for runs in summary["zones"].values() for run in runs for end in run for c in end), default=0.0)
+    rows = []
+    for name, runs in summary["zones"].items():
+        for first, last in runs:
+            ends = (c for end in (first, last) for c in components(clean(end, size)))
+            rows.append((name, *ends, figure(math.dist(first, last))))
+    if not rows:
+        return tag("p", "Nothing is in contact.")
+    note = "From node to node: the true ends lie up to one element further out. Stick and slip within the contact."
+    names = [
+        f"{side} {axis}{bracketed('length')}" for side in ("from", "to") for axis in "xyz"[: (len(rows[0]) - 2) // 2]
+    ]
+    return joined([table(["zone", *names, f"chord{bracketed('length')}"], rows), tag("p", note, class_="note")])
+
+
+def steps(folder: ResultFiles, steps: dict[str, Any], contact: dict[str, Any], *, around: bool = False) -> Markup:
+    """Forces step by step, the animation, and the table of the steps.
+
+    Args:
+        folder: of the result.
+        steps: columns of ``steps.csv``.
+        contact: columns of ``contact.csv``.
+        around: whether the body is one of revolution.
+    """
+    from signorini_fx.addons.pictures.load_steps import load_steps
+    from signorini_fx.addons.pictures.step_animation import step_animation
+
+    parts = []
+    body = folder.picture("deformed.gif")
+    if body is not None:
+        caption = "The deformed body, load step by load step; magnification and colours stay the same."
+        parts.append(picture(body, "gif", caption, caption, "moving"))
+    if any(name.startswith("contact_force_x") for name in steps):
+        resisting = "torque of friction" if "torque" in steps else "friction force"
+        who, whom = _sides(contact.get("against", ()))
+        caption = f"Above: forces of {who} on {whom}. Below: {resisting} over displacement."
+        if any(name.startswith("friction_moment") for name in steps):
+            caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
+        pictures = [drawn_by(load_steps, steps, caption=caption, around=around)]
+        solid = any(name.startswith("contact_force_z") for name in steps)
+        if (not solid or "torque" in steps) and (folder.path / "contact_steps.csv").is_file():
+            caption = "Pressure, shear and states along the contact boundary, step by step."
+            contact = folder.columns("contact_steps.csv")
+            pictures.append(drawn_by(step_animation, contact, caption=caption, suffix=".gif", class_="moving"))
+        parts.append(tag("div", *pictures, class_="pictures"))
+    return joined([*parts, long_table("Every load step", steps, "steps.csv")])

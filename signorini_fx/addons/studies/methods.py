@@ -1,0 +1,86 @@
+"""The methods that a study compares: they vary one choice at a time around the default.
+
+The choices are the element, the regularisation, the algorithm, the linear algebra, and the meshes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from signorini_fx.scenes.scene import Scene
+
+FAMILIES = {
+    "element": "Element",
+    "gamma": r"Fixed $\gamma$, in units of $E$ / size",
+    "algorithm": "Algorithm",
+    "linear algebra": "Linear algebra",
+    "meshes": "One mesh, nested, adaptive",
+}
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to solve the scene.
+
+    Attributes:
+        name: what to call it.
+        families: the comparisons that it takes part in.
+        element: P1, Q1, P2 or Q2.
+        gamma: gamma_1 = gamma_2 over E / size of the body; None: automatic.
+        settings: further solver settings.
+        adaptive: whether its meshes are refined adaptively until an accuracy is reached.
+    """
+
+    name: str
+    families: tuple[str, ...]
+    element: str = "Q1"
+    gamma: float | None = None
+    settings: dict[str, Any] = field(default_factory=dict)
+    adaptive: bool = False
+
+    @property
+    def degree(self) -> int:
+        """The degree of the element."""
+        return int(self.element[1])
+
+
+def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
+    """The list, simplest first."""
+    exact = {"algorithm": "exact"}
+    candidates = [Method("Q1, exact", tuple(FAMILIES), settings=exact)]
+    elements = ("Q2",) if quick else ("Q2", "P1", "P2")
+    candidates += [Method(f"{name}, exact", ("element",), name, settings=exact) for name in elements]
+    for name, settings in (
+        ("gamma automatic", {}),
+        ("continuation", {"algorithm": "continuation"}),
+        ("path-following", {"algorithm": "path-following"}),
+        ("ALM", {"algorithm": "alm"}),
+    ):
+        if scene.statement.has_coulomb:
+            name = f"{name}-FP" if name == "ALM" else f"{name}, FP"
+        if not quick or "ALM" in name:
+            candidates.append(Method(name, ("algorithm",), settings=settings))
+    powers = (5,) if quick else (3, 4, 5, 6, 7, 8, 9, 10)
+    candidates += [Method(f"gamma = 1e{power}", ("gamma",), gamma=10.0**power) for power in powers]
+    if scene.statement.has_coulomb:
+        candidates.append(Method("gamma automatic, monolithic", ("algorithm",), settings={"coulomb": "newton"}))
+    for kind in ("condensed", "full", "krylov")[: 2 if quick else 3]:
+        candidates.append(Method(f"Q1, exact, {kind}", ("linear algebra",), settings={**exact, "linear_algebra": kind}))
+    for element in ("Q1", "Q2"):
+        nested = {**exact, "levels": 2 if quick else 3}
+        candidates.append(Method(f"{element}, exact, nested", ("meshes",), element, settings=nested))
+    if not quick:
+        candidates.append(Method("Q2, ALM, nested", ("meshes",), "Q2", settings={"algorithm": "alm", "levels": 3}))
+        candidates.append(Method("Q2, exact", ("meshes",), "Q2", settings=exact))
+        candidates.append(Method("P1, exact, adaptive", ("meshes",), "P1", settings=exact, adaptive=True))
+    candidates.append(Method("P2, exact, adaptive", ("meshes",), "P2", settings=exact, adaptive=True))
+    return list({method.name: method for method in _merge(candidates)}.values())
+
+
+def _merge(candidates: list[Method]) -> list[Method]:
+    """Methods that are in the list twice are merged, with the families of both."""
+    families: dict[str, list[str]] = {}
+    for method in candidates:
+        families.setdefault(method.name, []).extend(method.families)
+    return [replace(method, families=tuple(families[method.name])) for method in candidates]

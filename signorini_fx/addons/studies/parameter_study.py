@@ -1,0 +1,146 @@
+"""One entry of a scene with several values: a solve for each of them, a table and a picture."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from signorini_fx.errors import SceneError
+from signorini_fx.machine.csv_text import write_csv
+from signorini_fx.mechanics.statement.units import labelled
+from signorini_fx.records import Status
+from signorini_fx.results.solution import Solution
+from signorini_fx.scenes.changes import Changes, parsed_change
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
+from signorini_fx.tuned import ZERO_IN_SOLUTION
+
+# The figures of a row.
+FIGURES = (
+    "contact_force",
+    "friction_force",
+    "max_pressure",
+    "max_shear",
+    "contact_area",
+    "stick_area",
+    "strain_energy",
+)
+# Everything that a study may write.
+FILES = ("sweep.csv", "sweep.png", "sweep.pdf")
+_COMMA = re.compile(r",(?![^()]*\))")  # between values, and not between the arguments of a function
+_RANGE = re.compile(r"\s*([-+.\deE]+)\s*:\s*([-+.\deE]+)\s*:\s*(\d{1,5})\s*")
+
+
+@dataclass(frozen=True)
+class ParameterStudy:
+    """What came out.
+
+    Attributes:
+        entry: the path of the entry of the scene that has several values.
+        title: of the scene.
+        units: for labels, see ``signorini_fx.mechanics.statement.units``.
+        rows: of each value in order: ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``:
+            sizes of the contact and friction force (per thickness in the plane), between bodies the sum of those of all
+            boundaries, areas in contact and of what sticks (in the plane lengths); not a number where there is no
+            solution.
+    """
+
+    entry: str
+    title: str
+    units: dict[str, str]
+    rows: tuple[dict[str, Any], ...]
+
+    @property
+    def solved(self) -> bool:
+        """Whether every value has a solution."""
+        return all(row["status"] == Status.CONVERGED.value for row in self.rows)
+
+
+def several(changes: Changes) -> tuple[str, list[Any]]:
+    """The one entry that has several values, its path and the values: ``0.1:0.8:8``, from, to, and how many of them at
+    equal distances, or ``0.1,0.2,0.4``.
+
+    Raises:
+        SceneError: none has, or more than one, or a range is wrong.
+    """
+    ranges = {path: values for path, value in changes.items() if len(values := _values(path, value)) > 1}
+    if len(ranges) != 1:
+        reason = f"these have: {', '.join(ranges)}" if ranges else "none has"
+        example = "such as --set contact[0].friction.coefficient=0.1:0.8:8 or 0.1,0.2,0.4"
+        raise SceneError([("sweep", f"one entry must have several values, {example}; {reason}")])
+    return ranges.popitem()
+
+
+def _values(path: str, value: Any) -> list[Any]:
+    if not isinstance(value, str):
+        return [value]
+    if match := _RANGE.fullmatch(value):
+        try:
+            first, last = float(match[1]), float(match[2])
+        except ValueError:
+            raise SceneError([(path, f"{value!r} is no range: FROM:TO:COUNT is expected, such as 0.1:0.8:8")]) from None
+        return [float(f"{entry:.12g}") for entry in np.linspace(first, last, int(match[3]))]
+    return [parsed_change(f"value={entry}")[1] for entry in _COMMA.split(value)]
+
+
+def run(
+    entry: str, scenes: Sequence[tuple[Any, Scene]], comm: MPI.Comm, report: Callable[[str], object]
+) -> ParameterStudy:
+    """Solve each scene; collective.
+
+    Args:
+        entry: the path of what has several values.
+        scenes: each value, and the scene that has it.
+        comm: the ranks that share the work.
+        report: told a line of text at each one.
+    """
+    names = "  ".join(f"{name:>14s}" for name in FIGURES).replace("_", " ")
+    report(f"{entry}\n{'value':>12s}  {names}  outcome")
+    rows, units = [], {}
+    for value, scene in scenes:
+        solution = solve(scene, comm, check=False)
+        rows.append({"value": value, **figures_of(solution)})
+        units = scene.statement.unit_names(solution.model.tagged.dimension)
+        figures = "  ".join(f"{rows[-1][name]:14.6g}" for name in FIGURES if name in rows[-1])
+        report(f"{value!s:>12s}  {figures}  {solution.status.value}")
+    return ParameterStudy(entry, scenes[0][1].title, units, tuple(rows))
+
+
+def figures_of(solution: Solution) -> dict[str, Any]:
+    """The row of a solution, with no figure without one; collective."""
+    figures = {"strain_energy": solution.last_step.strain_energy}
+    if solution.contact is not None:
+        columns = solution.table.columns
+        touching = columns["state"] != "open"
+        # Between bodies each force acts on another one, so that their sum says nothing.
+        between = any(effect.against for effect in solution.statement.contact)
+        forces = solution.contact.forces_of_each if between else np.array([solution.contact.forces])
+        contact, friction = map(float, np.linalg.norm(forces, axis=2).sum(axis=0))
+        figures |= {
+            "contact_force": contact,
+            "friction_force": friction if friction > ZERO_IN_SOLUTION * contact else 0.0,
+        }
+        figures["max_pressure"] = float(columns["pressure"].max(initial=0.0))
+        figures["max_shear"] = float(np.abs(columns["shear"]).max(initial=0.0))
+        figures["contact_area"] = float(columns["weight"][touching].sum())
+        figures["stick_area"] = float(columns["weight"][touching & (columns["friction"] == "stick")].sum())
+    if not solution.converged:
+        figures = dict.fromkeys(figures, float("nan"))
+    outcome = {"status": solution.status.value, "linear_solves": solution.history.linear_solves}
+    return {**outcome, "certificate_holds": solution.certificate.holds, **figures}
+
+
+def write(study: ParameterStudy, folder: Path) -> None:
+    """Write sweep.csv, and the picture if the values are numbers and there is contact."""
+    write_csv(folder / "sweep.csv", study.rows)
+    if all(isinstance(row["value"], int | float) and "contact_force" in row for row in study.rows):
+        from signorini_fx.addons.pictures.parameter_study import draw
+
+        with labelled(study.units):
+            draw(folder / "sweep", study.entry, study.rows, study.title)

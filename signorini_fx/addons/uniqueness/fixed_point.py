@@ -1,0 +1,59 @@
+"""How far a solution with Coulomb friction is from the fixed point of its mesh, proved by a contraction.
+
+Let m be the multiple of the friction coefficients below which ``uniqueness`` proves that there is one solution, with
+the weights d_i of the proof, and let r, r' be the nodal contact forces of two solutions with Tresca friction of the
+nodal bounds g, g' (forces).  With |h|^2 = sum d_i h_i^2 / F_i over the tangential components the inequalities of the
+proof give
+
+    |F (r_N - r_N')| <= |g - g'| / m,        a(u - u', u - u') <= (2 / m) |g - g'|^2.
+
+So for m > 1 the map from g to F r_N(g) has one fixed point g*, and |g - g*| <= |F r_N(g) - g| / (1 - 1 / m).  A
+computed state is the solution for the bound g that is |mu| where a point slips, and at least F lambda where it sticks:
+whatever ended the iteration.  docs/theory.md derives it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signorini_fx.addons.uniqueness.contact_stiffness import contact_stiffness
+from signorini_fx.addons.uniqueness.proof import components, critical
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.model import Model
+from signorini_fx.quantities.statements import FixedPoint
+from signorini_fx.tuned import WEIGHT_EVALUATIONS, WEIGHT_WORK
+
+
+def fixed_point(d: Model, contact: ContactState, step: float | None = None) -> FixedPoint:
+    """The distance of a solution with Coulomb friction from the fixed point.
+
+    Args:
+        d: the model.
+        contact: its contact nodes in the solution.
+        step: the place of the load step in the lists of factors; None: the last one.
+    """
+    law, stiffness = d.law, contact_stiffness(d, step)
+    assert law is not None
+    if isinstance(stiffness, str):
+        return FixedPoint(np.inf, reason=stiffness)
+    rough = components(*stiffness, law)
+    if isinstance(rough, str):
+        return FixedPoint(np.inf, reason=rough)
+    often = min(WEIGHT_EVALUATIONS, 1 + int(WEIGHT_WORK / len(rough.stiffness) ** 3))
+    multiple, why, weights = critical(rough, law.coefficient, often)
+    if multiple <= 1:
+        return FixedPoint(1 / multiple if multiple > 0 else np.inf, reason=why)
+    acting = law.coefficient[rough.tangential] > 0
+    points, scale = rough.tangential[acting], weights[acting] / law.coefficient[rough.tangential[acting]]
+
+    def norm(stress: Nodal) -> float:
+        return float(np.sqrt(scale @ (contact.points.weight * stress)[points] ** 2))
+
+    size = np.linalg.norm(contact.shear, axis=1)
+    slips = contact.direction.any(axis=1)
+    used = np.where(slips, size, np.maximum(size, contact.bound))  # the bound that the shear is the one of
+    away = norm(used - contact.bound) / (1 - 1 / multiple)
+    least = norm(used) - away
+    relative = away / least if least > 0 else (0.0 if away == 0 else np.inf)
+    return FixedPoint(1 / multiple, float(np.sqrt(2 / multiple)) * away, relative)

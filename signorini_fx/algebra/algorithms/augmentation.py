@@ -1,0 +1,149 @@
+"""The update of augmented Lagrangian methods: the next shifts, whether they have settled, and the next gamma.
+
+For fixed sets an update reduces an error e of the multipliers to r e, with r = k / (k + gamma) and k the stiffness at
+the contact nodes.  The limit is the same for every gamma, but with a small one an iterate changes little although it is
+far from the limit, and the two multipliers have a gamma each.  So a small change alone does not mean convergence: the
+remaining error is the change times r / (1 - r), with the observed r or that of the largest k, whichever is smaller; and
+the displacement has to satisfy the conditions of the limit itself: a fixed point may contract more slowly than r, and
+the shear of one node may still turn to its slip when no norm shows it.  If a multiplier converges slowly its gamma is
+increased, up to ten times k or the natural one.  A gamma so large that its round-off would hide the limit is reduced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.contact.laws import Nodal, RegularisedData, inner, slip_of, unit
+from signorini_fx.algebra.contact.laws import length as length_of
+from signorini_fx.algebra.contact.points import shares
+from signorini_fx.tuned import ENOUGH_GAMMA, FAINT_DISPLACEMENT, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, SLOW_SHARE
+
+T = TypeVar("T")
+
+
+def with_enough_digits(data: RegularisedData, natural: float) -> RegularisedData:
+    """The problem with gammas reduced so that their round-off does not hide the limit."""
+    largest = LARGEST_AUGMENTED_GAMMA * natural
+    return replace(data, gamma_n=min(data.gamma_n, largest), gamma_t=min(data.gamma_t, largest))
+
+
+@dataclass
+class Augmentation:
+    """One augmented Lagrangian iteration on the problems that an inner method solves.
+
+    Attributes:
+        newton: the inner method.
+        natural: a gamma with which few updates suffice, stress per length; a smaller one is increased towards it if
+            convergence is slow.
+        tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their own norms, and for
+            penetration and elastic slip, relative to the displacements; of each group of points.
+        changes: the last changes of pressure and shear that the body feels, in the norm, shape (groups,); nan: not
+            known.
+        slow: which of the two were slow at the last update.
+        left: remaining relative error of the multipliers.
+        violation: largest remaining penetration and elastic slip, relative to the displacements of the contact nodes,
+            and slip against the shear or across it: the smaller of the slip, relative to these, and of the part of the
+            shear that does not point along it, relative to the largest stress.
+    """
+
+    newton: SemismoothNewton
+    natural: float
+    tolerance: float
+    changes: tuple[Nodal, Nodal] = (np.array([np.nan]), np.array([np.nan]))
+    slow: tuple[bool, bool] = (False, False)
+    left: float = np.inf
+    violation: float = np.inf
+    _stiffness: Nodal = field(init=False)
+
+    def __post_init__(self) -> None:
+        system = self.newton.problem.system
+        self._stiffness = self.newton.problem.groups.largest(system.contact.stiffness(system.matrix.getDiagonal()))
+
+    @property
+    def settled(self) -> bool:
+        """Whether both multipliers are those of the limit, to the tolerance."""
+        return max(self.left, self.violation) <= self.tolerance
+
+    def measure(self, data: RegularisedData) -> float:
+        """Evaluate the problem just solved, and the shifts that it began with; collective.
+
+        Returns:
+            Relative change of the multipliers, the largest of all groups of points.
+        """
+        newton, old_shifts = self.newton, (data.lambda_hat, data.mu_hat)
+        points, groups = newton.problem.points, newton.problem.groups
+        new_shifts = newton.shifts(data)
+        felt, felt_before = (
+            _of_pressure_and_shear(points.felt, *new_shifts),
+            _of_pressure_and_shear(points.felt, *old_shifts),
+        )
+        moved = _of_pressure_and_shear(
+            points.felt, *(new - old for new, old in zip(new_shifts, old_shifts, strict=True))
+        )
+        now, last_size = (groups.norms(movement) + groups.norms(floor) for movement, floor in (felt, felt_before))
+        changes = groups.norms(moved[0]), groups.norms(moved[1])
+        round_off = newton.problem.round_off(newton.x) if newton.problem.bonds_alone else np.zeros(len(moved[0]))
+        size = np.maximum(groups.scales(np.where(now > 0, now, last_size)), groups.norms(round_off))
+        gammas = (data.gamma_n, data.gamma_t)
+        u_n, u_t = newton.problem.system.contact.traces(newton.x)
+        length = groups.scales(groups.largest(np.maximum(np.abs(u_n), length_of(u_t))), lengths=True)
+        # If all motion is round-off, the scale is the displacement that the tractions could cause.
+        stress = np.maximum(groups.scales(groups.largest(np.maximum(*felt))), groups.largest(round_off))
+        length = np.maximum(length, shares(FAINT_DISPLACEMENT * stress, self._stiffness))
+        lengths, stresses = (np.where(movement > 0, movement, 1.0)[groups.number] for movement in (length, stress))
+        # At its bound, that of the problem just solved, the shear gives no information about slip.
+        sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0])
+        open_at = (np.abs(new_shifts[0] - old_shifts[0]), length_of(new_shifts[1] - old_shifts[1]) * sticks)
+        slip = slip_of(u_t, data)
+        wrong = np.minimum(length_of(slip) / lengths, length_of(_astray(new_shifts[1], slip)) / stresses)
+        least = (np.zeros(groups.count), groups.largest(wrong))
+        lefts, violations, slow = [], [], []
+        for change, last, gamma, movement, floor in zip(changes, self.changes, gammas, open_at, least, strict=True):
+            share = shares(change, last, np.nan)
+            beyond = shares(share, 1 - share, np.inf)
+            times = np.maximum(1.0, np.fmin(beyond, self._stiffness / gamma))
+            ahead = change * times
+            remaining = shares(ahead, size, ahead)
+            missed = np.asarray(groups.largest(movement) / gamma, dtype=np.float64)
+            violation = np.maximum(floor, shares(missed, length, missed))
+            slow.append(bool(np.any((share > SLOW_SHARE) & (np.maximum(remaining, violation) > self.tolerance))))
+            lefts.append(remaining)
+            violations.append(violation)
+        self.changes, self.slow = changes, (slow[0], slow[1])
+        self.left, self.violation = float(np.max(sum(lefts))), float(np.max(violations))
+        total = changes[0] + changes[1]
+        return float(shares(total, size, total).max())
+
+    def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
+        """The next problem: the multipliers as shifts; gamma times ``factor`` or, if convergence is slow, increased."""
+        pressure, shear = self.newton.shifts(data)
+        enough = min(self.natural, ENOUGH_GAMMA * float(self._stiffness.max()))
+        largest = LARGEST_AUGMENTED_GAMMA * self.natural
+
+        def grown(gamma: float, slow: bool) -> float:
+            raised = min(GAMMA_GROWTH * gamma, enough) if slow else gamma
+            return max(gamma, raised, min(factor * gamma, largest))
+
+        return replace(
+            data,
+            lambda_hat=pressure,
+            mu_hat=shear,
+            gamma_n=grown(data.gamma_n, self.slow[0]),
+            gamma_t=grown(data.gamma_t, self.slow[1]),
+        )
+
+
+def _astray(shear: Nodal, slip: Nodal) -> Nodal:
+    """The part of a shear that does not point along the slip."""
+    way = unit(slip)
+    return shear - np.maximum(inner(shear, way), 0.0)[:, None] * way
+
+
+def _of_pressure_and_shear(measure: Callable[[Nodal, Nodal], T], pressure: Nodal, shear: Nodal) -> tuple[T, T]:
+    """What the body feels of a pressure and of a shear, each beside the other."""
+    return measure(pressure, shear), measure(shear, pressure)

@@ -1,0 +1,105 @@
+"""What statics says about Coulomb friction: a first problem that has a solution, and which outcomes are proved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algebra.algorithms.fall_backs import touching_nodes
+from signorini_fx.algebra.algorithms.task import Task
+from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
+from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData, slip_of
+from signorini_fx.algebra.contact.reactions import reactions
+from signorini_fx.algebra.contact.statics import largest_multiple, no_balance
+from signorini_fx.algebra.problem.problem import Problem
+from signorini_fx.records import Status
+from signorini_fx.tuned import RESIDUAL_TOLERANCE
+
+
+def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
+    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick.
+
+    It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then
+    only where it touches at its resting place.
+    """
+    motions, everywhere = task.motions, task.motions.points.everywhere
+
+    def possible(stick: npt.NDArray[np.bool_]) -> bool:
+        """Whether contact can hold the body and balance its load if these nodes stick, and no other ones rub."""
+        law = stuck(stick)
+        held = motions.held_by(everywhere, stick)
+        return held and no_balance(law, data.bilateral, motions, task.system.resultant) is None
+
+    if possible(~everywhere):
+        return replace(data, bound=None)
+    stick = everywhere
+    if motions.held_by(~everywhere, everywhere):
+        touching = touching_nodes(motions.points.comm, data)
+        stick = touching if possible(touching) else everywhere
+    return replace(data, bound=np.where(stick, np.inf, 0.0))
+
+
+def proved(task: Task, problem: Problem, law: PointFriction, status: Status) -> Status:
+    """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing else.
+
+    The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, as it
+    always does where the pressure is statically indeterminate, the fixed-point iteration has failed, and another method
+    may find it.
+    """
+    if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
+        return status
+    data, everywhere = problem.data, task.motions.points.everywhere
+    if status is Status.NOT_HELD and not task.motions.held_by(everywhere, law.acts):
+        return status
+    motions, resultant = task.motions, task.system.resultant
+    lost = no_balance(law, data.bilateral, motions, resultant)
+    if lost is None and not all(resultant[columns].any() for _, columns in motions.assemblies):
+        free = free_state(task, data)
+        lost = None if free is None else no_balance(law, data.bilateral, motions, resultant, free[0])
+    if lost is not None:
+        return lost.status
+    task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
+    share = share_of_loads(task, data)
+    if share >= 1.0:
+        return Status.OUTER_MAX_ITERATIONS
+    task.history.add(f"friction at this pressure carries at most {share:.5g} of the loads")
+    return Status.SLIDES_AT_PRESSURES
+
+
+def share_of_loads(task: Task, data: RegularisedData) -> float:
+    """A multiple of the loads above which no pressures, and no shears up to the given bound, carry them; collective."""
+    motions, load = task.motions, task.system.resultant
+    allowed = reactions(motions, as_given(data.bound), data.bilateral)
+    shares = [np.inf]
+    for number, columns in motions.assemblies:
+        if load[columns].any():
+            limit = largest_multiple(allowed.of(number, columns), 0 * load[columns], load[columns])
+            shares.append(0.0 if limit is None else limit.factor)
+    return min(shares)
+
+
+def free_state(task: Task, data: RegularisedData) -> tuple[Nodal, Nodal] | None:
+    """Gap, length, shape (n,), and slip, length, shape (n, d - 1), of the body as its loads and supports alone deform
+    it, where these have no resultant; collective; None if that does not succeed.
+
+    One linear solve: springs at the contact nodes hold the body, with forces below the tolerance for residuals.
+    """
+    newton, soft = task.iterate.newton, RESIDUAL_TOLERANCE * task.natural_gamma
+    checkpoint, zero = newton.checkpoint(), np.zeros_like(data.mu_hat)
+    springs = RegularisedData(
+        gap=zero[:, 0],
+        gamma_n=soft,
+        gamma_t=soft,
+        sigma=np.inf,
+        lambda_hat=zero[:, 0],
+        mu_hat=zero,
+        bound=np.full(len(zero), np.inf),
+        bilateral=np.ones(len(zero), dtype=bool),
+    )
+    newton.begin_at(newton.problem.system.start)  # not where the body has gone: its round-off is above those forces
+    status = newton.solve_once(springs, ActiveSets.all_in_contact(*zero.shape), lambda: None)
+    u_n, u_t = newton.problem.system.contact.traces(newton.x)
+    newton.restore(checkpoint)
+    return (data.gap - u_n, slip_of(u_t, data)) if status is Status.CONVERGED else None

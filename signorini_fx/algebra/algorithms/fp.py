@@ -1,0 +1,127 @@
+"""Algorithms (FP) and (ALM-FP), section 6.3: Coulomb friction by a fixed-point iteration of Tresca problems."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from signorini_fx.algebra.algorithms.augmentation import Augmentation
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData
+from signorini_fx.algebra.contact.points import shares
+from signorini_fx.machine import parallel
+from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
+from signorini_fx.tuned import BOUND_CAME_BACK, RAISED_SHARE
+
+
+def fixed_point(
+    newton: SemismoothNewton,
+    data: RegularisedData,
+    law: PointFriction,
+    start: tuple[Nodal, Nodal],
+    first_sets: ActiveSets | None,
+    *,
+    tolerance: float,
+    max_outer: int,
+    augmentation: Augmentation | None = None,
+    damping: float = 1.0,
+    carried: Callable[[RegularisedData], float] | None = None,
+) -> Status:
+    """Iterate g <- lambda until g changes by no more than ``tolerance``; with augmentation, until mu has settled too.
+
+    The norm of section 7 is a mean over the contact boundary.  A single point whose weight is small hardly contributes
+    to it, so the friction bound must be that of the law at each of them as well.  Each group of points has norms of its
+    own, so that no body stops the iteration of another one.
+
+    Args:
+        newton: the inner method.
+        data: gamma and the shifts; this algorithm updates the bound.
+        law: gives the bound from the contact pressure.
+        start: (lambda, mu) that the iteration starts from; section 7: of the pure contact problem, g = 0.
+        first_sets: sets of the first linear solve; None: from the iterate that ``newton`` holds.
+        tolerance: for d_g = |g^m - g^(m-1)| / |g^m| in the norm of L2(Gamma_c), section 7.
+        max_outer: Tresca problems allowed.
+        augmentation: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
+            unregularised solution.
+        damping: fraction of the step to the new bound that is taken, for iterations that oscillate or diverge.
+        carried: gives the share of the loads up to which friction with the bound of a problem carries them; bounds at
+            which it is below 1 are raised in proportion.  None: they stay, and the body slides.
+    """
+    g, norms = start[0], newton.problem.groups.norms
+    previous: Nodal | None = None
+    if augmentation is not None:
+        data = replace(data, lambda_hat=start[0], mu_hat=start[1])
+    for _ in range(max_outer):
+        bound = law.bound(g)
+        data = replace(data, bound=bound)
+        share = 1.0 if carried is None else carried(data)
+        if share == 0.0:
+            return Status.SLIDES_AT_PRESSURES
+        if share < 1.0:
+            data = replace(data, bound=RAISED_SHARE / share * bound)
+        status = newton.solve(data, first_sets, measure=partial(_change, newton, data, g, augmentation))
+        if status is not Status.CONVERGED:
+            return status
+        first_sets = None
+        change = newton.history.outer[-1].change
+        pressure, _ = newton.multipliers()
+        if change is not None and change <= tolerance and (augmentation is None or augmentation.settled):
+            if share < 1.0:  # at pressures that do not change any more
+                newton.history.add(
+                    f"friction carries at most {share:.5g} of the loads at the pressures of raised bounds"
+                )
+                return Status.SLIDES_AT_PRESSURES
+            if _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
+                return Status.CONVERGED
+            torn = law.ends_open is not None and bool(np.any(law.ends_open & (g != 0) & (pressure == 0)))
+            if parallel.any_rank(newton.problem.points.comm, torn):  # damping keeps their bound for ever
+                newton.history.add("contact points open with their cohesion, and are closed without it")
+                return Status.OUTER_MAX_ITERATIONS
+        following = g + damping * (pressure - g)
+        # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
+        if augmentation is None and previous is not None:
+            back = norms(following - previous) <= BOUND_CAME_BACK * norms(following - g)
+            measured = change is not None and newton.problem.groups.count == 1
+            left = (np.array([change]) if measured else _changes(newton, g)) > tolerance
+            if np.any(back & left) if left.any() else back.all():
+                newton.history.add("the fixed point alternates between two friction bounds")
+                return Status.OUTER_MAX_ITERATIONS
+        previous, g = g, following
+        if augmentation is not None:
+            data = augmentation.next(data)
+    return Status.OUTER_MAX_ITERATIONS
+
+
+def _change(newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None) -> float:
+    """The largest d_g of a group of points; with shifts the larger change of the two."""
+    change = float(_changes(newton, g).max())
+    return change if augmentation is None else max(change, augmentation.measure(data))
+
+
+def _changes(newton: SemismoothNewton, g: Nodal) -> Nodal:
+    """d_g of section 7 of each group of points: the new g is the pressure for the old one; collective."""
+    following, shear = newton.multipliers()
+    problem, points, groups = newton.problem, newton.problem.points, newton.problem.groups
+    # The relative change of a pressure that vanishes is 1.
+    size = groups.norms(points.felt(following, shear))
+    if not size.all():
+        size = np.where(size > 0, size, groups.norms(points.felt(g)))
+    return shares(groups.norms(following - g), problem.scales(size, newton.x))
+
+
+def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction) -> float:
+    """Largest difference of the friction bound from that of the law at the pressure found, relative to the largest
+    pressure or shear of its group that the body feels, or if it feels none, that there is; collective.
+    """
+    pressure, shear = newton.multipliers()
+    points, groups, following = newton.problem.points, newton.problem.groups, law.bound(pressure)
+    bound = data.friction_bound(pressure)
+    # The bound of a bond is infinite.
+    away = np.abs(np.subtract(following, bound, out=np.zeros_like(bound), where=np.isfinite(following)))
+    felt = np.maximum(points.felt(pressure, shear), points.felt(shear, pressure))
+    largest, size, any_size = (groups.largest(values) for values in (away, felt, np.abs(pressure)))
+    return float(shares(largest, newton.problem.scales(np.where(size > 0, size, any_size), newton.x)).max())

@@ -1,0 +1,379 @@
+"""A contact problem with a given friction bound as a convex programme, solved by a primal-dual interior-point method.
+
+The solution minimises a convex function, and satisfies, with s and r the multipliers of the bounds of lambda and mu,
+
+    tau_N y - d + s = (lambda - lambda_hat) / gamma_1,    lambda s = 0,              lambda, s >= 0,
+    tau_T y - r mu = (mu - mu_hat) / gamma_2,             r (F^2 g^2 - |mu|^2) / 2 = 0,    |mu| <= F g, r >= 0.
+
+Newton's method solves these equations with both products equal to t > 0, which is reduced from step to step, and stays
+inside the bounds.  Eliminated point by point, a step is one factorisation of A + B^T D B with D > 0 and two solves,
+whatever is in contact: Mehrotra's predictor aims at t = 0, and his corrector at the t that the predictor shows to be in
+reach, with the products of the predictor's changes.  No sets are chosen, so that none can cycle, and a body held by
+contact alone is held in every step.
+
+It begins on a soft foundation.  On one of stiffness gamma a slender body that is lifted would pull with all of gamma,
+and the products would be those of this pull.
+
+Two things are made of it.  As a fall-back it goes on until the products are round-off, and full steps with the sets of
+its end remove what is left.  Where full steps change few sets at a time, as where a slender body peels off, it goes on
+only until it knows the sets, which the quotients of two of its iterates tell (Tapia): these tend to 0 and 1.
+
+Source: Mehrotra, SIAM J. Optim. 2 (1992) 575-601; Wright, Primal-Dual Interior-Point Methods (1997), chapters 6, 8 and
+10; the quotients: El-Bakry, Tapia and Zhang, SIAM Review 36 (1994) 45-72; the disc as in Andersen, Roos and Terlaky,
+Math. Program. 95 (2003) 249-277.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.contact.laws import (
+    ActiveSets,
+    Nodal,
+    RegularisedData,
+    inner,
+    length,
+    natural_sets,
+    onto_disc,
+    slip_of,
+    trial_pressure,
+    trial_shear,
+)
+from signorini_fx.algebra.linalg import finite, options
+from signorini_fx.algebra.linalg.failures import factor_lacks_memory, unprinted
+from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.machine import parallel
+from signorini_fx.records import IterationRecord, Status
+from signorini_fx.tuned import (
+    DECIDED_QUOTIENT,
+    DECIDING_PRODUCT,
+    DECIDING_SHARE,
+    FIRST_SHEAR,
+    LAST_PRODUCT,
+    PROPOSAL_STEPS,
+    RESIDUAL_TOLERANCE,
+    SETTLED_POINTS,
+    SHARE_OF_WAY,
+    SMALL_PRODUCT,
+    SOFT_FOUNDATION,
+    SOFTEST_FOUNDATION,
+    UNDECIDED_POINTS,
+)
+
+
+def interior_point(newton: SemismoothNewton, data: RegularisedData, measure: Callable[[], float | None]) -> Status:
+    """Solve one problem, whatever iterate ``newton`` holds; collective.
+
+    Args:
+        newton: the inner method, with a symmetric tangent and a regularised problem.
+        data: the problem, its friction bound given.
+        measure: see ``SemismoothNewton.solve``.
+    """
+    before, problem = newton.history.linear_solves, newton.problem
+    problem.set_data(data)
+    try:
+        status = _Programme(newton, data).solve()
+    except (PETSc.Error, MemoryError) as error:
+        status = newton.outcome_of(error)
+    if status is Status.CONVERGED:
+        ended, sets = newton.x.copy(), natural_sets(*problem.system.contact.traces(newton.x), data)
+        status = newton.attempt(data, sets)
+        if status is not Status.CONVERGED:  # sets that do not hold the body, or cycle for points at their border
+            newton.begin_at(ended)
+            status = Status.CONVERGED if problem.accept(ended, sets, RESIDUAL_TOLERANCE) else status
+    newton.close(data, status, before, measure)
+    return status
+
+
+def proposed_sets(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
+    """The sets that a few steps from a soft foundation find; the iterate of ``newton`` stays; collective.
+
+    Where the last full step has lifted the body far, the foundation is softer: it yields under the mean pressure by
+    that much.
+
+    Args:
+        newton: the inner method, after a full step of this problem.
+        data: the problem, its friction bound given, gamma finite and sigma infinite.
+
+    Returns:
+        Sets that hold the body; None if a linear solve fails.
+    """
+    problem, begun, sets = newton.problem, newton.x.copy(), newton.problem.sets
+    u_n, _ = problem.system.contact.traces(newton.x)
+    pressure, _ = newton.multipliers()
+    comm, pressed = problem.points.comm, pressure > 0
+    force, points = parallel.global_sum(comm, np.array([pressure[pressed].sum(), np.count_nonzero(pressed)]))
+    lift = parallel.largest(comm, data.gap - u_n, 0.0)
+    lifted = force / (points * lift) if points and lift > 0 else np.inf
+    try:
+        proposed = _Programme(newton, data).sets(lifted)
+    except (PETSc.Error, MemoryError) as error:
+        newton.outcome_of(error)
+        proposed = None
+    newton.begin_at(begun)
+    problem.sets = sets
+    if proposed is None or problem.holds(proposed, data):
+        return proposed
+    return ActiveSets.all_in_contact(*data.mu_hat.shape)
+
+
+@dataclass(frozen=True)
+class _Inside:
+    """A point inside the bounds, or a step of it: lambda, s and r, shape (n,), and mu, shape (n, d - 1)."""
+
+    pressure: Nodal
+    opening: Nodal
+    shear: Nodal
+    rate: Nodal
+
+    def moved(self, step: _Inside, share: float) -> _Inside:
+        """The point after a share of a step."""
+        return _Inside(*(old + share * new for old, new in zip(vars(self).values(), vars(step).values(), strict=True)))
+
+
+@dataclass(frozen=True)
+class _InnerStep:
+    """A step between two points inside the bounds.
+
+    Attributes:
+        begin: the first.
+        end: the second.
+        share: how much of the way to the solution of the linear equations it goes.
+    """
+
+    begin: _Inside
+    end: _Inside
+    share: float
+
+
+class _Programme:
+    """The interior-point method for one problem; the iterate is that of ``newton``."""
+
+    def __init__(self, newton: SemismoothNewton, data: RegularisedData) -> None:
+        assert isinstance(newton.problem, RegularisedProblem)
+        self._newton, self._data, self._problem = newton, data, newton.problem
+        self._points, self._comm = newton.problem.points, newton.problem.points.comm
+        # Where supports alone decide about the distance, no pressure acts that could be bounded.
+        movable = ~self._points.immovable
+        self._one_sided = movable if data.bilateral is None else movable & ~data.bilateral
+        self._bound = np.zeros(movable.size) if data.bound is None else data.bound
+        # Where it is zero there is no shear, where it is infinite no disc.
+        self._rubs = (self._bound > 0) & np.isfinite(self._bound)
+        self._bounds = self._number(self._one_sided) + self._number(self._rubs)
+        self._force, self._change = newton.x.duplicate(), newton.x.duplicate()
+        self._steps = 0
+
+    def _number(self, where: npt.NDArray[np.bool_]) -> float:
+        """How many points of all ranks; collective."""
+        return float(parallel.global_sum(self._comm, np.count_nonzero(where)))
+
+    def solve(self) -> Status:
+        """Reduce the products until full steps can end the iteration."""
+        newton, problem = self._newton, self._problem
+        at = self._on_a_soft_foundation(np.inf, exact=True)
+        first = 0.0 if at is None else self._product(at)
+        for _ in range(newton.max_iterations):
+            if at is None:
+                return Status.NO_MEMORY if factor_lacks_memory(newton.snes.getKSP()) else Status.SINGULAR
+            product = self._product(at)
+            near = product <= SMALL_PRODUCT * first
+            sets = natural_sets(*problem.system.contact.traces(newton.x), self._data)
+            if near and (product <= LAST_PRODUCT * first or problem.accept(newton.x, sets, RESIDUAL_TOLERANCE)):
+                return Status.CONVERGED
+            if newton.history.exhausted:
+                break
+            begun = newton.x.copy()
+            step = self._advanced(at, exact=True)
+            if step is None and near:  # the products are below the round-off of the blocks
+                newton.begin_at(begun)
+                return Status.CONVERGED
+            at = None if step is None else step.end
+        return Status.MAX_ITERATIONS
+
+    def sets(self, softest: float) -> ActiveSets | None:
+        """Reduce the products until the sets settle; None if a linear solve fails; collective.
+
+        Args:
+            softest: stiffness of the first foundation, if it is not softer anyway, stress per length.
+        """
+        newton = self._newton
+        at = self._on_a_soft_foundation(softest, exact=False)
+        first = 0.0 if at is None else self._product(at)
+        settled = max(1.0, SETTLED_POINTS * self._number(self._points.everywhere))
+        undecided_points = UNDECIDED_POINTS * self._number(self._points.everywhere)
+        closed, slip = (np.zeros_like(self._one_sided) for _ in range(2))
+        for _ in range(PROPOSAL_STEPS):
+            step = None if at is None else self._advanced(at, exact=False)
+            if step is None:
+                return None
+            at, closed_before, slip_before = step.end, closed, slip
+            closed, slip, undecided = self._indicated(step)
+            changed = self._number((closed != closed_before) | (slip != slip_before))
+            small = self._product(at) <= DECIDING_PRODUCT * first and step.share > DECIDING_SHARE
+            if newton.history.exhausted or (
+                small and changed <= settled and self._number(undecided) <= undecided_points
+            ):
+                break
+        sets = natural_sets(*self._problem.system.contact.traces(newton.x), self._data)
+        return replace(sets, contact=np.where(self._one_sided, closed, sets.contact))
+
+    def _indicated(
+        self, step: _InnerStep
+    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+        """The points in contact and those that slip, by the quotients of two iterates; and those of which these do not
+        tell yet whether they are in contact.
+        """
+        begin, end, none = step.begin, step.end, np.zeros_like(step.begin.pressure)
+        one, rubs = self._one_sided, self._rubs
+        presses = np.divide(end.pressure, begin.pressure, out=none + 1.0, where=one)
+        opens = np.divide(end.opening, begin.opening, out=none.copy(), where=one)
+        slides = np.divide(end.rate, begin.rate, out=none.copy(), where=rubs)
+        remains = np.divide(self._room(end.shear), self._room(begin.shear), out=none + 1.0, where=rubs)
+        undecided = one & (np.maximum(presses, opens) < DECIDED_QUOTIENT)
+        return presses > opens, rubs & (slides > remains), undecided
+
+    def _on_a_soft_foundation(self, softest: float, *, exact: bool) -> _Inside | None:
+        """Where the body is if all points are tied to a soft foundation, with products that are all the same."""
+        data, size, contact = self._data, self._points.dimension - 1, self._problem.system.contact
+        usual = SOFT_FOUNDATION * contact.natural_stiffness(self._problem.system.matrix.getDiagonal())
+        stiffness = max(SOFTEST_FOUNDATION * usual, min(usual, softest))
+        soft = replace(data, gamma_n=min(data.gamma_n, stiffness), gamma_t=min(data.gamma_t, stiffness))
+        rough, x = (self._bound > 0)[:, None], self._newton.x
+        blocks = np.zeros((rough.size, 1 + size, 1 + size))
+        blocks[:, 0, 0] = soft.gamma_n
+        blocks[:, 1:, 1:] = np.where(rough, soft.gamma_t, 0.0)[:, None] * np.eye(size)
+
+        def tractions() -> tuple[Nodal, Nodal]:
+            u_n, u_t = contact.traces(x)
+            return trial_pressure(u_n, soft), np.where(rough, trial_shear(u_t, soft), 0.0)
+
+        if not self._moves(*tractions(), blocks, 0, exact=exact):
+            return None
+        pressure, shear = tractions()
+        stress = float(parallel.global_sum(self._comm, np.abs(pressure).sum())) / self._number(self._points.everywhere)
+        product, apart = stress**2 / soft.gamma_n, np.sqrt(pressure**2 + 4 * stress**2)
+        opening = np.asarray((apart - pressure) / (2 * soft.gamma_n), dtype=np.float64)
+        shear = np.where(self._rubs[:, None], onto_disc(shear, FIRST_SHEAR * self._bound), shear)
+        return _Inside(
+            np.where(self._one_sided, (apart + pressure) / 2, pressure),
+            opening,
+            shear,
+            np.divide(product, self._room(shear), out=np.zeros_like(pressure), where=self._rubs),
+        )
+
+    def _room(self, shear: Nodal) -> Nodal:
+        """(F^2 g^2 - |mu|^2) / 2 where there is a disc, elsewhere a number that is not zero, shape (n,)."""
+        bound, size = np.where(self._rubs, self._bound, 1.0), np.where(self._rubs, length(shear), 0.0)
+        return (bound - size) * (bound + size) / 2
+
+    def _product(self, at: _Inside) -> float:
+        """The sum of the products; collective."""
+        products = np.where(self._one_sided, at.pressure * at.opening, 0.0) + at.rate * self._room(at.shear)
+        return float(parallel.global_sum(self._comm, products.sum()))
+
+    def _advanced(self, at: _Inside, *, exact: bool) -> _InnerStep | None:
+        """A step by predictor and corrector; None if a linear solve fails; collective."""
+        x, room = self._newton.x, self._room(at.shear)
+        blocks, none = self._blocks(at, room), np.zeros_like(room)
+        ahead = self._direction(at, none, none, blocks, exact=exact)
+        if ahead is None:
+            return None
+        x.axpy(-1.0, self._change)
+        product = self._product(at)
+        reached = self._product(at.moved(ahead, self._way(at, ahead)))
+        target = max(reached / product, 0.0) ** 3 * product / self._bounds
+        normal = target - ahead.pressure * ahead.opening
+        turned = inner(at.shear, ahead.shear)
+        disc = target + ahead.rate * turned + at.rate * inner(ahead.shear, ahead.shear) / 2
+        step = self._direction(at, normal, disc, blocks, exact=exact)
+        if step is None:
+            return None
+        share = min(1.0, SHARE_OF_WAY * self._way(at, step))
+        x.axpy(share - 1.0, self._change)
+        return _InnerStep(at, at.moved(step, share), share)
+
+    def _direction(
+        self, at: _Inside, normal_target: Nodal, disc_target: Nodal, blocks: Nodal, *, exact: bool
+    ) -> _Inside | None:
+        """The whole step to products lambda s and r (F^2 g^2 - |mu|^2) / 2, to first order; None if the linear solve
+        fails.  The iterate is that at its end; collective.
+        """
+        data, one, rubs, room = self._data, self._one_sided, self._rubs, self._room(at.shear)
+        none, traces = np.zeros_like(room), self._problem.system.contact.traces
+        u_n, u_t = traces(self._newton.x)
+        # What the equations miss, the changes of s and r eliminated.
+        normal = u_n - data.gap - (at.pressure - data.lambda_hat) / data.gamma_n
+        normal += np.divide(normal_target, at.pressure, out=none.copy(), where=one)
+        pull = np.divide(disc_target, room, out=none.copy(), where=rubs)[:, None] * at.shear
+        across = slip_of(u_t, data) - (at.shear - data.mu_hat) / data.gamma_t - pull
+
+        def answer(normal: Nodal, across: Nodal) -> tuple[Nodal, Nodal]:
+            return blocks[:, 0, 0] * normal, np.einsum("nij,nj->ni", blocks[:, 1:, 1:], across)
+
+        pressure, shear = answer(normal, across)
+        closed = one & (at.pressure > data.gamma_n * at.opening)
+        if not self._moves(at.pressure + pressure, at.shear + shear, blocks, np.count_nonzero(closed), exact=exact):
+            return None
+        w_n, w_t = traces(self._newton.x)
+        pressure, shear = answer(normal + w_n - u_n, across + w_t - u_t)
+        opens = np.divide(normal_target - at.opening * pressure, at.pressure, out=at.opening.copy(), where=one)
+        slides = np.divide(disc_target + at.rate * inner(at.shear, shear), room, out=none, where=rubs)
+        return _Inside(pressure, opens - at.opening, shear, slides - at.rate)
+
+    def _blocks(self, at: _Inside, room: Nodal) -> Nodal:
+        """D, the derivative of (lambda, mu) by the displacement, stress per length, shape (n, d, d)."""
+        data, size = self._data, self._points.dimension - 1
+        blocks = np.zeros((room.size, 1 + size, 1 + size))
+        opens = np.divide(at.opening, at.pressure, out=np.zeros_like(room), where=self._one_sided)
+        blocks[:, 0, 0] = 1.0 / (1.0 / data.gamma_n + opens)
+        soft, grows = 1.0 / data.gamma_t + at.rate, np.where(self._rubs, at.rate / room, 0.0)
+        share = grows / (soft + grows * inner(at.shear, at.shear))
+        along = share[:, None, None] * at.shear[:, :, None] * at.shear[:, None, :]
+        blocks[:, 1:, 1:] = np.where(self._bound > 0, 1.0 / soft, 0.0)[:, None, None] * (np.eye(size) - along)
+        return blocks
+
+    def _way(self, at: _Inside, step: _Inside) -> float:
+        """The share of a step at which the first bound is reached; collective."""
+        a, b, c = inner(step.shear, step.shear), inner(at.shear, step.shear), 2 * self._room(at.shear)
+        ahead = b + np.sqrt(b**2 + a * c)
+        shares = [np.divide(c, ahead, out=np.full_like(c, np.inf), where=self._rubs & (ahead > 0))]
+        for values, change, where in (
+            (at.pressure, step.pressure, self._one_sided),
+            (at.opening, step.opening, self._one_sided),
+            (at.rate, step.rate, self._rubs),
+        ):
+            shares.append(np.divide(-values, change, out=np.full_like(c, np.inf), where=where & (change < 0)))
+        return -parallel.global_max(self._comm, -float(np.min(shares, initial=np.inf)))
+
+    def _moves(self, pressure: Nodal, shear: Nodal, blocks: Nodal, closed: int, *, exact: bool) -> bool:
+        """Move the iterate by z, (A + B^T D B) z = b - A x - B^T W (lambda, mu), if there is one; collective."""
+        newton, problem, change = self._newton, self._problem, self._change
+        jacobian, ksp, history = newton.snes.getJacobian()[0], newton.snes.getKSP(), newton.history
+        problem.imbalance(newton.x, pressure, shear, self._force)
+        problem.insert(jacobian, blocks)
+        renewed = problem.moved != 0
+        problem.system.keep_factor(ksp, None, problem.force_scale, exact=exact)
+        ksp.getPC().setReusePreconditioner(False)
+        change.set(0.0)
+        with options.defaults(problem.system.solver_defaults), unprinted():
+            ksp.solve(self._force, change)
+        problem.factorised(jacobian)
+        change.scale(-1.0)
+        newton.x.axpy(1.0, change)
+        self._steps += 1
+        residual, active = (
+            self._force.norm() / (problem.force_scale or 1.0),
+            int(parallel.global_sum(self._comm, closed)),
+        )
+        places = history.step, history.linear_solves + 1, len(history.outer), self._steps
+        history.add(
+            IterationRecord(*places, active, 0, 0, 0, residual, renewed, time.perf_counter() - newton.start_time)
+        )
+        return ksp.getConvergedReason() > 0 and finite(change)

@@ -1,0 +1,148 @@
+"""Automatic path-following in gamma (suggested in section 8): the smallest gamma for the required accuracy.
+
+For fixed sets the solution of (3.3) is a rational function of gamma.  Its first two derivatives along gamma cost a back
+substitution each, with the factor of the last linear solve:
+
+    J y' = -C (y - d),   J y'' = -2 C y',   J = A + gamma C,
+
+with C the contact blocks of the sets at gamma = 1.  A function with one pole, y(gamma) = y_inf - c / (E + gamma), is
+fitted to them; it gives both the distance of y from the unregularised solution, |y_inf - y| = (E + gamma) |y'|, and the
+gamma at which that distance will have the required value.  There are no parameters to tune: the start is determined by
+the body, the goal by the scene.
+
+The model knows these sets only.  Where contact of another boundary moves a node that sticks, the slip does not decrease
+along the path; the shear grows with gamma, and at some gamma the node slips.  If that moves the body farther than the
+model does, the path goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData, length, tangent
+from signorini_fx.algebra.linalg import callbacks
+from signorini_fx.machine import parallel
+from signorini_fx.records import Status
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE, ROUGH_SLOPE_TOLERANCE, SLOPE_TOLERANCE
+
+
+@dataclass(frozen=True)
+class PathModel:
+    """The local model of the path gamma -> y(gamma).
+
+    Attributes:
+        gamma: gamma_1 where it was made.
+        pole: E > -gamma.
+        distance: energy norm of y_inf - y(gamma).
+        pressure_distance: norm of lambda_inf - lambda(gamma) in L2(Gamma_c).
+        left_slip: energy norm of the slip that y_inf still has at stick nodes, which the law excludes.
+    """
+
+    gamma: float
+    pole: float
+    distance: float
+    pressure_distance: float
+    left_slip: float
+
+    def gamma_for(self, distance: float) -> float:
+        """gamma_1 at which the model is ``distance`` away from its limit."""
+        return (self.pole + self.gamma) * self.distance / distance - self.pole
+
+
+def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
+    """Fit the model at the solution that ``newton`` holds; one or two back substitutions, collective."""
+    problem = newton.problem
+    points, system = problem.points, problem.system
+    sets = problem.sets
+    # D per gamma_1.  Applied to (y - d) it gives what the tractions at this y change by with gamma_1, also where shifts
+    # keep a slip from being along its shear; without shifts it does not see the part that turns the shear.
+    blocks = tangent(sets, data) / data.gamma_n
+    origin = np.zeros_like(data.mu_hat) if data.slip_origin is None else data.slip_origin
+
+    def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:
+        """C (vector - (gap, origin)), with gamma_1 taken out."""
+        force = vector.duplicate()
+        force.set(0.0)
+        u_n, u_t = system.contact.traces(vector)
+        traction = np.einsum("nij,nj->ni", blocks, np.column_stack((u_n - gap, u_t - origin)))
+        system.contact.add_forces(traction[:, 0], traction[:, 1:], force)
+        return force
+
+    ksp = newton.snes.getKSP()
+    # A solve on an old factor ends by the size of the forces of the problem; these right-hand sides have another size.
+    tolerances = ksp.getTolerances()
+    factor = ksp.getPC().getType() in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU)
+    ksp.setTolerances(rtol=SLOPE_TOLERANCE if factor else ROUGH_SLOPE_TOLERANCE, atol=0.0)
+    first, stretched = newton.x.duplicate(), newton.x.duplicate()
+    callbacks.solve(ksp.solve, -contact_force(newton.x, data.gap, origin), first)
+    system.matrix.mult(first, stretched)
+    energy = stretched.dot(first)
+    reach = data.gamma_n
+    # The pole is a mean stiffness at the contact nodes, below the largest one; it may be too small to matter.
+    stiffness = system.contact.stiffness(system.matrix.getDiagonal())
+    largest = parallel.largest(system.comm, stiffness)
+    if largest > NEGLIGIBLE_POLE * data.gamma_n:
+        second = newton.x.duplicate()
+        force = -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin))
+        callbacks.solve(ksp.solve, force, second)
+        curvature = -stretched.dot(second)
+        reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
+    ksp.setTolerances(*tolerances)
+    # lambda = gamma_1 (tau_N y - d) on A_c along the path.
+    u_n, u_t = system.contact.traces(newton.x)
+    slope_n, slope_t = system.contact.traces(first)
+    pressure_slope = points.norm(blocks[:, 0, 0] * (u_n - data.gap + data.gamma_n * slope_n))
+    distance = float(np.sqrt(max(energy, 0.0)))
+    # Of a node that is stiffer than the pole the model leaves some slip too, but less than half.
+    slip, ahead = length(u_t - origin), points.felt(u_t - origin + reach * slope_t)
+    stays = ~sets.slip & (ahead > slip / 2)
+    may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
+    left_slip = points.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
+    return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)
+
+
+def path_following(
+    newton: SemismoothNewton,
+    data: RegularisedData,
+    first_sets: ActiveSets | None,
+    *,
+    first_iteration: int,
+    goal: Callable[[], float],
+    largest: float,
+    max_outer: int,
+) -> tuple[Status, RegularisedData, float]:
+    """Increase gamma until the regularisation error is below the goal.
+
+    Args:
+        newton: the inner method.
+        data: the first problem, with a small gamma; gamma_2 / gamma_1 is kept.
+        first_sets: sets of the very first linear solve.
+        first_iteration: number of the very first linear solve.
+        goal: the regularisation error allowed, in the energy norm, evaluated at each solution.
+        largest: gamma_1 above which round-off dominates; the path ends there.
+        max_outer: regularised problems allowed.
+
+    Returns:
+        How it ended, the last problem, and the remaining regularisation error, in the energy norm.
+    """
+    error = np.inf
+    for _ in range(max_outer):
+        status = newton.solve(data, first_sets, first_iteration=first_iteration)
+        if status is not Status.CONVERGED:
+            return status, data, error
+        model = path_model(newton, data)
+        allowed, error = goal(), max(model.distance, model.left_slip)
+        doubtful = model.left_slip > model.distance
+        if (error <= allowed and not doubtful) or data.gamma_n >= largest:
+            return Status.CONVERGED, data, error
+        # Half of the allowed error; otherwise the path would approach the goal slowly from above.
+        least = GAMMA_GROWTH * data.gamma_n if doubtful else 0.0
+        gamma = min(max(model.gamma_for(allowed / 2), least), largest) if allowed > 0 else largest
+        data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)
+        first_sets, first_iteration = newton.continued_sets(data), 1
+    return Status.OUTER_MAX_ITERATIONS, data, error

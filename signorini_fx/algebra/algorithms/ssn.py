@@ -1,0 +1,504 @@
+"""Algorithm (SSN), section 4: semi-smooth Newton as an active-set method, driven by PETSc SNES."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx.algebra.contact.laws import (
+    ActiveSets,
+    Nodal,
+    RegularisedData,
+    length,
+    next_sets,
+    onto_disc,
+    project,
+    slip_multiplier,
+    slip_of,
+    transmitting,
+    unit,
+)
+from signorini_fx.algebra.linalg import callbacks, finite, options
+from signorini_fx.algebra.linalg.callbacks import called_back, weakly
+from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted
+from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.problem.problem import Problem
+from signorini_fx.machine import parallel, signals
+from signorini_fx.records import History, IterationRecord, OuterRecord, Status
+from signorini_fx.tuned import (
+    FAR_START,
+    REFINED_RESIDUAL,
+    RESIDUAL_TOLERANCE,
+    SLOW_CHANGES,
+    SLOW_STEPS,
+    SLOWEST_STEPS,
+    SMALL_FORCES_OF_BODY,
+    STEPS_LEFT,
+    STEPS_LEFT_OF_FRONTS,
+    STILL_CHANGING,
+)
+
+_RENEW, _KEEP = -2, -1
+# While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
+_TURNS = 6
+_SNES = PETSc.SNES.ConvergedReason
+# (newton, data, first sets, how it failed, measure) -> how it ended then.
+FallBacks = Callable[
+    ["SemismoothNewton", RegularisedData, ActiveSets | None, Status, Callable[[], float | None]],
+    Status,
+]
+# (newton, data) -> sets for the next full step; None if a linear solve fails.
+ProposedSets = Callable[["SemismoothNewton", RegularisedData], ActiveSets | None]
+# (x, sets, data) of an iterate; None before the first problem.
+Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData | None]
+
+
+class SemismoothNewton:
+    """Solves contact problems on one elastic system; the solver objects are set up once and kept.
+
+    A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step 3) and the residual
+    is small.  Because an iterate depends on its sets alone, sets that occurred before mean a cycle.
+    In space, where the problem is not affine for given sets, directions of slip still change while the sets stay: there
+    the friction law must hold as well, and sets that occurred before mean a cycle if its residual has not been halved.
+    PETSc options with the prefix ``sfx_`` are used by the SNES, KSP and PC; otherwise the defaults apply.
+
+    Args:
+        problem: residual and Jacobian.
+        x: the iterate, which two methods may share.
+        max_iterations: linear solves allowed for one problem.
+        history: where the records go.
+        symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
+        try_fall_backs: called if this iteration does not solve a problem, see ``fall_backs``; None: nothing.
+        propose_sets: called, once in a problem with a given friction bound, if full steps change few sets at a time;
+            None: nothing.
+        limited: whether the user has set the limit on linear solves, so that reaching it is not a failure.
+
+    Attributes:
+        max_iterations: linear solves allowed for one problem.
+        start_time: when it was set up, on this rank.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        x: PETSc.Vec,
+        max_iterations: int,
+        history: History,
+        *,
+        symmetric: bool = True,
+        try_fall_backs: FallBacks | None = None,
+        propose_sets: ProposedSets | None = None,
+        limited: bool = False,
+    ) -> None:
+        self.problem = problem
+        self.history = history
+        self.x = x
+        self._residual = x.duplicate()
+        self.start_time = time.perf_counter()
+        self.max_iterations = max_iterations
+        self._fall_backs = try_fall_backs
+        self._propose_sets = propose_sets
+        self._limited = limited
+        self._symmetric = symmetric
+        self._factor: PETSc.KSP | None = None
+        self._factorised_in: int | None = None
+        self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
+        generator = np.random.default_rng(problem.points.comm.rank)
+        self._keys = generator.integers(0, 2**63, size=(6, problem.points.size), dtype=np.uint64)
+        self.snes = self._create(symmetric)
+
+    def _create(self, symmetric: bool) -> PETSc.SNES:
+        snes = PETSc.SNES().create(self.problem.points.comm)
+        snes.setOptionsPrefix(options.PREFIX)
+        snes.setType(PETSc.SNES.Type.NEWTONLS)
+        snes.setFunction(weakly(self.problem.residual), self._residual)
+        jacobian = self.problem.create_jacobian(symmetric=symmetric)
+        snes.setJacobian(weakly(self._assemble_jacobian), jacobian)
+        snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=self.max_iterations)
+        snes.setConvergenceTest(weakly(self._test))
+        snes.getKSP().setOperators(jacobian)
+        self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
+        if self.history.watchers:
+            snes.getKSP().setMonitor(weakly(self._show))
+        with options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
+            snes.setFromOptions()
+        self.max_iterations = snes.getTolerances()[3]
+        return snes
+
+    @called_back
+    def _show(self, ksp: PETSc.KSP, steps: int, norm: float) -> None:
+        self.history.move(krylov=steps)
+
+    @called_back
+    def _assemble_jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat) -> None:
+        """The Jacobian of the problem; the factor of an earlier one is kept where it serves."""
+        problem = self.problem
+        self._assembled = True
+        problem.assemble_jacobian(snes, x, jacobian)
+        ksp, least = snes.getKSP(), problem.least_share(x)
+        forces = max(least, SMALL_FORCES_OF_BODY) * problem.force_scale
+        exact = not self._may_keep or least < SMALL_FORCES_OF_BODY
+        self._factorised = not problem.system.keep_factor(ksp, problem.moved, forces, exact=exact)
+        self._loosened |= problem.system.inexact
+        if self._factorised:
+            problem.factorised(jacobian)
+        # SNES decides about the factor after this callback: -2 renews it once, -1 keeps it.
+        call("SNESSetLagPreconditioner", snes, _RENEW if self._factorised else _KEEP)
+
+    def solve(
+        self,
+        data: RegularisedData,
+        first_sets: ActiveSets | None = None,
+        *,
+        first_iteration: int = 1,
+        max_iterations: int | None = None,
+        measure: Callable[[], float | None] = lambda: None,
+    ) -> Status:
+        """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``.
+
+        Args:
+            data: the problem.
+            first_sets: sets of the first linear solve; None: from the previous iterate and its sets.
+            first_iteration: number of the first linear solve: 0 if it only computes the start (section 7).
+            max_iterations: linear solves allowed for this problem, if fewer than usual.
+            measure: gives the figure of the stopping criterion of the outer algorithm, once this problem is solved.
+        """
+        status = self.solve_once(
+            data, first_sets, measure, first_iteration=first_iteration, max_iterations=max_iterations
+        )
+        # With a friction bound that depends on the pressure there is no energy, and there are other fall-backs.
+        may_fall_back = max_iterations is None and data.follows is None
+        if self._fall_backs is not None and may_fall_back and (status is Status.CYCLING or self._ran_on(status)):
+            status = self._fall_backs(self, data, first_sets, status, measure)
+        failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
+        return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, RESIDUAL_TOLERANCE) else status
+
+    def solve_once(
+        self,
+        data: RegularisedData,
+        first_sets: ActiveSets | None,
+        measure: Callable[[], float | None],
+        *,
+        first_iteration: int = 1,
+        max_iterations: int | None = None,
+    ) -> Status:
+        """``solve`` without fall-backs."""
+        solves_before = self.history.linear_solves
+        status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)
+        self.close(data, status, solves_before, measure)
+        return status
+
+    def close(
+        self,
+        data: RegularisedData,
+        status: Status,
+        solves_before: int,
+        measure: Callable[[], float | None] = lambda: None,
+    ) -> None:
+        """Record the end of a problem that began after ``solves_before`` linear solves."""
+        history = self.history
+        solves = history.linear_solves - solves_before
+        history.add(OuterRecord(history.step, len(history.outer), solves, data.gamma_n, measure(), status.value))
+
+    def attempt(
+        self,
+        data: RegularisedData,
+        first_sets: ActiveSets | None = None,
+        *,
+        first_iteration: int = 1,
+        max_iterations: int | None = None,
+    ) -> Status:
+        """The iteration itself, without fall-backs and without an outer record."""
+        self.problem.set_data(data, first_sets)
+        self._first_iteration = first_iteration
+        self._solves_before = self.history.linear_solves
+        self._seen: dict[int, float] = {}
+        self._changes: list[tuple[int, int]] = []
+        self._stalls: list[float] = []
+        self._status: Status | None = None
+        if self.history.exhausted:
+            return Status.MAX_ITERATIONS
+        remaining = self.history.limit - self._solves_before
+        limit = int(min(self.max_iterations, max_iterations or self.max_iterations, remaining))
+        self.snes.setTolerances(max_it=limit)
+        self._may_keep, self._loosened, self._assembled = True, False, False
+        given = data.follows is None and np.isfinite(data.gamma_n) and np.isinf(data.sigma)
+        self._may_propose = given and self._symmetric and max_iterations is None and self._propose_sets is not None
+        self._slow = False
+        try:
+            with options.defaults(self.problem.system.solver_defaults), unprinted():
+                status = self._run(data, limit)
+        except (PETSc.Error, MemoryError) as error:
+            status = self.outcome_of(error)
+        return status
+
+    def outcome_of(self, error: Exception) -> Status:
+        """How a solve ends where a factorisation package raises an error, as some do where others set a reason.
+
+        Raises:
+            Exception: the error, on several ranks: not all of them may have it.
+        """
+        if self.problem.points.comm.size > 1:
+            raise error
+        unlock(self.x)
+        return Status.NO_MEMORY if memory_ended(error) else Status.SINGULAR
+
+    def _ran_on(self, status: Status) -> bool:
+        """Whether the iteration failed for another reason than a limit that the user has set."""
+        return status is Status.MAX_ITERATIONS and not self._limited
+
+    def _run(self, data: RegularisedData, limit: int) -> Status:
+        """Let SNES iterate; again from other sets if they change too slowly, with exact linear solves if old factors or
+        loose tolerances did not suffice, and with a factorisation if a Krylov method did not, then for the rest of the
+        load step.
+        """
+        usual, first = self.snes.getKSP(), self._first_iteration
+        if self._factorised_in == self.history.step:
+            self._factorise()
+        try:
+            status = self._iterate()
+            while (done := self.history.linear_solves - self._solves_before) < limit and self._improved(status):
+                self._status, self._first_iteration = None, first + done
+                self._seen.clear()
+                self._changes.clear()
+                self.snes.setTolerances(max_it=limit - done)
+                self.problem.set_data(data, self.problem.sets)
+                status = self._iterate()
+        finally:
+            if self._factor is not None:
+                self.snes.setKSP(usual)
+                self._factor.destroy()
+                self._factor = None
+        return status
+
+    def _improved(self, status: Status) -> bool:
+        """Whether sets or linear solves may be the reason for a failure, and the next ones are better; collective."""
+        if self._slow:
+            self._propose()
+            return True
+        if self._may_keep and self._unreliable(status):
+            self._may_keep = False
+            return True
+        if status is not Status.LINEAR_SOLVER or not self._factorise():
+            return False
+        self.history.add(f"{status.value}: the matrix is factorised")
+        self._factorised_in = self.history.step
+        return True
+
+    def _propose(self) -> None:
+        """Make proposed sets those of the next full step, or the next ones if there are none; collective."""
+        assert self._propose_sets is not None
+        self._slow, problem = False, self.problem
+        following, solves = problem.next.sets, self.history.linear_solves
+        proposed = self._propose_sets(self, problem.data)
+        if proposed is None and self._factorise():
+            proposed = self._propose_sets(self, problem.data)
+        problem.sets = following if proposed is None else proposed
+        asked = self.history.linear_solves - solves
+        self.history.add(f"sets: few change with each full step, {asked} solves inside the bounds propose others")
+
+    def _factorise(self) -> bool:
+        """Whether a direct solver takes the place of a Krylov method; collective."""
+        if self._factor is not None:
+            return False
+        ksp = PETSc.KSP().create(self.problem.points.comm)
+        ksp.setOptionsPrefix(options.PREFIX)
+        ksp.setOperators(self.snes.getJacobian()[0])
+        if not self.problem.system.factorise(ksp, symmetric=self._symmetric):
+            ksp.destroy()
+            return False
+        self.snes.setKSP(ksp)
+        self._factor = ksp
+        return True
+
+    def _iterate(self) -> Status:
+        callbacks.solve(self.snes.solve, None, self.x)
+        return self._status or self._reason()
+
+    def _unreliable(self, status: Status) -> bool:
+        """Whether a failure may be that of a linear solve that was cheaper than an exact one."""
+        if status is Status.LINEAR_SOLVER:
+            return not self._factorised
+        return status is Status.CYCLING and self._loosened
+
+    def checkpoint(self) -> Checkpoint:
+        """The iterate with its sets and its problem, for ``restore``."""
+        return self.x.copy(), self.problem.sets, getattr(self.problem, "data", None)
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Go back to an iterate, its sets and its problem."""
+        x, sets, data = checkpoint
+        if data is not None:
+            self.problem.set_data(data)
+        self.problem.sets = sets
+        x.copy(self.x)
+
+    def begin_at(self, x: PETSc.Vec) -> None:
+        """Copy an iterate; the sets stay."""
+        self.x.getArray()[:] = x.getArray(readonly=True)
+
+    def pose(self, data: RegularisedData, sets: ActiveSets) -> None:
+        """Set a problem and its sets without solving it."""
+        self.problem.set_data(data, sets)
+        self.problem.sets = self.problem.next.sets
+
+    def multipliers(self) -> tuple[Nodal, Nodal]:
+        """(lambda, mu) of the last iterate."""
+        return self.problem.multipliers(self.x, self.problem.sets)
+
+    def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
+        """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
+
+        Where a point slips but cannot move in some tangential direction, because of supports or of another
+        contact of its node, the shear along that would reach its limit, that of the direction of slip, the more slowly
+        the smaller the slip, so it is set to it; likewise where supports prescribe a slip and the shear is below its
+        bound.
+        """
+        problem, points = self.problem, self.problem.points
+        pressure, shear = project(*self.multipliers(), data)
+        u_n, u_t = problem.system.contact.traces(self.x)
+        still, entered = points.closed(problem.sets.contact, u_n - data.gap)
+        bound, slip = data.friction_bound(pressure), slip_of(u_t - entered, data)
+        slips = problem.sets.slip | (problem.sets.contact & points.dragged(slip, np.column_stack((u_n, u_t))))
+        slips &= np.isfinite(bound) & (length(slip) > 0)
+        limit = np.where(slips, bound, 0.0)[:, None] * unit(slip)
+        missing = np.einsum("nij,nj->ni", still, np.where(slips[:, None], limit - shear, 0.0))
+        shear = onto_disc(shear + missing, bound)
+        return pressure, shear
+
+    def continued_sets(self, data: RegularisedData) -> ActiveSets:
+        """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""
+        problem = self.problem
+        u_n, u_t = problem.system.contact.traces(self.x)
+        _, mu = self.multipliers()
+        return next_sets(u_n, u_t, slip_multiplier(problem.sets, mu, u_t, problem.data), mu, data)
+
+    @called_back
+    def _test(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> int:
+        """Step 3, after linear solve k (k = 0: before the first)."""
+        problem = self.problem
+        active, plus, minus, changed, fingerprint = self._counts(*problem.friction_bounds(self.x))
+        residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
+        law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
+        if k > 0:
+            self._record(k, active, plus, minus, changed, residual)
+        if k > 0 and changed == 0:
+            if problem.next.repaired:  # the trial sets would not hold the body, but the forces may be in balance
+                balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
+                return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
+            if self._settled(residual, law):
+                from_afar = (
+                    norms[1] > FAR_START * norms[0] and residual > REFINED_RESIDUAL and k < snes.getTolerances()[3]
+                )
+                return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)
+            # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
+            # corrects, or directions of slip still change.
+            self._stalls.append(max(residual, law))
+            turning = law > snes.getTolerances()[0]
+            patience = _TURNS if turning else 2
+            if len(self._stalls) > patience and self._stalls[-1] > 0.5 * self._stalls[-patience]:
+                return self._stop(Status.CYCLING if turning else Status.ROUND_OFF)
+        elif fingerprint in self._seen:
+            # Sets that come back although they leave no residual differ by nodes on the border: both are solutions.
+            sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
+            if sound and residual <= snes.getTolerances()[0] and self._settled(residual, law):
+                return int(_SNES.CONVERGED_FNORM_RELATIVE)
+            if problem.affine or max(law, snes.getTolerances()[0]) > 0.5 * self._seen[fingerprint]:
+                return self._stop(Status.CYCLING)
+        self._changes.append((changed, active))
+        if self._may_propose and self._is_slow(k):
+            self._may_propose, self._slow = False, True
+            return self._stop(Status.MAX_ITERATIONS)
+        # How near the law was with the sets of the start is not known.
+        self._seen[fingerprint] = max(law, snes.getTolerances()[0]) if k > 0 else np.inf
+        if problem.next.escapes is not None:
+            return self._stop(problem.next.escapes)
+        if k > 0 and self.history.overdue():
+            return self._stop(Status.MAX_ITERATIONS)
+        return int(_SNES.CONVERGED_ITERATING)
+
+    def _is_slow(self, k: int) -> bool:
+        """Whether so few sets change after linear solve k that full steps would take many more."""
+        changes = [changed for changed, _ in self._changes[-6:]]
+        if k < SLOW_STEPS or min(changes[-3:]) == 0:
+            return False
+        lost = (self._changes[-4][1] - self._changes[-1][1]) / 3
+        left = self._changes[-1][1] if lost > 0 else self._point_count - self._changes[-1][1]
+        enough = sum(changes[-3:]) >= max(SLOW_CHANGES, STILL_CHANGING * sum(changes[:3]))
+        fronts = self.problem.points.dimension == 3 and self.problem.data.bound is None
+        steps_left = STEPS_LEFT_OF_FRONTS if fronts else STEPS_LEFT
+        return (enough and 0 < abs(lost) * steps_left <= left) or k >= SLOWEST_STEPS
+
+    def _settled(self, residual: float, law: float) -> bool:
+        """Whether sets that repeat are those of a solution.
+
+        The residual is that of the next sets.  If directions change, these differ from the sets that the iterate was
+        computed with by the residual of the law: then the residual with the latter counts.
+        """
+        tolerance = self.snes.getTolerances()[0]
+        if self.problem.affine or law > tolerance or residual <= tolerance:
+            return law <= tolerance and residual <= tolerance
+        return self.problem.accept(self.x, self.problem.sets, tolerance)
+
+    def _reason(self) -> Status:
+        """Why SNES ended, if it was not ended by the convergence test."""
+        reason = self.snes.getConvergedReason()
+        if reason > 0:
+            return Status.CONVERGED
+        if reason == _SNES.DIVERGED_MAX_IT:
+            return Status.MAX_ITERATIONS
+        if reason == _SNES.DIVERGED_LINEAR_SOLVE and finite(self.snes.getJacobian()[0]):
+            ksp = self.snes.getKSP()
+            if factor_lacks_memory(ksp):
+                return Status.NO_MEMORY
+            sound = ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR
+            return Status.LINEAR_SOLVER if sound else Status.SINGULAR
+        return Status.SINGULAR if self._broke_down() else Status.NOT_FINITE
+
+    def _broke_down(self) -> bool:
+        """Whether numbers that are not finite come from a linear solve, whose matrix and right-hand side are finite."""
+        if not self._assembled:
+            return False
+        return finite(self.snes.getJacobian()[0]) and not finite(self.snes.getSolutionUpdate())
+
+    def _stop(self, status: Status) -> int:
+        self._status = status
+        return int(_SNES.DIVERGED_LOCAL_MIN)
+
+    def _record(self, k: int, active: int, plus: int, minus: int, changed: int, residual: float) -> None:
+        self.history.add(
+            IterationRecord(
+                step=self.history.step,
+                solve=self.history.linear_solves + 1,
+                outer=len(self.history.outer),
+                iteration=k - 1 + self._first_iteration,
+                active_contact=active,
+                slip_plus=plus,
+                slip_minus=minus,
+                changed=changed,
+                residual=residual,
+                factorised=self._factorised,
+                seconds=time.perf_counter() - self.start_time,
+            )
+        )
+
+    def _counts(self, bound: Nodal, next_bound: Nodal) -> list[int]:
+        """Nodes of the current sets in contact and slipping either way, nodes that change, and a fingerprint of the
+        next sets: a sum of random numbers, one for each node and state, equal for equal sets on any number of ranks.
+
+        Signals that wait are served on all ranks; collective.
+        """
+        sets, following = transmitting(self.problem.sets, bound), transmitting(self.problem.next.sets, next_bound)
+        side, changed = sets.side, sets.changed(following)
+        state = 3 * following.contact.astype(np.int64) + following.side + 1
+        fingerprint = self._keys[state, np.arange(state.size)].sum(dtype=np.uint64)
+        numbers = [np.count_nonzero(mask) for mask in (sets.contact, side > 0, side < 0, changed)]
+        comm = self.problem.points.comm
+        sums = parallel.global_sum(comm, np.array([*numbers, fingerprint, signals.waiting()], dtype=np.uint64))
+        *counts, waiting = [int(number) for number in sums]
+        if waiting:
+            signals.agree(comm, waiting)
+        return counts

@@ -1,0 +1,413 @@
+"""Which algorithms a scene runs, in which order: the only module that knows all of them.
+
+Two independent choices make a method.  ``algorithm`` says how the regularisation is treated: ``ssn`` (gamma fixed),
+``continuation``, ``path-following``, ``alm``, ``exact``.  ``coulomb`` says how the friction bound is coupled to the
+pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with
+fp, (ALM-FP) alm with fp.  Load steps repeat the method, each from the state at the end of the previous one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
+from signorini_fx.algebra.algorithms.augmentation import with_enough_digits
+from signorini_fx.algebra.algorithms.augmented import (
+    augmentation_on,
+    automatic_gamma,
+    by_augmentation,
+    softened,
+    without_elastic_slip,
+)
+from signorini_fx.algebra.algorithms.continuation import continuation
+from signorini_fx.algebra.algorithms.coulomb_newton import coulomb_newton
+from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved, share_of_loads
+from signorini_fx.algebra.algorithms.fp import fixed_point
+from signorini_fx.algebra.algorithms.path_following import path_following, path_model
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.attempts import (
+    AUGMENTED,
+    AUGMENTED_NEWTON,
+    DAMPED,
+    FIXED_POINT,
+    METHOD,
+    MONOLITHIC,
+    RAISED,
+    REGULARISED,
+    Attempt,
+    for_coulomb,
+    step_limit,
+    tried,
+)
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.algebra.contact.statics import no_balance
+from signorini_fx.machine import parallel
+from signorini_fx.records import OuterRecord, Status
+from signorini_fx.tuned import (
+    ALM_PROBLEMS,
+    AUGMENTED_SOLVES,
+    CONTINUATION_SHARE,
+    LARGEST_GAMMA,
+    LARGEST_GAMMA_RATIO,
+    START_GAMMA,
+)
+
+# How much of the loads friction carries with the bound of a problem.
+Carried = Callable[[RegularisedData], float]
+
+
+def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
+    """Solve a load step; the iterates stay in ``task.iterate``.
+
+    Args:
+        task: the inputs.
+        start: where the load step starts.
+        solve_budget: linear solves allowed; None: those of ``step_limit``.
+    """
+    task.iterate.begin_step(start)
+    if task.settings.algorithm == "alm":
+        data = start.data
+        enough = with_enough_digits(data, automatic_gamma(task))
+        if (enough.gamma_n, enough.gamma_t) != (data.gamma_n, data.gamma_t):
+            task.history.add(
+                f"gamma lowered to {enough.gamma_n:.3g} and {enough.gamma_t:.3g}: augmentation needs no more"
+            )
+        start = replace(start, data=enough)
+    if _nothing_acts(task, start):
+        return _stay(task, start)
+    lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
+    if lost is not None:
+        return _without_contact(task, start.data, lost.status)
+    with task.history.at_most(step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget):
+        outcome = _solve(task, start)
+        if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
+            task.history.add("all methods together have taken as many linear solves as they may")
+    return outcome
+
+
+def _solve(task: Task, start: Start) -> Outcome:
+    """The method of the scene, and if it fails augmentation, or ``ssn`` if that is augmentation."""
+    if task.settings.algorithm == "alm" and task.settings.fallbacks and not start.without_fall_backs:
+        return _augmented_or_regularised(task, start)
+    first = _by_method(task, start)
+    failed = task.gave_up(first.status) and not task.has_coulomb and _may_augment(task, start)
+    if not failed or task.history.exhausted:
+        return first
+    data = softened(task, start, first)
+    task.history.add(f"{first.status.value}: {AUGMENTED} with gamma_n = {data.gamma_n:.3g}")
+    last = by_augmentation(task, start, first, data)
+    return last if last.status is Status.CONVERGED else replace(last, status=first.status)
+
+
+def _augmented_or_regularised(task: Task, start: Start) -> Outcome:
+    """``alm``; if that fails ``ssn``, and augmentation that begins at its solution."""
+    history, newton = task.history, task.iterate.newton
+    begin = newton.checkpoint()
+    with history.at_most(ALM_PROBLEMS * task.settings.max_iterations):
+        first = _by_method(task, start)
+    if not task.gave_up(first.status) or history.exhausted:
+        return first
+    history.add(f"{first.status.value}: {REGULARISED}")
+    newton.restore(begin)
+    second = _solve(task.with_algorithm("ssn"), start)
+    if second.status is not Status.CONVERGED:
+        return first
+    if second.augmented:
+        return second
+    if second.newton is newton:  # its last linear system is that of the solution
+        second = replace(second, regularisation_error=path_model(newton, second.data).distance)
+    solved, begun = second.newton.checkpoint(), start.begin_from(second.problem.sets, second.newton.multipliers())
+    monolithic = start.law is not None and start.law.has_derivative
+    data = replace(second.data, slip_origin=without_elastic_slip(start, second.data))
+    with history.at_most(AUGMENTED_SOLVES):
+        last = by_augmentation(task, begun, second, data, monolithic=monolithic)
+    if last.status is Status.CONVERGED:
+        return last
+    history.add(f"{last.status.value}: the solution with gamma_n = {second.data.gamma_n:.3g} stays")
+    newton.restore(solved)
+    return replace(second, regularised=True)
+
+
+def _may_augment(task: Task, start: Start) -> bool:
+    """Whether augmentation is a fall-back of the scene here."""
+    return task.settings.fallbacks and task.settings.algorithm != "alm" and not start.without_fall_backs
+
+
+def _by_method(task: Task, start: Start) -> Outcome:
+    """The method of the scene, and the unregularised limit if it is to follow."""
+    if start.law is None or not task.has_coulomb:
+        outcome = _given_friction(task, start, start.data)
+    elif start.augmented:
+        outcome = _augmented_first(task, start, start.law)
+    else:
+        outcome = _coulomb(task, start, start.law)
+    exact = task.settings.algorithm == "exact" and outcome.status is Status.CONVERGED and not outcome.augmented
+    return _exact(task, start, outcome) if exact else outcome
+
+
+def _augmented_first(task: Task, start: Start, law: PointFriction) -> Outcome:
+    """Coulomb friction by augmentation; by the method of the scene if that fails and no smaller increment may do."""
+    newton = task.iterate.newton
+    begin = newton.checkpoint()
+    begun = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
+    data = softened(task, start, begun)
+    ways: list[tuple[object, Callable[[], Outcome]]] = [
+        (name, partial(by_augmentation, task, start, begun, data, monolithic=name is AUGMENTED_NEWTON))
+        for name in for_coulomb(monolithic=law.has_derivative, first=False, fallbacks=True, damped=False)
+        if name in (AUGMENTED, AUGMENTED_NEWTON)
+    ]
+    if not start.without_fall_backs:
+        ways.append((METHOD, partial(_coulomb, task, start, law)))
+    return tried(
+        ways,
+        history=task.history,
+        settled=lambda outcome: not task.gave_up(outcome.status),
+        restore=lambda: newton.restore(begin),
+        told=lambda outcome: outcome.status.value,
+    )[-1]
+
+
+def _nothing_acts(task: Task, start: Start) -> bool:
+    """Whether the body stays where it is: held, no load, nothing prescribed, no penetration; collective."""
+    data = start.data
+    if start.step > 0 or task.motions.count > 0:
+        return False
+    if task.system.load.norm() > 0 or task.system.start.norm() > 0:
+        return False
+    pushed = data.gap < 0
+    if data.bilateral is not None:
+        pushed = pushed | (data.bilateral & (data.gap != 0))
+    return not parallel.any_rank(task.system.comm, bool(pushed.any()))
+
+
+def _stay(task: Task, start: Start) -> Outcome:
+    """Zero is the solution; no linear system is solved."""
+    task.iterate.x.set(0.0)
+    task.history.add("nothing loads the body: it stays where it is")
+    history = task.history
+    history.add(OuterRecord(history.step, len(history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
+    return _without_contact(task, start.data, Status.CONVERGED)
+
+
+def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
+    """The outcome of a problem without any linear solve: no contact, hence no traction."""
+    newton = task.iterate.newton
+    newton.pose(data, ActiveSets.of(~task.motions.points.everywhere, np.zeros_like(data.mu_hat)))
+    return Outcome(status, newton, data)
+
+
+def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
+    """Frictionless or Tresca contact by the algorithm of the scene.
+
+    Args:
+        task: the inputs.
+        start: where the load step starts.
+        data: its problem, or the contact problem that starts Coulomb friction.
+    """
+    s, newton = task.settings, task.iterate.newton
+    error = start.regularisation_error
+    match s.algorithm:
+        case "continuation":
+            share = CONTINUATION_SHARE if s.gamma_first == "auto" else s.gamma_first / data.gamma_n
+            gammas = [(data.gamma_n * factor, data.gamma_t * factor) for factor in (share, 1.0)]
+            status = continuation(newton, data, start.sets, gammas, first_iteration=start.iteration)
+        case "path-following":
+            # A later load step begins with the gamma that the previous one has found; without a load there was no path.
+            first = START_GAMMA * task.natural_gamma if start.regularisation_error is None else data.gamma_n
+            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / LARGEST_GAMMA_RATIO, LARGEST_GAMMA_RATIO))
+            status, last, error = path_following(
+                newton,
+                replace(data, gamma_n=first, gamma_t=ratio * first),
+                start.sets,
+                first_iteration=start.iteration,
+                goal=lambda: task.goal(newton.x),
+                largest=LARGEST_GAMMA * task.natural_gamma,
+                max_outer=s.max_outer_iterations,
+            )
+            final_data = replace(start.data, gamma_n=last.gamma_n, gamma_t=last.gamma_t)
+            return Outcome(status, newton, final_data, regularisation_error=error)
+        case "alm":
+            status = augmented_lagrangian(
+                augmentation_on(task, newton),
+                data,
+                start.sets,
+                max_outer=s.max_outer_iterations,
+                first_iteration=start.iteration,
+                inner_iterations=None if s.inner_iterations == "auto" else s.inner_iterations,
+                gamma_factor=s.gamma_factor,
+            )
+        case _:
+            status = newton.solve(data, start.sets, first_iteration=start.iteration)
+    return Outcome(status, newton, start.data, regularisation_error=error)
+
+
+def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
+    """Coulomb friction, started from a coarser mesh or an earlier load step, else from the pure contact problem."""
+    s, newton = task.settings, task.iterate.newton
+    first_sets, multipliers = start.sets, start.multipliers
+    # These algorithms find their gamma, or use several, on the pure contact problem of every mesh.
+    finds_gamma = (s.algorithm == "continuation" and start.step == 0) or (
+        s.algorithm == "path-following" and start.regularisation_error is None
+    )
+    first_outcome = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
+    if multipliers is None or finds_gamma:
+        data = coulomb_start(task, start.data)
+        if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start
+            first_outcome = replace(
+                first_outcome, status=newton.solve(data, first_sets, first_iteration=start.iteration)
+            )
+        else:
+            first_outcome = _given_friction(task, start, data)
+        if first_outcome.status is not Status.CONVERGED:
+            return first_outcome
+        multipliers, first_sets = newton.multipliers(), None
+        if data.bound is None:  # this start has no slip: mu = xi = 0, hence stick everywhere
+            first_sets = ActiveSets.of(newton.problem.next.sets.contact, np.zeros_like(data.mu_hat))
+    data = replace(first_outcome.data, bound=law.given)
+
+    def fixed(damping: float, carried: Carried | None = None) -> Status:
+        return fixed_point(
+            newton,
+            data,
+            law,
+            multipliers,
+            first_sets,
+            tolerance=s.tolerance,
+            max_outer=s.max_outer_iterations,
+            augmentation=augmentation_on(task, newton) if s.algorithm == "alm" else None,
+            damping=damping,
+            carried=carried,
+        )
+
+    def monolithic() -> Status:
+        if s.algorithm != "alm":
+            # A point that has slipped is at its bound: from the iterate, round-off decides which of them slip.
+            begun_sets = newton.problem.sets if start.monolithic and start.step > 0 else first_sets
+            return coulomb_newton(task.iterate.unsymmetric_newton, data, law, begun_sets)
+        coupled = replace(data, bound=law.given, follows=law)
+        augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
+        return augmented_lagrangian(augmentation, coupled, first_sets, max_outer=s.max_outer_iterations)
+
+    # Later load steps have the multipliers of the previous one, but sets only where a solution of their own is near.
+    near = start.multipliers is not None and (start.step == 0 or start.sets is not None)
+    first = s.coulomb == "newton" or start.monolithic or (s.coulomb == "auto" and near and s.algorithm != "alm")
+    return _either_way(task, start, law, first_outcome, fixed, monolithic, monolithic_first=first)
+
+
+def _either_way(
+    task: Task,
+    start: Start,
+    law: PointFriction,
+    begun: Outcome,
+    fixed: Callable[..., Status],
+    monolithic: Callable[[], Status],
+    *,
+    monolithic_first: bool,
+) -> Outcome:
+    """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation, then
+    damped ones, and where the body slides that with raised bounds.
+
+    Args:
+        task: the contact problem.
+        start: where the load step starts.
+        law: its friction law.
+        begun: the outcome so far; its inner method holds the start of all of them.
+        fixed: the fixed-point iteration with a given damping, and with what tells which bounds to raise.
+        monolithic: the monolithic Newton method.
+        monolithic_first: whether Newton's method comes first.
+    """
+    s, newton = task.settings, begun.newton
+    checkpoint = newton.checkpoint()
+
+    def raised() -> Status:
+        with task.history.at_most(s.max_iterations):  # where the body slides, problems with raised bounds may be hard
+            status = fixed(1.0, partial(share_of_loads, task))
+        # It is tried where the body slides at the pressures without raised bounds, which stays true.
+        return status if status is Status.CONVERGED else Status.SLIDES_AT_PRESSURES
+
+    ways: dict[Attempt, Callable[[], Status]] = {
+        FIXED_POINT: partial(fixed, 1.0),
+        MONOLITHIC: monolithic,
+        **{attempt: partial(fixed, damping) for damping, attempt in DAMPED.items()},
+        RAISED: raised,
+    }
+    names = for_coulomb(
+        monolithic=law.has_derivative,
+        first=monolithic_first,
+        fallbacks=s.fallbacks,
+        augmented=_may_augment(task, start) and not start.augmented,
+        damped=not start.without_fall_backs and s.algorithm != "alm",
+    )
+
+    augmented = (AUGMENTED, AUGMENTED_NEWTON)
+    slid = False  # whether the last fixed point did, with its last pressures
+
+    def ended(name: Attempt) -> Outcome:
+        if name in augmented:
+            data, coupled = softened(task, start, begun), name is AUGMENTED_NEWTON
+            return by_augmentation(task, start, begun, data, monolithic=coupled)
+        nonlocal slid
+        status = proved(task, newton.problem, law, ways[name]())
+        slid = slid if name is MONOLITHIC else status is Status.SLIDES_AT_PRESSURES
+        return replace(begun, status=status, monolithic=name is MONOLITHIC)
+
+    def settled(outcome: Outcome) -> bool:
+        if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
+            return outcome.status in (Status.CONVERGED, Status.SINGULAR, Status.NOT_FINITE)
+        if outcome.status is Status.ROUND_OFF and slid:  # that of an iterate which has slid far away
+            return False
+        return not task.gave_up(outcome.status)
+
+    last = tried(
+        (
+            (name if name in augmented else f"{name} from the same start", partial(ended, name))
+            for name in names
+            if slid or name is not RAISED
+        ),
+        history=task.history,
+        settled=settled,
+        restore=lambda: newton.restore(checkpoint),
+        told=lambda outcome: outcome.status.value,
+    )[-1]
+    return replace(last, status=Status.SLIDES_AT_PRESSURES) if slid and not settled(last) else last
+
+
+def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
+    """The unregularised limit, from the sets of the regularised solution; Coulomb friction as it was solved there."""
+    s, law, sets = task.settings, start.law, regularised.problem.sets
+    pressure, _ = regularised.newton.multipliers()
+    newton = task.iterate.exact_newton
+    newton.begin_at(newton.problem.system.start)
+    begun = replace(regularised, newton=newton)
+    limit = replace(regularised.data, gamma_n=np.inf, gamma_t=np.inf)
+    if law is None or not task.has_coulomb:
+        problem = replace(limit, bound=None if law is None else law.bound(pressure))
+        return replace(begun, status=newton.solve(problem, sets))
+
+    def fixed(damping: float, carried: Carried | None = None) -> Status:
+        data = replace(limit, bound=law.bound(pressure))
+        status = newton.solve(data, sets)
+        if status is not Status.CONVERGED:
+            return status
+        first, max_outer = newton.multipliers(), s.max_outer_iterations
+        return fixed_point(
+            newton,
+            data,
+            law,
+            first,
+            None,
+            tolerance=s.tolerance,
+            max_outer=max_outer,
+            damping=damping,
+            carried=carried,
+        )
+
+    def monolithic() -> Status:
+        return coulomb_newton(task.iterate.exact_unsymmetric_newton, limit, law, sets)
+
+    return _either_way(task, start, law, begun, fixed, monolithic, monolithic_first=regularised.monolithic)

@@ -1,0 +1,317 @@
+"""A contact problem ready to be solved: its inputs, where a load step starts, the iterates, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.algebra.algorithms.fall_backs import FallBacks
+from signorini_fx.algebra.algorithms.interior_point import proposed_sets
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData, slip_multiplier, slip_of
+from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.resting_place import RestingMotion, resting_place
+from signorini_fx.algebra.contact.state import PointState
+from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.algebra.method import Settings
+from signorini_fx.algebra.problem.exact import ExactProblem
+from signorini_fx.algebra.problem.problem import Problem
+from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.machine import parallel
+from signorini_fx.records import History, Status
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a load step starts.
+
+    Attributes:
+        data: the regularised problem with the gamma to begin with.
+        law: the friction law; None without friction.
+        sets: active sets of the first linear solve; None: from the iterate.
+        iteration: number of the first linear solve.
+        multipliers: (lambda, mu) to start from, if there are any.
+        step: how many load steps have been solved before.
+        place: where the load step is on the way through all of them, for its owner.
+        factors: of the load cases; None: the load stays as it is set.
+        regularisation_error: that of path-following in an earlier load step, in the energy norm.
+        elastic_slip: the part of the slip so far that is due to the regularisation, length; None: none.
+        without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
+        augmented: whether Coulomb friction begins with augmentation, because a fixed point was too slow.
+        monolithic: whether it begins with the monolithic Newton method, because augmentation has failed as well.
+    """
+
+    data: RegularisedData
+    law: PointFriction | None
+    sets: ActiveSets | None = None
+    iteration: int = 1
+    multipliers: tuple[Nodal, Nodal] | None = None
+    step: int = 0
+    place: float = 0.0
+    factors: Nodal | None = None
+    regularisation_error: float | None = None
+    elastic_slip: Nodal | None = None
+    without_fall_backs: bool = False
+    augmented: bool = False
+    monolithic: bool = False
+
+    def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
+        """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of another load."""
+        return replace(self, sets=sets, iteration=1, multipliers=multipliers)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a load step ended, or one of the methods that were tried on it.
+
+    Attributes:
+        status: how it ended.
+        newton: the inner method whose iterate is the result.
+        data: the problem of the load step with the final gamma.
+        monolithic: whether Coulomb friction was solved monolithically.
+        augmented: whether augmentation was used as a fall-back, so that there is no regularisation error.
+        regularised: whether ``ssn`` was used as a fall-back of ``alm``, so that there is one.
+        regularisation_error: the estimate of path-following, in the energy norm; None where it did not run.
+    """
+
+    status: Status
+    newton: SemismoothNewton
+    data: RegularisedData
+    monolithic: bool = False
+    augmented: bool = False
+    regularised: bool = False
+    regularisation_error: float | None = None
+
+    @property
+    def problem(self) -> Problem:
+        """The problem of the result."""
+        return self.newton.problem
+
+    def displacement(self) -> PETSc.Vec:
+        """All displacement dofs of the result, counted from the resting place of the body."""
+        return self.problem.system.displacement(self.newton.x)
+
+    def next_step(self, start: Start) -> Start:
+        """Where the next load step starts: friction acts on the increment of the slip, from the current shear.
+
+        Args:
+            start: where this load step started.
+        """
+        _, u_t = self.problem.system.contact.traces(self.newton.x)
+        pressure, shear = self.newton.multipliers()
+        data, solved, elastic = replace(self.data, slip_origin=u_t), self.problem.data, start.elastic_slip
+        if start.law is not None:
+            data = replace(data, mu_hat=shear, bound=start.law.bound(pressure))
+            if np.isfinite(solved.gamma_t) and not self.augmented:
+                elastic = (0.0 if elastic is None else elastic) + (shear - solved.mu_hat) / solved.gamma_t
+            else:
+                elastic = None
+        return Start(
+            data,
+            start.law,
+            multipliers=(pressure, shear),
+            step=start.step + 1,
+            place=start.place + 1,
+            regularisation_error=self.regularisation_error,
+            elastic_slip=elastic,
+        )
+
+
+@dataclass(frozen=True)
+class Task:
+    """The inputs of a contact problem.
+
+    Attributes:
+        settings: algorithms, their parameters and limits.
+        system: the elastic system.
+        motions: the free rigid motions at its contact points.
+        start: where the first load step starts.
+        has_coulomb: whether the friction bound depends on the pressure anywhere.
+        natural_gamma: E over the size of the body, the natural unit of gamma.
+        history: records.
+        linear_algebra: which kind of elastic system it is, and why; for its owner.
+        goal: the regularisation error allowed for path-following, in the energy norm, evaluated at an iterate.
+        rest: the resting place from which displacements are counted; None: from the initial position.
+    """
+
+    settings: Settings
+    system: ElasticSystem
+    motions: FreeMotions
+    start: Start
+    has_coulomb: bool
+    natural_gamma: float
+    history: History
+    linear_algebra: str = ""
+    goal: Callable[[PETSc.Vec], float] = lambda x: 0.0
+    rest: RestingMotion | None = None
+
+    @classmethod
+    def of(
+        cls,
+        system: ElasticSystem,
+        motions: FreeMotions,
+        gap: Nodal,
+        law: PointFriction | None = None,
+        *,
+        bilateral: npt.NDArray[np.bool_] | None = None,
+        settings: Settings | None = None,
+        natural_gamma: float | None = None,
+        has_coulomb: bool | None = None,
+        **options: Any,
+    ) -> Task:
+        """A problem that starts with contact and stick everywhere, from its resting place; collective.
+
+        Args:
+            system: the elastic system with its loads.
+            motions: the free rigid motions at its contact points.
+            gap: d, length, shape (n,).
+            law: of friction; None: there is none.
+            bilateral: points whose contact cannot open, shape (n,); None: there are none.
+            settings: algorithms, their parameters and limits; None: the defaults.
+            natural_gamma: the natural unit of gamma, stress per length; None: ``ContactMap.natural_stiffness``.
+            has_coulomb: see ``Task``; None: where a coefficient is not zero.
+            options: history, linear_algebra and goal, see ``Task``.
+        """
+        points, comm, settings = motions.points, motions.points.comm, settings or Settings()
+        if natural_gamma is None:
+            natural_gamma = system.contact.natural_stiffness(system.matrix.getDiagonal())
+        if has_coulomb is None:
+            follows = law is not None and law.follows_pressure
+            has_coulomb = parallel.any_rank(comm, follows)
+        data = RegularisedData.unshifted(
+            gap, points.dimension - 1, settings, natural_gamma, law, bilateral, points.immovable
+        )
+        resting = resting_place(gap, bilateral, motions, system.resultant)
+        sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
+        start = Start(data if resting is None else resting.data_from(data), law, sets, iteration=0)
+        history = options.pop("history", None) or History()
+        return cls(settings, system, motions, start, has_coulomb, natural_gamma, history, rest=resting, **options)
+
+    @cached_property
+    def iterate(self) -> Iterate:
+        """The iterates, which the algorithms share."""
+        return Iterate(self.settings, self.system, self.motions, self.history)
+
+    def contact(self, outcome: Outcome, start: Start) -> PointState:
+        """The contact points of this rank in a result, with displacements from the initial position.
+
+        Args:
+            outcome: how the load step ended.
+            start: where it started; its slip is counted from there.
+        """
+        law, origin = start.law, start.data.slip_origin
+        problem = outcome.problem
+        sets, data = problem.sets, problem.data
+        u_n, u_t = problem.system.contact.traces(outcome.newton.x)
+        rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
+        pressure, shear = outcome.newton.multipliers()
+        return PointState(
+            points=self.system.contact.points,
+            gap=data.gap + rest_n,
+            u_n=u_n + rest_n,
+            u_t=u_t + rest_t,
+            pressure=pressure,
+            shear=shear,
+            # Of the law itself: the iteration may have stopped with the bound of the previous pressure.
+            bound=np.zeros_like(pressure) if data.bound is None or law is None else law.bound(pressure),
+            in_contact=sets.contact,
+            direction=sets.direction,
+            has_friction=data.bound is not None,
+            bilateral=np.zeros_like(sets.contact) if data.bilateral is None else data.bilateral,
+            slip_length=slip_of(u_t, replace(data, slip_origin=origin)),
+            xi=slip_multiplier(sets, shear, u_t, data) if data.bound is not None else slip_of(u_t, data),
+        )
+
+    def promised(self, outcome: Outcome) -> tuple[float, float, float]:
+        """(gamma_1, gamma_2) of the contact law that a result promises to satisfy, infinite: without regularisation;
+        and the largest finite gamma that its tractions were computed with, 0: none.
+        """
+        gammas = outcome.problem.data.gamma_n, outcome.problem.data.gamma_t
+        penalty = max((gamma for gamma in gammas if np.isfinite(gamma)), default=0.0)
+        if outcome.augmented or (self.settings.algorithm in ("alm", "exact") and not outcome.regularised):
+            gammas = np.inf, np.inf
+        return *gammas, penalty
+
+    def with_algorithm(self, algorithm: Literal["ssn", "alm"]) -> Task:
+        """The same problem with the same iterates by another algorithm."""
+        task = replace(self, settings=replace(self.settings, algorithm=algorithm))
+        vars(task)["iterate"] = self.iterate
+        return task
+
+    def gave_up(self, status: Status) -> bool:
+        """Whether a method has failed for another reason than a limit that the user has set."""
+        if status is Status.MAX_ITERATIONS:
+            return not self.settings.limited("max_iterations")
+        if status is Status.OUTER_MAX_ITERATIONS:
+            return not self.settings.limited("max_outer_iterations")
+        return status in (Status.CYCLING, Status.SLIDES_AT_PRESSURES)
+
+
+class Iterate:
+    """The iterates of a contact problem and the inner methods on them, each set up when it is first needed.
+
+    Attributes:
+        x: the iterate of the regularised problem.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        system: ElasticSystem,
+        motions: FreeMotions,
+        history: History,
+    ) -> None:
+        # Not the task, which holds this: PETSc objects in a cycle of references are freed late, or never.
+        self._settings, self._history = settings, history
+        self._system, self._motions = system, motions
+        self.x: PETSc.Vec = system.start.copy()
+        self._fall_backs = FallBacks()
+
+    def _newton(self, problem: Problem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
+        settings = self._settings
+        return SemismoothNewton(
+            problem,
+            x,
+            settings.max_iterations,
+            self._history,
+            symmetric=symmetric,
+            try_fall_backs=self._fall_backs if settings.fallbacks else None,
+            propose_sets=proposed_sets,
+            limited=settings.limited("max_iterations"),
+        )
+
+    @cached_property
+    def newton(self) -> SemismoothNewton:
+        """The inner method on the regularised problem."""
+        return self._newton(RegularisedProblem(self._system, self._motions), self.x)
+
+    @cached_property
+    def unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        return self._newton(self.newton.problem, self.x, symmetric=False)
+
+    @cached_property
+    def exact_newton(self) -> SemismoothNewton:
+        """The inner method on the unregularised problem, with an iterate of its own."""
+        return self._newton(ExactProblem(self._system, self._motions), self._system.start.copy())
+
+    @cached_property
+    def exact_unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        exact = self.exact_newton
+        return self._newton(exact.problem, exact.x, symmetric=False)
+
+    def begin_step(self, start: Start) -> None:
+        """Apply the loads and prescribed displacements of a load step to the current iterate."""
+        self._fall_backs.exhausted = start.without_fall_backs
+        if start.factors is not None:
+            self._system.set_load(start.factors)
+        fixed = self._system.contact.fixed
+        self.x.getArray()[fixed] = self._system.start.getArray(readonly=True)[fixed]

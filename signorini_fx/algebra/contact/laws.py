@@ -1,0 +1,407 @@
+"""The pointwise contact and friction laws in d dimensions, and their generalised derivatives.  No finite elements.
+
+Every array has one entry per contact point of this rank.  A tangential vector has d - 1 components in the tangent plane
+of its point, shape (n, d - 1): one in the plane, two in space.  Pressures and shears are stresses, lambda and mu of the
+paper: lambda >= 0 pushes the body off the foundation, mu = -sigma_T acts against tau_T y.
+
+The friction law is the projection onto the disc |mu| <= F g of R^(d - 1).  In R^1 the disc is an interval, a direction
+is a sign, and what follows is the paper's Algorithm (SSN).  In R^2 a slipping point carries the direction e of its
+shear, and its shear for fixed sets is
+
+    mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,    k = F g / max(e . s, F g / gamma_2),
+
+with e and k of the previous iterate: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual
+form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
+572-596, for the disc).  In R^1 the second term vanishes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.method import Settings
+from signorini_fx.tuned import AUTOMATIC_GAMMA, SAME_NUMBER
+
+Nodal = npt.NDArray[np.float64]
+
+
+def length(vectors: Nodal) -> Nodal:
+    """Euclidean length of each row, shape (n,); exact for rows of one component."""
+    if vectors.shape[1] == 1:
+        return np.asarray(np.abs(vectors[:, 0]))
+    return np.asarray(np.hypot.reduce(vectors, axis=1, initial=0.0))
+
+
+def inner(a: Nodal, b: Nodal) -> Nodal:
+    """Scalar product of each pair of rows, shape (n,)."""
+    if a.shape[1] == 1:
+        return np.asarray(a[:, 0] * b[:, 0])
+    return np.einsum("ij,ij->i", a, b)
+
+
+def unit(vectors: Nodal) -> Nodal:
+    """Each row over its length; the first axis where a row is zero.  In R^1: the sign, +1 for zero."""
+    if vectors.shape[1] == 1:
+        return np.where(vectors < 0, -1.0, 1.0)
+    size = length(vectors)
+    units = np.zeros_like(vectors)
+    units[:, :1] = 1.0
+    np.divide(vectors, size[:, None], out=units, where=(size > 0)[:, None])
+    return units
+
+
+@dataclass(frozen=True)
+class ActiveSets:
+    """The sets of Algorithm (SSN), step 2.
+
+    Attributes:
+        contact: True on A_c, False on I_c, shape (n,).
+        slip: True on A_f, False on I_f (stick), shape (n,).
+        direction: unit vector e of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and -1 on
+            A_f,-.
+        turning: k, stress per length: stiffness of the shear against slip perpendicular to its direction, shape (n,);
+            without effect in the plane.
+        line: where a friction bound follows the pressure along a curve, value at zero, stress, and slope of its tangent
+            at the iterate, shapes (n,); None: the law is asked.
+    """
+
+    contact: npt.NDArray[np.bool_]
+    slip: npt.NDArray[np.bool_]
+    direction: Nodal
+    turning: Nodal
+    line: tuple[Nodal, Nodal] | None = None
+
+    @classmethod
+    def of(cls, contact: npt.NDArray[np.bool_], direction: Nodal, turning: Nodal | None = None) -> ActiveSets:
+        """Sets from the contact set and the directions, which are zero where the point sticks."""
+        slip = length(direction) > 0.5
+        return cls(contact, slip, direction, np.zeros(slip.size) if turning is None else turning)
+
+    @classmethod
+    def all_in_contact(cls, points: int, tangents: int) -> ActiveSets:
+        """Contact and stick everywhere: the unconstrained dual problem with which section 7 starts."""
+        return cls.of(np.ones(points, dtype=bool), np.zeros((points, tangents)))
+
+    @property
+    def side(self) -> npt.NDArray[np.int8]:
+        """+1 and -1 on A_f,+ and A_f,- of the plane, in space +1 on all of A_f; 0 on I_f, shape (n,).
+
+        In space a sign would depend on the choice of tangents.
+        """
+        signs = np.sign(self.direction[:, 0]) if self.direction.shape[1] == 1 else self.slip
+        return signs.astype(np.int8)
+
+    @property
+    def turned(self) -> Nodal:
+        """The directions of the points whose shear resists perpendicular slip, shape (n, d - 1); zero at the others."""
+        return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
+
+    def changed(self, reference: ActiveSets) -> npt.NDArray[np.bool_]:
+        """The points in another set than in ``reference``, or whose direction has turned by more than a right angle."""
+        turned = inner(self.direction, reference.direction) < 0
+        return (self.contact != reference.contact) | (self.slip != reference.slip) | turned
+
+    def sticking(self, where: npt.NDArray[np.bool_]) -> ActiveSets:
+        """The sets with the points ``where`` put into I_f."""
+        slip = self.slip & ~where
+        return ActiveSets(self.contact, slip, np.where(slip[:, None], self.direction, 0.0), self.turning, self.line)
+
+    def across(self, vectors: Nodal) -> Nodal:
+        """(I - e e^T) v, shape (n, d - 1); zero in the plane."""
+        return vectors - inner(self.direction, vectors)[:, None] * self.direction
+
+
+@dataclass(frozen=True)
+class RegularisedData:
+    """The data of the regularised problem (P_gamma) on the contact points: the only data that outer algorithms change.
+
+    Attributes:
+        gap: d, length, shape (n,).
+        gamma_n: gamma_1, stress per length.
+        gamma_t: gamma_2, stress per length.
+        sigma: sigma of (3.3c), length per stress; infinite: a point passes through stick between the slip sets.
+        lambda_hat: shift of the contact pressure, stress, shape (n,).
+        mu_hat: shift of the shear, stress, shape (n, d - 1).
+        bound: given friction bound F g, stress, shape (n,); None if there is no friction.
+        follows: the friction whose bound at the pressure lambda(y) of the iterate itself is the bound (monolithic
+            Coulomb friction), and ``bound`` its part without pressure; None where the bound is given.
+        bilateral: points whose contact cannot open, shape (n,); None: there are none.
+        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
+            with origin zero (None); with load steps it acts on the increment, with mu_hat the shear of the previous
+            step.
+        immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,): no pressure acts
+            there, because the supports take whatever it would be; None: there are none.
+    """
+
+    gap: Nodal
+    gamma_n: float
+    gamma_t: float
+    sigma: float
+    lambda_hat: Nodal
+    mu_hat: Nodal
+    bound: Nodal | None
+    follows: PointFriction | None = None
+    bilateral: npt.NDArray[np.bool_] | None = None
+    slip_origin: Nodal | None = None
+    immovable: npt.NDArray[np.bool_] | None = None
+
+    @classmethod
+    def unshifted(
+        cls,
+        gap: Nodal,
+        tangents: int,
+        settings: Settings,
+        natural_gamma: float,
+        law: PointFriction | None = None,
+        bilateral: npt.NDArray[np.bool_] | None = None,
+        immovable: npt.NDArray[np.bool_] | None = None,
+    ) -> RegularisedData:
+        """The problem without shifts, for points with d - 1 tangents, and with the given part of the friction bound.
+
+        Args:
+            gap: d, length, shape (n,).
+            tangents: d - 1.
+            settings: gamma and sigma.
+            natural_gamma: the unit of gamma where it is automatic, stress per length.
+            law: of friction; None: there is none.
+            bilateral: points whose contact cannot open, shape (n,); None: there are none.
+            immovable: points that cannot move along their normal, shape (n,); None: there are none.
+        """
+        automatic = AUTOMATIC_GAMMA * natural_gamma
+        return cls(
+            gap,
+            automatic if settings.gamma_n == "auto" else settings.gamma_n,
+            automatic if settings.gamma_t == "auto" else settings.gamma_t,
+            np.inf if settings.sigma == "auto" else settings.sigma,
+            np.zeros(gap.size),
+            np.zeros((gap.size, tangents)),
+            None if law is None else law.given,
+            bilateral=bilateral,
+            immovable=immovable,
+        )
+
+    def friction_bound(self, pressure: Nodal) -> Nodal:
+        """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without friction."""
+        if self.bound is None:
+            return np.zeros_like(pressure)
+        if self.follows is None:
+            return self.bound
+        pushing = np.maximum(pressure, 0.0)
+        return self.follows.bound(pushing if self.bilateral is None else np.where(self.bilateral, pressure, pushing))
+
+
+def linearised(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> ActiveSets:
+    """The sets with the tangent of a friction bound that follows the pressure along a curve, or its magnitude where
+    contact is bilateral, at the trial pressure.
+    """
+    if data.follows is None or (data.follows.affine and data.bilateral is None):
+        return sets
+    return replace(sets, line=data.follows.line(pressure, data.bilateral))
+
+
+def bound_of_sets(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> Nodal:
+    """The friction bound, affine in the pressure for fixed sets, stress, shape (n,).
+
+    A point that is about to open has a negative pressure for one step, and then its bound may be negative.
+    """
+    assert data.bound is not None
+    if data.follows is None:
+        return data.bound
+    if data.follows.affine and sets.line is None:
+        return data.follows.given + data.follows.coefficient * pressure
+    base, slope = data.follows.line(pressure, data.bilateral) if sets.line is None else sets.line
+    return base + slope * pressure
+
+
+def slope_of_bound(sets: ActiveSets, data: RegularisedData) -> Nodal | None:
+    """Its derivative by the pressure, shape (n,); None where it is given."""
+    if data.follows is None or (data.follows.affine and sets.line is None):
+        return None if data.follows is None else data.follows.coefficient
+    return data.follows.line(np.zeros(sets.slip.size))[1] if sets.line is None else sets.line[1]
+
+
+def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
+    """The tangential displacement that friction opposes, length, shape (n, d - 1)."""
+    return u_t if data.slip_origin is None else u_t - data.slip_origin
+
+
+def keep_closed(contact: npt.NDArray[np.bool_], data: RegularisedData) -> npt.NDArray[np.bool_]:
+    """The contact set with the bilateral points, which always belong to it."""
+    return contact if data.bilateral is None else contact | data.bilateral
+
+
+def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
+    """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable points."""
+    trial = data.lambda_hat + data.gamma_n * (u_n - data.gap)
+    return trial if data.immovable is None else np.where(data.immovable, 0.0, trial)
+
+
+def trial_shear(u_t: Nodal, data: RegularisedData) -> Nodal:
+    """mu_hat + gamma_2 tau_T y, whose projection onto the disc |mu| <= F g is mu (3.4)."""
+    return data.mu_hat + data.gamma_t * slip_of(u_t, data)
+
+
+def onto_disc(shear: Nodal, bound: Nodal) -> Nodal:
+    """The projection of (3.4): the shear where |mu| <= F g, else F g mu / |mu|; the bound may be infinite."""
+    beyond = length(shear) > bound
+    return np.where(beyond[:, None], np.where(beyond, bound, 0.0)[:, None] * unit(shear), shear)
+
+
+def project(pressure: Nodal, shear: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
+    """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update of inexact ALM."""
+    pushing = np.maximum(pressure, 0.0)
+    pressure = pushing if data.bilateral is None else np.where(data.bilateral, pressure, pushing)
+    return pressure, onto_disc(shear, data.friction_bound(pressure))
+
+
+def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
+    """(lambda, mu) of step 4, affine in (tau_N y, tau_T y) for fixed sets.
+
+    lambda is lambda_hat + gamma_1 (tau_N y - d) on A_c and zero on I_c; mu is mu_hat + gamma_2 tau_T y on I_f, and
+    F g e + k (I - e e^T)(tau_T y + mu_hat / gamma_2) on A_f; zero without friction.
+    """
+    pressure = np.where(sets.contact, trial_pressure(u_n, data), 0.0)
+    if data.bound is None:
+        return pressure, np.zeros_like(u_t)
+    bound = bound_of_sets(sets, pressure, data)
+    trial = trial_shear(u_t, data)
+    return pressure, np.where(sets.slip[:, None], sliding_shear(sets, bound, trial, data.gamma_t), trial)
+
+
+def at_bound(sets: ActiveSets, bound: Nodal) -> Nodal:
+    """F g e on A_f and zero on I_f, where the bound may be infinite."""
+    return np.where(sets.slip, bound, 0.0)[:, None] * sets.direction
+
+
+def sliding_shear(sets: ActiveSets, bound: Nodal, trial: Nodal, per: float = 1.0) -> Nodal:
+    """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``; the second term is zero in the plane."""
+    if trial.shape[1] == 1:
+        return at_bound(sets, bound)
+    return at_bound(sets, bound) + (sets.turning / per)[:, None] * sets.across(trial)
+
+
+def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
+    """Xi of step 5: tau_T y + (mu_hat - mu) / gamma_2, which is zero on I_f; length, shape (n, d - 1)."""
+    return np.where(sets.slip[:, None], slip_of(u_t, data) + (data.mu_hat - mu) / data.gamma_t, 0.0)
+
+
+def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
+    """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
+
+    A point slips where |mu + xi / sigma| > F g, in the direction of that sum.  In the plane this is (3.3c); with sigma
+    infinite mu decides, and xi where mu is at its bound.  A point whose bound is zero transmits no shear and belongs to
+    the side to which it moves; ``transmitting`` leaves it out.
+    """
+    trial = trial_pressure(u_n, data)
+    return _following(trial, data.friction_bound(trial), u_t, xi, mu, data)
+
+
+def _following(trial: Nodal, bound: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
+    """``next_sets`` from the trial pressure and the friction bound there."""
+    contact = keep_closed(trial > 0, data)
+    if data.bound is None:
+        return ActiveSets.of(contact, np.zeros_like(u_t))
+    size = length(mu)
+    over = size - bound
+    # sigma (|mu + xi / sigma|^2 - F^2 g^2) = sigma (|mu|^2 - F^2 g^2) + this.
+    leaning = 2.0 * inner(mu, xi) + inner(xi, xi) / data.sigma
+    if np.isinf(data.sigma):
+        slip = np.where(np.abs(over) <= SAME_NUMBER * np.where(np.isfinite(bound), bound, 0.0), leaning > 0, over > 0)
+    else:
+        slip = data.sigma * over * (size + bound) + leaning > 0
+    return ActiveSets.of(contact, *_directed(slip, mu + xi / data.sigma, u_t, bound, data))
+
+
+def _directed(
+    slip: npt.NDArray[np.bool_], shear: Nodal, u_t: Nodal, bound: Nodal, data: RegularisedData
+) -> tuple[Nodal, Nodal]:
+    """The direction e of ``ActiveSets``, along the shear where points slip, along the motion where the bound is zero;
+    and k, F g over the slip along e, no less than what reaches the bound.
+    """
+    motion = slip_of(u_t, data)
+    direction = np.where((bound > 0)[:, None], np.where(slip[:, None], unit(shear), 0.0), unit(motion))
+    along = data.gamma_t * inner(direction, motion) + inner(direction, data.mu_hat)
+    reach = np.maximum(along, bound)
+    where = (reach > 0) & np.isfinite(bound)
+    return direction, data.gamma_t * np.divide(bound, reach, out=np.zeros_like(bound), where=where)
+
+
+def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
+    """The active sets k + 1 from the iterate y^k, which was computed with ``sets``."""
+    trial, pressure = trial_shear(u_t, data), trial_pressure(u_n, data)
+    bound = data.friction_bound(pressure)
+    if data.bound is None:
+        return _following(pressure, bound, u_t, trial, trial, data)
+    # At slip points mu is at its bound by construction, also where the pressure has changed sign, or mu its direction.
+    shear = sliding_shear(sets, bound, trial, data.gamma_t)
+    direction = np.where(inner(shear, shear)[:, None] > 0, unit(shear), sets.direction)
+    mu = np.where(sets.slip[:, None], np.where(sets.slip, bound, 0.0)[:, None] * direction, trial)
+    return _following(pressure, bound, u_t, slip_multiplier(sets, mu, u_t, data), mu, data)
+
+
+def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
+    """The sets without stick where no shear can be transmitted: the bound, or the pressure that it depends on, is zero.
+
+    In the plane these points slip along the tangent, in space without a direction, because none is distinguished.
+    Where the bound is infinite all stick.
+    """
+    if data.bound is None:
+        return sets
+    sets = sets.sticking(np.isinf(data.bound))
+    free = ~(data.bound > 0)
+    if data.follows is not None:
+        free &= ~data.follows.acts | ~sets.contact
+    first = np.full_like(sets.direction, 1.0 if sets.direction.shape[1] == 1 else 0.0)
+    direction = np.where((free & ~sets.slip)[:, None], first, sets.direction)
+    return ActiveSets(sets.contact, sets.slip | free, direction, sets.turning, sets.line)
+
+
+def transmitting(sets: ActiveSets, bound: Nodal) -> ActiveSets:
+    """The sets with the points that can transmit no shear put into I_f, for counting and comparing."""
+    return sets.sticking(~(bound > 0))
+
+
+def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
+    """Derivative (1.5) of (lambda, mu) by (tau_N y, tau_T y) for fixed sets, stress per length, shape (n, d, d).
+
+    Symmetric unless the bound depends on the pressure.
+    """
+    count, tangents = sets.direction.shape
+    blocks = np.zeros((count, 1 + tangents, 1 + tangents))
+    pressing = sets.contact if data.immovable is None else sets.contact & ~data.immovable
+    blocks[:, 0, 0] = np.where(pressing, data.gamma_n, 0.0)
+    if data.bound is None:
+        return blocks
+    identity = np.eye(tangents)
+    across = identity - sets.direction[:, :, None] * sets.direction[:, None, :]
+    blocks[:, 1:, 1:] = np.where(
+        sets.slip[:, None, None], sets.turning[:, None, None] * across, data.gamma_t * identity
+    )
+    slope = slope_of_bound(sets, data)
+    if slope is not None:
+        blocks[:, 1:, 0] = sets.direction * (slope * blocks[:, 0, 0])[:, None]
+    return blocks
+
+
+def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
+    """The sets of the derivative of (3.3b) and (3.4) at an iterate itself: the primal form, for a given bound only."""
+    contact = keep_closed(trial_pressure(u_n, data) > 0, data)
+    if data.bound is None:
+        return ActiveSets.of(contact, np.zeros_like(u_t))
+    trial = trial_shear(u_t, data)
+    return ActiveSets.of(contact, *_directed(length(trial) > data.bound, trial, u_t, data.bound, data))
+
+
+def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
+    """How far mu of these sets is from the projection (3.4) of the iterate, stress, shape (n,).
+
+    Zero in the plane once the sets repeat.  In space a direction may still change while the sets stay the same.
+    """
+    pressure, mu = multipliers(sets, u_n, u_t, data)
+    if data.bound is None:
+        return np.zeros_like(pressure)
+    return length(mu - onto_disc(trial_shear(u_t, data), data.friction_bound(pressure)))

@@ -1,0 +1,187 @@
+"""The contact map B: from the unknowns of an elastic system to the relative displacement at the contact points.
+
+Its rows are the components of the relative displacement in the frame (n, T) of each point, d rows per point with the
+normal one first; its columns are the unknowns of the system that it belongs to.  It expresses all effects of contact on
+a system: traces ``B x``, forces ``B^T (w t)`` and the tangent ``A + B^T D B`` with a block D of shape (d, d) per point.
+With the nodal rule of a rigid foundation B selects and rotates, on quadratic tetrahedra it averages and rotates; a
+condensed system, or one with turned unknowns, has the product of B with its own change of unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.points import ContactPoints
+from signorini_fx.machine import parallel
+from signorini_fx.tuned import SAME_TRACE
+
+
+@dataclass(frozen=True)
+class ContactMap:
+    """B of one elastic system, distributed like its matrix.
+
+    Attributes:
+        operator: B, d rows for each of the n contact points of this rank.
+        points: the contact points.
+        fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
+        lift: S with B S = 1, unknowns of one of two bodies from relative displacements, for multigrid; None: contact is
+            with a rigid foundation, or no such unknowns are known.
+        paired: whether points are those of two bodies, or of rigid ones that move, so that B takes differences of
+            displacements.
+    """
+
+    operator: PETSc.Mat
+    points: ContactPoints
+    fixed: npt.NDArray[np.bool_]
+    lift: PETSc.Mat | None = None
+    paired: bool = False
+
+    @classmethod
+    def without_contact(cls, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_], dimension: int) -> ContactMap:
+        """That of a body without contact points, with the layout of its matrix; collective."""
+        operator = PETSc.Mat().createAIJ(((0, None), matrix.getSizes()[1]), nnz=0, comm=matrix.comm)
+        operator.assemble()
+        empty = np.empty((0, dimension, dimension))
+        return cls(operator, ContactPoints(matrix.comm.tompi4py(), empty[:, 0, 0], empty, empty[:, 0]), fixed)
+
+    def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""
+        self.operator.mult(x, self._relative)
+        relative = self._relative.getArray(readonly=True).reshape(-1, self.points.dimension)
+        return relative[:, 0].copy(), relative[:, 1:].copy()
+
+    def add_forces(self, pressure: Nodal, shear: Nodal, force: PETSc.Vec) -> None:
+        """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, prescribed unknowns left out; collective."""
+        traction, weight = self._relative.getArray().reshape(-1, self.points.dimension), self.points.weight
+        np.multiply(pressure, weight, out=traction[:, 0])
+        np.multiply(shear, weight[:, None], out=traction[:, 1:])
+        self.operator.multTranspose(self._relative, self._force)
+        self._force.getArray()[self.fixed] = 0.0
+        force.axpy(1.0, self._force)
+
+    def after(self, change: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
+        """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
+        lift = None if self.lift is None else change.transposeMatMult(self.lift)  # of an orthogonal change
+        return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
+
+    def among(self, unknowns: npt.NDArray[np.signedinteger[Any]], fixed: npt.NDArray[np.bool_]) -> ContactMap:
+        """The map of a system that has some of the unknowns only; collective.
+
+        Args:
+            unknowns: local numbers of those of this rank, shape (m,).
+            fixed: which of them are prescribed, shape (m,).
+        """
+        rows = np.arange(*self.operator.getOwnershipRange())
+        sets = [
+            PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=self.operator.comm)
+            for indices in (rows, self.operator.getOwnershipRangeColumn()[0] + unknowns)
+        ]
+        lift = None if self.lift is None else self.lift.createSubMatrix(*sets[::-1])
+        return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed, lift, self.paired)
+
+    def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        """The matrix with a block of shape (d, d) for each point on its diagonal; collective.
+
+        Args:
+            blocks: shape (n, d, d).
+            into: an earlier one, which is filled again; None: a new one.
+        """
+        first, rows = self.operator.getOwnershipRange()[0], self.operator.getSizes()[0]
+        if into is None:
+            into = PETSc.Mat().createAIJ((rows, rows), nnz=(self.points.dimension, 0), comm=self.operator.comm)
+        numbers = (first + np.arange(rows[0]).reshape(-1, self.points.dimension)).astype(PETSc.IntType)
+        if numbers.size:
+            into.setValuesRCV(numbers, numbers, np.ascontiguousarray(blocks))
+        into.assemble()
+        return into
+
+    def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """The matrix with room for B^T D B: itself where its pattern has that, else a copy; collective."""
+        blocks = self.law(np.ones(self.points.movable.shape))
+        pattern = self.operator.transposeMatMult(blocks.matMult(self.operator))
+        if not parallel.any_rank(self.points.comm, not _within(pattern, matrix)):
+            return matrix
+        pattern.zeroEntries()
+        wider = matrix.copy()
+        wider.axpy(1.0, pattern, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        return wider
+
+    def stiffness(self, diagonal: PETSc.Vec) -> Nodal:
+        """What a relative displacement meets at each point if only the diagonal of A resists: 1 / (w B diag(A)^-1 B^T),
+        the stiffest component that is not prescribed, stress per length, shape (n,); collective.
+
+        Args:
+            diagonal: of A.
+        """
+        scale = diagonal.copy()
+        scale.reciprocal()
+        scale.sqrtabs()
+        scale.getArray()[self.fixed] = 0.0
+        scaled = self.operator.copy()
+        scaled.diagonalScale(R=scale)
+        starts, _, values = scaled.getValuesCSR()
+        rows = np.repeat(np.arange(self.points.weight.size * self.points.dimension), np.diff(starts))
+        compliance = np.bincount(rows, values**2, minlength=self.points.weight.size * self.points.dimension)
+        compliance = np.where(compliance == 0.0, np.inf, compliance)  # which bincount counts where a rank has no points
+        return 1.0 / (self.points.weight * compliance.reshape(-1, self.points.dimension).min(axis=1))
+
+    def natural_stiffness(self, diagonal: PETSc.Vec) -> float:
+        """That of the stiffest contact point, times the share of its side in that of the contact boundary: of a uniform
+        body its modulus over its size, stress per length; collective.
+
+        Args:
+            diagonal: of A.
+        """
+        points, weight = self.points, self.points.weight
+        side = (weight / parallel.global_sum(points.comm, weight.sum())) ** (1.0 / (points.dimension - 1))
+        return float(parallel.largest(points.comm, self.stiffness(diagonal) * side))
+
+    def selected(self) -> tuple[npt.NDArray[np.int64], Nodal]:
+        """The unknown that each component of the relative displacement is a multiple of, and the factor: a sign, and in
+        axes of friction that times the scale of the axis, both of shape (n, d).
+
+        Of each row the entry that is not zero, or round-off, among the unknowns of this rank; collective.
+
+        Raises:
+            ValueError: some component is no unknown, or two of them are the same one.
+        """
+        starts, columns, values = self.operator.getValuesCSR()
+        row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        largest = np.lexsort((-np.abs(values), row))[starts[:-1]]
+        shape = self.points.movable.shape[:2]
+        first, last = self.operator.getOwnershipRangeColumn()
+        unknown = columns[largest].astype(np.int64) - first
+        factors, size = values[largest], np.sqrt(np.add.reduceat(values**2, starts[:-1])) if largest.size else 1.0
+        several = (1.0 - np.abs(factors) / size >= SAME_TRACE) | (unknown < 0) | (unknown >= last - first)
+        if parallel.any_rank(self.points.comm, bool(several.any() or np.unique(unknown).size < unknown.size)):
+            raise ValueError("a component of the displacement at a contact point is no unknown: none can be tied")
+        scale = np.where(np.abs(np.abs(factors) - 1.0) < SAME_TRACE, np.sign(factors), factors)
+        return unknown.reshape(shape), scale.reshape(shape)
+
+    @cached_property
+    def _relative(self) -> PETSc.Vec:
+        return self.operator.createVecLeft()
+
+    @cached_property
+    def _force(self) -> PETSc.Vec:
+        return self.operator.createVecRight()
+
+
+def _within(pattern: PETSc.Mat, matrix: PETSc.Mat) -> bool:
+    """Whether the rows of this rank of a sparse matrix have entries only where another matrix has room; collective."""
+    first, (starts, columns, _) = pattern.getOwnershipRange()[0], pattern.getValuesCSR()
+    counts = np.diff(starts)
+    touched = np.flatnonzero(counts)
+    rows = PETSc.IS().createGeneral((first + touched).astype(PETSc.IntType), comm=matrix.comm)
+    touched_rows = matrix.createSubMatrix(rows, None)
+    room, names, _ = touched_rows.getValuesCSR()
+    row, width = np.repeat(np.arange(touched.size), np.diff(room)), matrix.getSize()[1]
+    wanted = np.repeat(np.arange(touched.size), counts[touched]) * width + columns
+    return bool(np.isin(wanted, row * width + names).all())

@@ -1,0 +1,171 @@
+"""The rigid motions that supports leave free, at the contact points: all that statics needs to know of a body.
+
+They are the columns of B times the motions.  Several bodies, or pieces of one that can move apart, are assemblies: a
+motion moves one of them only, and a contact point belongs to one of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
+from signorini_fx.machine import parallel
+from signorini_fx.tuned import NO_FORCE, NOT_HELD, NOTHING_LEFT
+
+
+@dataclass(frozen=True)
+class RigidLoad:
+    """A load on the free rigid motions, k of them.
+
+    Attributes:
+        work: on each motion, forces, shape (k,).
+        size: sum of the magnitudes of the nodal forces on the assembly that each motion moves, shape (k,).
+        assembly: number of that assembly, shape (k,).
+    """
+
+    work: Nodal
+    size: Nodal
+    assembly: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, forces: PETSc.Vec, modes: Sequence[PETSc.Vec]) -> RigidLoad:
+        """That of forces on the rigid motions of one body, which has no other assembly; collective."""
+        size, assembly = np.full(len(modes), forces.norm(PETSc.NormType.NORM_1)), np.zeros(len(modes), dtype=np.int64)
+        return cls(np.array([mode.dot(forces) for mode in modes], dtype=np.float64), size, assembly)
+
+
+def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
+    """The work of loads times their factors on the free motions, shape (k,); zero for an assembly whose loads balance
+    each other to round-off.  This is the only place that decides whether a load acts on a rigid body.
+
+    Args:
+        loads: factors, and the loads.
+        count: k.
+    """
+    work, size = np.zeros(count), np.zeros(count)
+    for factor, load in loads:
+        work += factor * load.work
+        size += abs(factor) * load.size
+    if not loads or not count:
+        return work
+    assembly = loads[0][1].assembly
+    length = np.sqrt(np.bincount(assembly, work**2))[assembly]
+    return np.where(length > NO_FORCE * size, work, 0.0)
+
+
+@dataclass(frozen=True)
+class FreeMotions:
+    """The free rigid motions at the contact points of this rank, k of them.
+
+    Attributes:
+        points: the contact points, n of them.
+        relative: relative displacement of each motion in the frame (n, T) of each point, shape (n, d, k).
+        assembly: number of the assembly that each motion moves, from 0, shape (k,).
+        of_point: number of the assembly that each point is in, shape (n,).
+        groups: which of the points are judged together.
+    """
+
+    points: ContactPoints
+    relative: Nodal
+    assembly: npt.NDArray[np.int64]
+    of_point: npt.NDArray[np.int64]
+    groups: PointGroups
+
+    @classmethod
+    def of(cls, contact: ContactMap, modes: Sequence[PETSc.Vec]) -> FreeMotions:
+        """B times the free rigid motions of one body, which has no other assembly; collective."""
+        relative = np.zeros((*contact.points.movable.shape[:2], len(modes)))
+        for number, mode in enumerate(modes):
+            relative[:, 0, number], relative[:, 1:, number] = contact.traces(mode)
+        assembly, points = np.zeros(len(modes), dtype=np.int64), contact.points
+        groups = PointGroups.of(points, points.everywhere[:, None])
+        return cls(points, relative, assembly, np.zeros(points.size, dtype=np.int64), groups)
+
+    @cached_property
+    def count(self) -> int:
+        """Number of motions, k."""
+        return int(self.assembly.size)
+
+    @property
+    def normal(self) -> Nodal:
+        """The motions along the normal of each point, shape (n, k)."""
+        return self.relative[:, 0]
+
+    @property
+    def tangential(self) -> Nodal:
+        """The motions along its tangents, shape (n, d - 1, k)."""
+        return self.relative[:, 1:]
+
+    @cached_property
+    def assemblies(self) -> list[tuple[int, npt.NDArray[np.bool_]]]:
+        """The assemblies that can move: number, and which motions are theirs, shape (k,)."""
+        return [(int(number), self.assembly == number) for number in np.unique(self.assembly)]
+
+    def unheld(
+        self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
+    ) -> npt.NDArray[np.bool_]:
+        """Which assemblies have a motion that neither contact at ``normal`` points nor stick at ``stick`` points
+        resists, shape (assemblies,); collective.
+
+        Args:
+            normal: the points in contact, shape (n,).
+            stick: the points that stick, shape (n,).
+            directions: of slip; points also resist perpendicular to them, shape (n, d - 1); zero where they do
+                not.
+        """
+        unresisted = np.zeros(self._assembly_count, dtype=bool)
+        if not self.count:
+            return unresisted
+        across = None if directions is None or directions.shape[1] == 1 else self._across(directions)
+        if self.count == 1 and across is None:
+            gram: npt.NDArray[np.float64] = np.reshape(self._squares[0] @ normal + self._squares[1] @ stick, (1, 1))
+        else:
+            rows = np.concatenate([self.normal[normal], *self.tangential[stick].swapaxes(0, 1), *(across or ())])
+            gram = np.asarray(rows.T @ rows)
+        gram = parallel.global_sum(self.points.comm, np.concatenate((gram, self._moved)))
+        for number, columns in self.assemblies:
+            among = gram[:-1] if columns.all() else gram[:-1][np.ix_(columns, columns)]
+            values = among[0] if among.size == 1 else np.linalg.eigvalsh(among)
+            # The resistance relative to the motion of the points: below this it is the round-off of their positions.
+            real = values[-1] > NOTHING_LEFT**2 * gram[-1][columns].max()
+            unresisted[number] = not (real and values[0] > NOT_HELD * values[-1] > 0)
+        return unresisted
+
+    @cached_property
+    def _assembly_count(self) -> int:
+        """How many assemblies this rank knows of, those that cannot move included."""
+        return int(max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))) + 1
+
+    @cached_property
+    def _moved(self) -> Nodal:
+        """How much each motion moves the points of this rank, squared, shape (1, k)."""
+        return np.asarray(np.square(self.relative).sum(axis=(0, 1))[None])
+
+    @cached_property
+    def _squares(self) -> tuple[Nodal, Nodal]:
+        """Of the only motion, along the normals and along the tangents, shape (n,)."""
+        squares = np.square(self.relative[:, :, 0])
+        return squares[:, 0].copy(), squares[:, 1:].sum(axis=1)
+
+    def _across(self, directions: Nodal) -> list[Nodal]:
+        """The motions perpendicular to the directions of the points that slip, each of shape (slipping points, k)."""
+        slip = directions.any(axis=1)
+        tangential = self.tangential[slip]
+        along = np.einsum("it,itk->ik", directions[slip], tangential)
+        return [*(tangential - directions[slip][:, :, None] * along[:, None]).swapaxes(0, 1)]
+
+    def held_by(
+        self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
+    ) -> bool:
+        """Whether points in contact, sticking, and slipping in another direction resist every motion, see ``unheld``;
+        collective.
+        """
+        return not self.unheld(normal, stick, directions).any()

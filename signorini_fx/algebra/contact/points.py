@@ -1,0 +1,241 @@
+"""The contact points of this rank: their weights, and the directions in which supports let them move.
+
+Everything is told in the frame (n, T) of each point, normal first, so that no coordinates are needed.  Which points are
+judged together: how much one body carries says nothing of when another one is settled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx.algebra.contact.laws import Nodal, length
+from signorini_fx.machine import parallel
+from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, SAME_LENGTH, ZERO_IN_SOLUTION
+
+
+def inside(overlap: Nodal, bilateral: npt.NDArray[np.bool_] | bool) -> Nodal:
+    """How far what is held lies inside the foundation, or, where contact cannot open, off it too, length, shape (n,).
+
+    Args:
+        overlap: tau_N y - d, length, shape (n,); what is returned where contact can open.
+        bilateral: where it cannot.
+    """
+    return np.where(bilateral, np.abs(overlap), overlap)
+
+
+def pushed(depth: Nodal, size: float) -> npt.NDArray[np.bool_]:
+    """Where supports push the body into its foundation, and not round-off, shape (n,).
+
+    Args:
+        depth: see ``ContactPoints.held_inside``, length, shape (n,).
+        size: of the body, length.
+    """
+    return np.asarray(depth > SAME_LENGTH * size)
+
+
+@dataclass(frozen=True)
+class SharedNodes:
+    """Pairs of contact points at one node, each pair both ways round, m of them.
+
+    Attributes:
+        here, beside: the first and the second one, shape (m,).
+        normal: that of the second one in the frame of the first one, shape (m, d).
+    """
+
+    here: npt.NDArray[np.int64]
+    beside: npt.NDArray[np.int64]
+    normal: Nodal
+
+
+@dataclass(frozen=True)
+class ContactPoints:
+    """The contact points of this rank, n of them.
+
+    Attributes:
+        comm: the ranks that share the points.
+        weight: w, the area (in the plane: length) that belongs to a point, shape (n,).
+        movable: orthogonal projector onto the directions in which something at the point can move, in its frame,
+            shape (n, d, d); the identity where nothing is prescribed.
+        x: position, length, shape (n, m): says which of several equal points comes first, alike on any number of ranks.
+        shared: points that share a node; None: there are none.
+    """
+
+    comm: MPI.Comm
+    weight: Nodal
+    movable: Nodal
+    x: Nodal
+    shared: SharedNodes | None = None
+
+    @cached_property
+    def size(self) -> int:
+        """Number of contact points on this rank."""
+        return int(self.weight.size)
+
+    @cached_property
+    def dimension(self) -> int:
+        """The dimension d of space."""
+        return int(self.movable.shape[1])
+
+    @cached_property
+    def everywhere(self) -> npt.NDArray[np.bool_]:
+        """True at all points, shape (n,)."""
+        return np.ones(self.size, dtype=bool)
+
+    @property
+    def immovable(self) -> npt.NDArray[np.bool_]:
+        """Points that cannot move along their normal because they are free only perpendicular to it, shape (n,).
+
+        Supports decide alone about their distance, and would take whatever contact did there: it transmits no pressure.
+        """
+        return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= SAME_DIRECTION)
+
+    def held_inside(self, overlap: Nodal, bilateral: npt.NDArray[np.bool_]) -> Nodal:
+        """``inside`` of immovable points, never negative; zero at all others, length, shape (n,)."""
+        return np.where(self.immovable, np.maximum(inside(overlap, bilateral), 0.0), 0.0)
+
+    @cached_property
+    def still(self) -> Nodal:
+        """Projections onto the tangential directions in which supports let a point not move, shape (n, d - 1, d - 1).
+
+        A shear along them does nothing to the body, so only the friction law says what it is.
+        """
+        return np.eye(self.dimension - 1) - onto_range(self.movable[:, 1:, 1:])
+
+    def dragged(self, slip: Nodal, motion: Nodal) -> npt.NDArray[np.bool_]:
+        """Points that supports move along their tangents, whatever the friction there, shape (n,).
+
+        Args:
+            slip: the tangential displacement that friction opposes, length, shape (n, d - 1).
+            motion: (tau_N y, tau_T y), length, shape (n, d).
+        """
+        return np.asarray(length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion))
+
+    def closed(self, contact: npt.NDArray[np.bool_], entered: Nodal) -> tuple[Nodal, Nodal]:
+        """``still`` and the direction that another contact of the same node closes, where one is left to slip in.
+
+        A shear along it and the pressures of both have only a common effect.  The displacement there is what the two
+        have been entered by, which vanishes in the limit.
+
+        Args:
+            contact: which points are in contact, shape (n,).
+            entered: tau_N y - d there, length, shape (n,).
+
+        Returns:
+            Projections onto the tangential directions in which a point does not move, ``still`` and these, shape
+            (n, d - 1, d - 1), and what of the displacement along these is due to ``entered``, length, shape (n, d - 1).
+        """
+        projections, moved = self.still.copy(), np.zeros((self.size, self.dimension - 1))
+        if self.shared is None:
+            return projections, moved
+        across = self.shared.normal[:, 1:]
+        size = np.linalg.norm(across, axis=1)
+        use = contact[self.shared.here] & contact[self.shared.beside] & (size > SAME_DIRECTION)
+        point, beside, size = self.shared.here[use], self.shared.beside[use], size[use]
+        aligned, across = self.shared.normal[use, 0], across[use] / size[:, None]
+        np.add.at(projections, point, across[:, :, None] * across[:, None, :])
+        projections = onto_range(projections)
+        moved[point] = across * ((entered[beside] - aligned * entered[point]) / size)[:, None]
+        slips = np.trace(projections, axis1=1, axis2=2) < self.dimension - 1.5
+        return np.where(slips[:, None, None], projections, self.still), np.where(slips[:, None], moved, 0.0)
+
+    def norm(self, values: Nodal) -> float:
+        """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k); collective."""
+        squares = np.tensordot(self.weight, values**2, axes=1).sum()
+        return float(np.sqrt(parallel.global_sum(self.comm, squares)))
+
+    def felt(self, values: Nodal, beside: Nodal | None = None) -> Nodal:
+        """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress, shape (n,).
+
+        What supports take does nothing to the body: it is no scale for other nodes.  Neither is what the other one of
+        the two undoes.
+
+        Args:
+            values: the pressure or the shear.
+            beside: the other one; None: it is not looked at.
+        """
+        alone = self._felt(values)
+        size = np.asarray(np.linalg.norm(alone, axis=1))
+        return size if beside is None else np.minimum(size, np.linalg.norm(alone + self._felt(beside), axis=1))
+
+    def scale(self, values: Nodal, beside: Nodal | None = None) -> float:
+        """The norm of what the body feels of a pressure or a shear; zero if supports take all of it; collective."""
+        return self.norm(self.felt(values, beside))
+
+    def _felt(self, values: Nodal) -> Nodal:
+        """A pressure (n,) or a shear (n, d - 1) as vectors without what supports take, shape (n, d)."""
+        if values.ndim == 1:
+            return self.movable[:, :, 0] * values[:, None]
+        return np.asarray(np.einsum("nij,nj->ni", self.movable[:, :, 1:], values))
+
+
+def onto_range(matrices: Nodal) -> Nodal:
+    """Orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k, k)."""
+    values, vectors = np.linalg.eigh(matrices)
+    return np.asarray(np.einsum("nik,nk,njk->nij", vectors, np.where(values > SAME_DIRECTION, 1.0, 0.0), vectors))
+
+
+@dataclass(frozen=True)
+class PointGroups:
+    """The contact points of this rank in groups that reach the same pieces of bodies, g groups; methods are collective.
+
+    Attributes:
+        points: the contact points, n of them.
+        number: of the group of each point, shape (n,).
+        pieces: which pieces each group reaches, shape (g, p); the same on every rank.
+    """
+
+    points: ContactPoints
+    number: npt.NDArray[np.int64]
+    pieces: npt.NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, points: ContactPoints, reached: npt.NDArray[np.bool_]) -> PointGroups:
+        """The groups of points whose relative displacements are those of the pieces ``reached``, shape (n, pieces)."""
+        every = np.unique(parallel.gather_rows(points.comm, np.unique(reached, axis=0)), axis=0)
+        if len(every) < 2:
+            return cls(points, np.zeros(points.size, dtype=np.int64), np.ones((1, 1), dtype=bool))
+        number = (reached[:, None] == every).all(axis=2).argmax(axis=1)
+        return cls(points, number, every)
+
+    @cached_property
+    def count(self) -> int:
+        """Number of groups, g."""
+        return len(self.pieces)
+
+    def norms(self, values: Nodal) -> Nodal:
+        """The norms of ``ContactPoints.norm`` over each group, shape (g,)."""
+        if self.count == 1:
+            return np.array([self.points.norm(values)])
+        columns = values[:, None] if values.ndim == 1 else values  # a rank may have no point
+        squares = (self.points.weight[:, None] * columns**2).sum(axis=1)
+        sums = parallel.sums_by(self.points.comm, self.number, squares[:, None], self.count)
+        return np.asarray(np.sqrt(sums[:, 0]))
+
+    def largest(self, values: Nodal) -> Nodal:
+        """The largest of values that are not below zero, shape (n,), in each group, shape (g,)."""
+        found = np.zeros(self.count)
+        np.maximum.at(found, self.number, values)
+        return parallel.largest_of_each(self.points.comm, found)
+
+    def scales(self, sizes: Nodal, *, lengths: bool = False) -> Nodal:
+        """What each group is judged by, shape (g,), at least what is round-off of the largest of all sizes.
+
+        The size of a piece is the largest of the groups that reach it.  Of two pieces the smaller one counts: the other
+        one may be pressed elsewhere by forces that say nothing of this contact.  Lengths are relative ones of both, of
+        which the larger one counts.
+        """
+        of_pieces = np.where(self.pieces, sizes[:, None], 0.0).max(axis=0)
+        counting = np.where(self.pieces, of_pieces, 0.0 if lengths else np.inf)
+        scales = counting.max(axis=1) if lengths else counting.min(axis=1)
+        return np.asarray(np.maximum(scales, NO_FORCE * sizes.max()))
+
+
+def shares(parts: Nodal, wholes: Nodal, of_nothing: float | Nodal = 0.0) -> Nodal:
+    """Parts over wholes, ``of_nothing`` where a whole is zero, shape (g,)."""
+    found = np.array(np.broadcast_to(of_nothing, parts.shape), dtype=np.float64)
+    return np.divide(parts, wholes, out=found, where=wholes > 0)

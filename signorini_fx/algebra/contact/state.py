@@ -1,0 +1,89 @@
+"""Results at the contact points, the same for every algorithm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, inner
+from signorini_fx.algebra.contact.points import ContactPoints
+from signorini_fx.machine import parallel
+from signorini_fx.tuned import ZERO_IN_SOLUTION
+
+
+@dataclass(frozen=True, repr=False)
+class PointState:
+    """The contact points of this rank after a solve, arrays of shape (n,).
+
+    Attributes:
+        points: weights, and what supports let move.
+        gap: d, length.
+        u_n: tau_N y, length; u_n - gap > 0 is penetration.
+        u_t: tau_T y, length, shape (n, d - 1).
+        pressure: lambda = -sigma_N, stress.
+        shear: mu = -sigma_T, stress, shape (n, d - 1).
+        bound: friction bound F g, stress; zero without friction.
+        in_contact: True on A_c.
+        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and
+            -1 on A_f,-.
+        has_friction: whether a friction law acts.
+        bilateral: points whose contact cannot open.
+        slip_length: the slip that friction opposes, length: tau_T y, or its increment in a later load step, shape
+            (n, d - 1).
+        xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes, shape (n, d - 1).
+    """
+
+    points: ContactPoints
+    gap: Nodal
+    u_n: Nodal
+    u_t: Nodal
+    pressure: Nodal
+    shear: Nodal
+    bound: Nodal
+    in_contact: npt.NDArray[np.bool_]
+    direction: Nodal
+    has_friction: bool
+    bilateral: npt.NDArray[np.bool_]
+    slip_length: Nodal
+    xi: Nodal
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.points.size} points of this rank, {self.in_contact.sum()} in contact>"
+
+    @property
+    def held_inside(self) -> Nodal:
+        """See ``ContactPoints.held_inside``."""
+        return self.points.held_inside(self.u_n - self.gap, self.bilateral)
+
+    @cached_property
+    def friction_work(self) -> float:
+        """Energy dissipated by slip in this load step, (mu, xi) with xi of (3.3c), never negative;
+        collective.
+
+        xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
+        """
+        work = np.dot(self.points.weight, inner(self.shear, self.xi))
+        return float(parallel.global_sum(self.points.comm, work))
+
+    def sliding_side(self) -> npt.NDArray[np.int8]:
+        """``ActiveSets.side``; a node that transmits no shear moves freely, forward but for round-off."""
+        side = ActiveSets.of(self.in_contact, self.direction).side
+        back = self.slip_length[:, 0] < -ZERO_IN_SOLUTION * np.linalg.norm(
+            np.column_stack((self.u_n, self.u_t)), axis=1
+        )
+        moving = np.where(back, -1, 1) if self.direction.shape[1] == 1 else np.ones(side.size)
+        return np.where(self.bound > 0, side, moving).astype(np.int8)
+
+    @cached_property
+    def areas(self) -> dict[str, float]:
+        """Areas (in the plane lengths) in contact, and of the nodes with a friction bound those that stick and slip;
+        collective.
+        """
+        weight, slip = self.points.weight, self.sliding_side() != 0
+        acting = self.bound > 0
+        sums = [np.dot(weight, where) for where in (self.in_contact, acting & ~slip, acting & slip)]
+        total = parallel.global_sum(self.points.comm, np.array(sums))
+        return dict(zip(("contact", "stick", "slip"), map(float, total), strict=True))

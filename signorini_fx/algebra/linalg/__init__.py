@@ -1,0 +1,136 @@
+"""Linear algebra: interchangeable kinds of elastic systems behind one protocol.
+
+This package knows matrices, factorisations and PETSc's options.  It must not know forms, active sets or algorithms.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.linalg.elasticity import LoadCase
+from signorini_fx.machine import parallel
+
+
+class ElasticSystem(Protocol):
+    """A x = b for the elastic body without contact, and the contact map in its unknowns.
+
+    Attributes:
+        matrix: A, symmetric; the contact iteration adds B^T D B to it.
+        load: b, the load cases times their current factors.
+        start: a vector x that satisfies the prescribed displacements times the same factors, elsewhere the rigid motion
+            that is nearest to them.
+        contact: B, from x to the relative displacement at the contact points, and which entries of x are prescribed.
+    """
+
+    matrix: PETSc.Mat
+    load: PETSc.Vec
+    start: PETSc.Vec
+    contact: ContactMap
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the system."""
+
+    @property
+    def resultant(self) -> npt.NDArray[np.float64]:
+        """The work of the current loads on the free rigid motions, the same on all ranks, shape (k,);
+        zero for an assembly whose loads balance each other to round-off.
+        """
+
+    @property
+    def definite(self) -> bool:
+        """Whether A is positive semi-definite."""
+
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """PETSc options (without prefix) that apply during the solve unless the user has set them."""
+
+    @property
+    def inexact(self) -> bool:
+        """Whether the linear solver was last set to less than full accuracy, because the matrix was about to change."""
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """Set the default linear solver for A plus contact blocks.
+
+        The user's options are applied later and take precedence.
+
+        Args:
+            ksp: the linear solver; it has its operators already, so far A alone.
+            symmetric: whether they will be.
+        """
+
+    def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
+        """Set a factorisation in place of the default solver, where that has failed; collective.
+
+        Args:
+            ksp: another linear solver than that of ``configure``, with the same operators.
+            symmetric: whether they are.
+
+        Returns:
+            Whether there is one: not if the default, or the choice of the user, is a factorisation or another solver
+            already, or if the memory is too small.
+        """
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
+        """Decide whether the last factorisation can be used for the new matrix too, and set the solver accordingly.
+
+        Args:
+            ksp: the linear solver.
+            moved: contact nodes whose blocks have changed since that factorisation, 0: the matrix is the same; None:
+                there is none, or too many to tell.
+            forces: size of the acting forces, which the tolerance of a solve is relative to.
+            exact: whether the solve must have full accuracy.
+        """
+
+    def set_load(self, factors: npt.NDArray[np.float64]) -> None:
+        """Make ``load`` and ``start`` those of the load cases times their factors, one for each."""
+
+    def set_case(self, number: int, case: LoadCase) -> None:
+        """Replace a load case from the next ``set_load`` on; nothing is factorised again."""
+
+    def with_load(self, load: PETSc.Vec) -> ElasticSystem:
+        """The same matrix with this load of all unknowns of the stiffness alone."""
+
+    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
+        """All unknowns of the stiffness from x."""
+
+    def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
+        """A new x from all unknowns of the stiffness."""
+
+
+def finite(values: PETSc.Mat | PETSc.Vec) -> bool:
+    """Whether all entries are finite; collective."""
+    return bool(np.isfinite(values.norm(PETSc.NormType.NORM_INFINITY)))
+
+
+def row_by_row(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The sparse matrix itself, multiplied row by row: PETSc's products for several rows with the same pattern, such as
+    those of a node, take more time than they save.
+    """
+    matrix.setOption(PETSc.Mat.Option.USE_INODES, False)
+    return matrix
+
+
+def keep_diagonal(matrix: PETSc.Mat, rows: npt.NDArray[np.int64], diagonal: float) -> None:
+    """Make rows and columns those of a diagonal matrix; collective.
+
+    Args:
+        matrix: sparse or dense.
+        rows: those of this rank, local numbers.
+        diagonal: their entry on the diagonal.
+    """
+    first = matrix.getOwnershipRange()[0]
+    if matrix.getType() != PETSc.Mat.Type.MPIDENSE:  # where PETSc has no such function
+        matrix.zeroRowsColumns((first + rows).astype(PETSc.IntType), diag=diagonal)
+        return
+    entries, numbers = matrix.getDenseArray(), np.asarray(first + rows, dtype=np.int64)
+    entries[:, parallel.gather_rows(matrix.comm.tompi4py(), numbers)] = 0.0
+    entries[rows] = 0.0
+    entries[rows, numbers] = diagonal
+    matrix.assemble()

@@ -1,0 +1,364 @@
+"""A stiffness of compact blocks, one for each pair of nodes, and the tangent A + C beside it, as PETSc matrices.
+
+The entries stay in the arrays into which the body was assembled; PETSc calls a ``python`` matrix for products.  No
+tangent is a copy of A: what contact adds, C = B^T D B, is a sparse matrix of its own with few rows that are not empty.
+Where rows or entries are needed, for products of matrices or factors, they are copied from the blocks.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.algebra.linalg import options, row_by_row
+from signorini_fx.algebra.linalg.callbacks import called_back
+from signorini_fx.algebra.linalg.kernels import BlockProduct
+
+Array = npt.NDArray[np.float64]
+_DIFFERENT_PATTERN, _SUBSET_PATTERN, _SAME_PATTERN = (
+    PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN,
+    PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
+    PETSc.Mat.Structure.SAME_NONZERO_PATTERN,
+)
+
+
+@dataclass(frozen=True)
+class BlockRows:
+    """The owned rows of a symmetric matrix of blocks.
+
+    Attributes:
+        starts: where the rows of blocks begin, shape (n + 1,).
+        columns: of the blocks, local numbers of nodes, those of other ranks last, shape (m,).
+        blocks: shape (m, d, d), in double or single precision.
+        scale: by which the blocks are to be multiplied.
+        names: global numbers of the nodes by their local numbers.
+        multiply: the product.
+        extended: a vector at the nodes of this rank and those of other ranks that columns need.
+        fill: copies to the latter what the other ranks have, collective; None: there is one rank.
+    """
+
+    starts: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int32]
+    blocks: npt.NDArray[np.floating[Any]]
+    scale: float
+    names: npt.NDArray[np.int64]
+    multiply: BlockProduct
+    extended: Array
+    fill: Callable[[], None] | None
+
+    @property
+    def size(self) -> int:
+        """Of blocks, d."""
+        return int(self.blocks.shape[1])
+
+    @cached_property
+    def diagonal_blocks(self) -> npt.NDArray[np.int64]:
+        """Which blocks are on the diagonal, shape (n,)."""
+        rows = np.repeat(np.arange(self.starts.size - 1, dtype=self.columns.dtype), np.diff(self.starts))
+        return np.flatnonzero(self.columns == rows)
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """Shape (n d,)."""
+        return np.array(self.scale * np.diagonal(self.blocks[self.diagonal_blocks], axis1=1, axis2=2).ravel())
+
+    def set_diagonal(self, unknowns: npt.NDArray[np.int64], value: float) -> None:
+        """Change entries of the diagonal; ``unknowns``: local numbers."""
+        node, component = np.divmod(unknowns, self.size)
+        self.blocks[self.diagonal_blocks[node], component, component] = value
+        vars(self).pop("diagonal", None)
+
+    def in_single_precision(self) -> BlockRows:
+        """A copy with rounded entries, relative to the largest one of the diagonal, so that no unit matters."""
+        scale = float(self.diagonal.max(initial=0.0)) or 1.0
+        blocks = np.empty(self.blocks.shape, np.float32)
+        np.multiply(self.blocks, self.scale / scale, out=blocks, casting="same_kind")
+        return replace(self, blocks=blocks, scale=scale)
+
+    def rows_at(self, unknowns: npt.NDArray[np.int64]) -> tuple[Any, Any, Any]:
+        """Row starts, global columns and entries of the rows of some unknowns, local numbers."""
+        starts, block, row = self._places(unknowns)
+        columns = self.size * self.names[self.columns[block]][:, None] + np.arange(self.size)
+        values = self.scale * self.blocks[block, row]
+        return starts.astype(PETSc.IntType), columns.ravel().astype(PETSc.IntType), values.ravel()
+
+    def _places(self, unknowns: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], ...]:
+        """Where their rows start, by entries, and for each of their blocks its number and the row in it."""
+        node, component = np.divmod(unknowns, self.size)
+        counts = np.diff(self.starts)[node]
+        ends = np.cumsum(counts)
+        block = np.arange(ends[-1] if ends.size else 0) + np.repeat(self.starts[node] - ends + counts, counts)
+        return np.concatenate(([0], self.size * ends)), block, np.repeat(component, counts)
+
+    def without(self, unknowns: npt.NDArray[np.int64], left_out: npt.NDArray[np.bool_]) -> BlockRows:
+        """A copy in single precision in which some entries are zero.
+
+        Args:
+            unknowns: local numbers of the rows that have them, each one once.
+            left_out: whether an entry of these rows is zero, as ``rows_at`` orders them.
+        """
+        rounded = self.in_single_precision()
+        _, block, row = self._places(unknowns)
+        rounded.blocks[block, row] *= ~left_out.reshape(-1, self.size)
+        return rounded
+
+
+class _Context:
+    """What PETSc asks of the contexts of both matrices, beside products."""
+
+    def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """A copy as a sparse matrix; collective."""
+        raise NotImplementedError
+
+    def norm(self, matrix: PETSc.Mat, kind: int) -> float:
+        """Any norm; where a solve has failed, it is asked for."""
+        return float(self.by_entries(matrix).norm(kind))
+
+
+class BlockStiffness(_Context):
+    """Context of a ``python`` matrix with such rows.
+
+    Args:
+        rows: those of this rank.
+
+    Attributes:
+        rows: see above.
+    """
+
+    def __init__(self, rows: BlockRows) -> None:
+        self.rows = rows
+        self._rough: Callable[[], PETSc.Mat | None] = lambda: None
+
+    @called_back
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Y = A x."""
+        rows, values = self.rows, x.getArray(readonly=True)
+        if rows.fill is not None:
+            rows.extended[: values.size] = values
+            rows.fill()
+            values = rows.extended
+        rows.multiply(rows.blocks, rows.scale, values, y.getArray())
+
+    def getDiagonal(self, matrix: PETSc.Mat, diagonal: PETSc.Vec) -> None:  # PETSc calls these so
+        """The diagonal."""
+        diagonal.getArray()[:] = self.rows.diagonal
+
+    def createSubMatrix(
+        self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS, into: PETSc.Mat | None = None
+    ) -> PETSc.Mat:
+        """Some rows by entries, at all columns or some."""
+        if into is not None:
+            return into  # A never changes
+        first = matrix.getOwnershipRange()[0]
+        found = self._sparse(matrix, rows.getIndices().astype(np.int64) - first)
+        if columns.getSize() == matrix.getSize()[1]:
+            return found
+        begin, end = found.getOwnershipRange()
+        return found.createSubMatrix(PETSc.IS().createStride(end - begin, begin, 1, comm=matrix.comm), columns)
+
+    def _sparse(self, matrix: PETSc.Mat, unknowns: npt.NDArray[np.int64]) -> PETSc.Mat:
+        """The rows of some unknowns, local numbers; collective."""
+        csr = self.rows.rows_at(unknowns)
+        return PETSc.Mat().createAIJ(((unknowns.size, None), matrix.getSizes()[1]), csr=csr, comm=matrix.comm)
+
+    def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """A copy as a sparse matrix; collective."""
+        r = self.rows
+        blocks = r.blocks if r.scale == 1.0 else r.scale * r.blocks
+        csr = r.starts.astype(PETSc.IntType), r.names[r.columns].astype(PETSc.IntType), blocks
+        copied = PETSc.Mat().createBAIJ(matrix.getSizes(), r.size, csr=csr, comm=matrix.comm)
+        return row_by_row(copied.convert(PETSc.Mat.Type.AIJ))
+
+    def rough(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """A in single precision, made once for as long as somebody keeps it; collective."""
+        rounded = self._rough()
+        if rounded is None:
+            rounded = _python_matrix(BlockStiffness(self.rows.in_single_precision()), matrix, self.rows.size)
+            self._rough = weakref.ref(rounded)
+        return rounded
+
+    def apart(self, matrix: PETSc.Mat, pattern: PETSc.Mat) -> tuple[PETSc.Mat, PETSc.Mat]:
+        """See ``apart``."""
+        starts, columns, _ = pattern.getValuesCSR()
+        counts = np.diff(starts)
+        unknowns = np.flatnonzero(counts)
+        row_starts, row_columns, values = self.rows.rows_at(unknowns)
+        number, width = np.arange(unknowns.size), matrix.getSize()[1]
+        row = np.repeat(number, np.diff(row_starts))
+        inside = np.isin(row * width + row_columns, np.repeat(number, counts[unknowns]) * width + columns)
+        counts[unknowns] = np.bincount(row[inside], minlength=unknowns.size)
+        csr = np.concatenate(([0], np.cumsum(counts))).astype(PETSc.IntType), row_columns[inside], values[inside]
+        entries = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
+        remaining = BlockStiffness(self.rows.without(unknowns, inside))
+        return _python_matrix(remaining, matrix, self.rows.size), entries
+
+
+class AddedTangent(_Context):
+    """Context of the ``python`` matrix A + C.
+
+    Args:
+        stiffness: A, of blocks.
+        added: C, sparse.
+    """
+
+    def __init__(self, stiffness: PETSc.Mat, added: PETSc.Mat) -> None:
+        self._stiffness, self._added = stiffness, row_by_row(added)
+        self._rough: PETSc.Mat | None = None
+        # The rows of A that were asked for, with room for C, by their index set, which must stay, and their columns.
+        self._parts: dict[tuple[int, int], tuple[PETSc.Mat, PETSc.IS]] = {}
+
+    @called_back
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Y = A x + C x."""
+        self._stiffness.mult(x, y)
+        self._added.multAdd(x, y, y)
+
+    def getDiagonal(self, matrix: PETSc.Mat, diagonal: PETSc.Vec) -> None:  # PETSc calls these so
+        """The diagonal."""
+        self._stiffness.getDiagonal(diagonal)
+        diagonal.axpy(1.0, self._added.getDiagonal())
+
+    def createSubMatrix(
+        self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS, into: PETSc.Mat | None = None
+    ) -> PETSc.Mat:
+        """Some rows by entries, at all columns or some."""
+        added = self._added.createSubMatrix(rows, columns)
+        key = (rows.handle, columns.getSize())
+        if key not in self._parts:
+            part = self._stiffness.createSubMatrix(rows, columns)
+            pattern = added.copy()
+            pattern.zeroEntries()
+            part.axpy(1.0, pattern, structure=_DIFFERENT_PATTERN)
+            self._parts[key] = row_by_row(part), rows
+        part = self._parts[key][0]
+        if into is None:
+            into = part.copy()
+        else:
+            part.copy(into, _SAME_PATTERN)
+        into.axpy(1.0, added, structure=_SUBSET_PATTERN)
+        return into
+
+    def change(self, added: PETSc.Mat) -> None:
+        """Take the entries of another C with the same pattern; collective."""
+        added.copy(self._added, _SAME_PATTERN)
+        if self._rough is not None:
+            self._rough.stateIncrease()
+
+    def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """A copy as a sparse matrix; collective."""
+        entries = by_entries(self._stiffness)
+        entries.axpy(1.0, self._added, structure=_DIFFERENT_PATTERN)
+        return row_by_row(entries)
+
+    def rough(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """The same with A in single precision, which changes with it; collective."""
+        if self._rough is None:
+            context = AddedTangent(rough(self._stiffness), self._added)
+            self._rough = _python_matrix(context, matrix, matrix.getBlockSize())
+        return self._rough
+
+
+def _python_matrix(context: Any, like: PETSc.Mat, block: int) -> PETSc.Mat:
+    """The symmetric positive definite matrix of a context, with the layout of another one; collective."""
+    matrix = PETSc.Mat().create(like.comm)
+    matrix.setSizes(like.getSizes())
+    return _made(matrix, context, block)
+
+
+def _made(matrix: PETSc.Mat, context: Any, block: int) -> PETSc.Mat:
+    matrix.setBlockSize(block)  # before it is set up
+    matrix.setType(PETSc.Mat.Type.PYTHON)
+    matrix.setPythonContext(context)
+    matrix.setUp()
+    matrix.assemble()
+    return matrix
+
+
+def block_matrix(rows: BlockRows, comm: Any) -> PETSc.Mat:
+    """The matrix of the rows of all ranks; collective."""
+    size = ((rows.starts.size - 1) * rows.size, None)
+    matrix = PETSc.Mat().create(comm)
+    matrix.setSizes((size, size))
+    return _made(matrix, BlockStiffness(rows), rows.size)
+
+
+def is_by_blocks(matrix: PETSc.Mat) -> bool:
+    """Whether the entries of a matrix are blocks."""
+    return bool(matrix.getType() == PETSc.Mat.Type.PYTHON)
+
+
+def with_added(stiffness: PETSc.Mat, added: PETSc.Mat) -> PETSc.Mat:
+    """A + C of A by blocks; C, with all the entries it may have, becomes part of it; collective."""
+    return _python_matrix(AddedTangent(stiffness, added), stiffness, stiffness.getBlockSize())
+
+
+def change_added(tangent: PETSc.Mat, added: PETSc.Mat) -> None:
+    """Make A + C that of another C with the same pattern; collective."""
+    tangent.getPythonContext().change(added)
+    tangent.stateIncrease()  # or PETSc would keep the factor of the earlier one
+
+
+def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The sparse matrix with the entries of one by blocks, a copy, or the matrix itself; collective."""
+    return matrix.getPythonContext().by_entries(matrix) if is_by_blocks(matrix) else matrix
+
+
+def rough(matrix: PETSc.Mat) -> PETSc.Mat:
+    """A matrix by blocks with A in single precision, for preconditioners; another one itself; collective."""
+    return matrix.getPythonContext().rough(matrix) if is_by_blocks(matrix) else matrix
+
+
+def apart(matrix: PETSc.Mat, pattern: PETSc.Mat) -> tuple[PETSc.Mat, PETSc.Mat]:
+    """A matrix by blocks in single precision without the entries that a pattern has, and these, sparse, in double;
+    collective.
+    """
+    left, entries = matrix.getPythonContext().apart(matrix, pattern)
+    return left, entries
+
+
+class PreconditionerByEntries:
+    """Context of a ``python`` preconditioner that makes another one for the entries of a matrix by blocks.
+
+    Args:
+        configure: sets the kind of the preconditioner, which has its matrix already.
+    """
+
+    def __init__(self, configure: Callable[[PETSc.PC], None]) -> None:
+        self._configure = configure
+        self._inner: PETSc.PC | None = None
+
+    @called_back
+    def setUp(self, pc: PETSc.PC) -> None:
+        """Set up anew; collective."""
+        inner = PETSc.PC().create(pc.comm)
+        inner.setOptionsPrefix(options.PREFIX)
+        inner.setOperators(by_entries(pc.getOperators()[0]))
+        self._configure(inner)
+        inner.setUp()
+        pc.setFailedReason(inner.getFailedReason())  # by which a singular matrix is told from a lack of memory
+        self._inner = inner
+
+    @called_back
+    def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Apply it."""
+        assert self._inner is not None
+        self._inner.apply(right, x)
+
+    @called_back
+    def applyTranspose(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Apply the transposed one."""
+        assert self._inner is not None
+        self._inner.applyTranspose(right, x)
+
+
+def use_entries(pc: PETSc.PC, configure: Callable[[PETSc.PC], None]) -> None:
+    """Make a preconditioner of a matrix by blocks one of its entries, see ``PreconditionerByEntries``."""
+    pc.setType(PETSc.PC.Type.PYTHON)
+    pc.setPythonContext(PreconditionerByEntries(configure))

@@ -1,0 +1,170 @@
+"""Which kind of elastic system a problem gets, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.algebra.linalg import ElasticSystem, options
+from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks
+from signorini_fx.algebra.linalg.condensed import CondensedSystem
+from signorini_fx.algebra.linalg.elasticity import Elasticity
+from signorini_fx.algebra.linalg.factorisation import can_factorise, enough_memory, factor_memory, has_package
+from signorini_fx.algebra.linalg.full import FullSystem
+from signorini_fx.algebra.linalg.krylov import KrylovSystem
+from signorini_fx.algebra.linalg.user_solver import UserSystem
+from signorini_fx.tuned import (
+    FEWEST_CONDENSED_UNKNOWNS,
+    FEWEST_KRYLOV_UNKNOWNS,
+    FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED,
+    MOST_CONDENSED_UNKNOWNS,
+    SPARSE_OPERATIONS,
+)
+
+_KINDS: dict[str, Callable[[Elasticity], ElasticSystem]] = {
+    "full": FullSystem.of,
+    "condensed": CondensedSystem.of,
+    "krylov": KrylovSystem.of,
+}
+
+
+@dataclass(frozen=True)
+class SystemSize:
+    """The figures that decide which kind a system gets.
+
+    Attributes:
+        comm: the ranks that share the system.
+        unknowns: global number of unknowns.
+        dimension: d.
+        retained: unknowns that contact touches, of two bodies on both sides, onto which a Schur complement is formed
+            before it is one of relative displacements; 0 without contact.
+        held: whether contact and stick at all contact points hold every piece of the body.
+        compressible: whether the material is far enough from incompressible for multigrid.
+        definite: whether the matrix is positive semi-definite.
+        enclosed: whether what contact does not touch is singular: contact and supports enclose an incompressible body.
+    """
+
+    comm: MPI.Comm
+    unknowns: int
+    dimension: int
+    retained: int
+    held: bool
+    compressible: bool
+    definite: bool = True
+    enclosed: bool = False
+
+
+def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> tuple[ElasticSystem, str]:
+    """The elastic system, and the reason for its kind.
+
+    Args:
+        elasticity: what it is made of.
+        size: its figures.
+        requested: ``full``, ``krylov``, ``condensed``, ``auto``, or the name of a solver of another package.
+    """
+    kind, reason = choose_kind(size, requested)
+    if kind != "krylov" and is_by_blocks(elasticity.matrix):
+        elasticity = replace(elasticity, matrix=by_entries(elasticity.matrix))
+    try:
+        if kind not in _KINDS:
+            return UserSystem.named(kind, elasticity), f"{kind}: {reason}"
+        return _KINDS[kind](elasticity), f"{kind}: {reason}"
+    except PETSc.Error:
+        if kind != "condensed":
+            raise
+        return _KINDS["full"](elasticity), "full: MUMPS could not condense the system"
+
+
+def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
+    """``full``, ``krylov``, ``condensed`` or the name of another one, and the reason; collective.
+
+    Args:
+        size: of the system; without contact there is nothing to condense onto.
+        requested: as for ``choose_system``.
+    """
+    if requested not in ("auto", "full", "condensed"):
+        return requested, "as asked for"
+    if size.retained and not size.held:
+        return "full", "the contact does not reach every piece of the body that supports do not hold"
+    if size.enclosed:
+        return "full", "contact and supports enclose the incompressible body"
+    if requested == "condensed" and size.retained and against_ranks(size) is None and has_package("mumps"):
+        return "condensed", "as asked for"
+    if not can_factorise(size.comm):
+        return "krylov", "PETSc has no factorisation for more than one rank"
+    against = against_condensing(size)
+    if requested == "full":
+        return "full", against or "set by the scene"
+    if size.definite and (multigrid := for_multigrid(size)) is not None:
+        return "krylov", multigrid
+    if against is not None:
+        return "full", against
+    megabytes = 3 * 8 * size.retained**2 / 2**20
+    memory = f"{megabytes:.0f} MB" if megabytes >= 1 else "less than 1 MB"
+    return "condensed", f"{size.retained} of {size.unknowns} unknowns are on the contact boundary, {memory} dense"
+
+
+def for_multigrid(size: SystemSize) -> str | None:
+    """Why a Krylov method with multigrid is better than a factorisation; None: it is not; collective."""
+    if options.user_chooses_solver():
+        return None
+    factor = factor_memory(size.unknowns, size.dimension)
+    if not enough_memory(size.comm, factor):
+        return (
+            f"a factor for {size.unknowns} unknowns would take about {factor / 1e9:.2g} GB, more than this machine has"
+        )
+    faster = size.unknowns >= krylov_from(size, "auto")
+    return f"for {size.unknowns} unknowns in space multigrid is faster than a factor" if faster else None
+
+
+def krylov_from(size: SystemSize, requested: str) -> float:
+    """Unknowns from which on a mesh of a body gets a Krylov method because it is faster; infinite: none does.
+
+    Args:
+        size: of the system on any of them.
+        requested: as for ``choose_system``.
+    """
+    if requested != "auto":
+        return 0.0 if requested == "krylov" else math.inf
+    if not size.compressible or options.user_chooses_solver():
+        return math.inf
+    # A dense matrix of few contact points is cheap for longer than a sparse one.
+    fewest = FEWEST_KRYLOV_UNKNOWNS if against_condensing(size) else FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED
+    return fewest.get(size.dimension, math.inf)
+
+
+def against_condensing(size: SystemSize) -> str | None:
+    """Why the system is not condensed onto the unknowns of the contact boundary; None if it is."""
+    retained = size.retained
+    if retained == 0:
+        return "there is no contact"
+    if (ranks := against_ranks(size)) is not None:
+        return ranks
+    if not has_package("mumps"):
+        return "PETSc has no MUMPS"
+    if options.user_chooses_solver():
+        return "the options choose a linear solver"
+    if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
+        return f"only {size.unknowns} unknowns"
+    factor, exponent = SPARSE_OPERATIONS[size.dimension]
+    border = round((size.comm.size - 1) * math.sqrt(2 * size.unknowns))  # straight cuts through a square
+    if (retained + border) ** 3 / 3 > factor * size.unknowns**exponent or retained > MOST_CONDENSED_UNKNOWNS[
+        size.dimension
+    ]:
+        between = f" and about {border} between ranks" if border else ""
+        where = f"are on the contact boundary{between}, too many for a dense matrix"
+        return f"{retained} of {size.unknowns} unknowns {where}"
+    return None
+
+
+def against_ranks(size: SystemSize) -> str | None:
+    """Why several ranks cannot condense the system; None: they can, or there is one."""
+    if size.comm.size == 1:
+        return None
+    if size.dimension > 2:  # what is between ranks is a surface
+        return "more than one rank in space"
+    return None if size.definite else "more than one rank, and an indefinite matrix"

@@ -1,0 +1,162 @@
+"""The elastic system condensed onto the contact nodes: a small dense Schur complement.
+
+The elastic operator never changes, and the nonlinearity is confined to the contact boundary.  So the interior is
+eliminated once; all Newton steps of all outer iterations, load steps and values of gamma use the dense matrix, and the
+interior is recovered at the end with the same factor.  The interior matrix is regular for a floating body too.
+
+Several ranks eliminate what is their own, see ``schur``.  Each has the rows of the dense matrix whose unknowns
+it owns, as contact points are where their unknowns are; what is dense is so small that every rank does all of it.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.algebra.contact.motions import RigidLoad
+from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.algebra.linalg.factorisation import factor_type
+from signorini_fx.algebra.linalg.plain import PlainSystem
+from signorini_fx.algebra.linalg.relative import RelativeUnknowns
+from signorini_fx.algebra.linalg.schur import SchurComplement
+from signorini_fx.machine import parallel
+
+
+@dataclass
+class CondensedSystem(PlainSystem):
+    """See ``ElasticSystem``: x holds the unknowns that B touches, of two bodies relative displacements where it can."""
+
+    definite = True  # also where the matrix of all unknowns is not
+
+    elasticity: Elasticity
+    cases: list[_CondensedCase]
+    schur: SchurComplement
+    relative: RelativeUnknowns | None
+    factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    @classmethod
+    def of(cls, elasticity: Elasticity) -> CondensedSystem:
+        """Eliminate the interior and condense every load case.
+
+        Raises:
+            PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
+        """
+        e = elasticity
+        first, last = e.matrix.getOwnershipRange()
+        touched = np.unique(parallel.gather_rows(e.comm, np.unique(e.contact.operator.getValuesCSR()[1])))
+        retained = touched[(first <= touched) & (touched < last)] - first
+        loads = [case.load.getArray(readonly=True) for case in e.cases]
+        schur = SchurComplement(e.matrix, retained, loads, e.positions, definite=e.definite)
+        contact = e.contact.among(retained, e.contact.fixed[retained])
+        dense, relative = schur.dense, RelativeUnknowns.of(schur.dense, contact)
+        if relative is not None:
+            dense, contact = relative.matrix, relative.contact
+        matrix = dense_matrix(e.comm, dense, contact.fixed.size)
+        load, start = matrix.createVecRight(), matrix.createVecRight()
+        resultant = np.zeros(e.free)
+        system = cls(matrix, load, start, resultant, contact, e, [], schur, relative)
+        system.cases = [system._condensed(*case) for case in zip(e.cases, schur.loads, schur.between, strict=True)]
+        system.set_load(np.ones(len(e.cases)))
+        return system
+
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """None."""
+        return {}
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """A dense factorisation by LAPACK, on every rank."""
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        alone = self.comm.size == 1
+        ksp.getPC().setType(factor_type(symmetric=symmetric) if alone else PETSc.PC.Type.REDUNDANT)
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
+        """Only for the same matrix: a dense factorisation is cheap."""
+        return moved == 0
+
+    def _condensed(
+        self, case: LoadCase, load: npt.NDArray[np.float64], between: npt.NDArray[np.float64]
+    ) -> _CondensedCase:
+        """A load case and its condensed load of all ranks; collective."""
+        start = np.array(case.start.getArray(readonly=True)[self.schur.retained])
+        owned_rows = slice(*self.matrix.getOwnershipRange())
+        if self.relative is None:
+            return _CondensedCase(case, load[owned_rows], start, between, np.empty(0))
+        start = parallel.gather_rows(self.comm, start)
+        load, inner = self.relative.load(load, start)
+        return _CondensedCase(case, load[owned_rows], self.relative.unknowns(start)[owned_rows], between, inner)
+
+    def set_load(self, factors: npt.NDArray[np.float64]) -> None:
+        """The condensed loads and the prescribed displacements times their factors."""
+        self.factors = factors
+        self.resultant = self.elasticity.resultant([case.case for case in self.cases], factors)
+        shape = (len(self.cases), self.contact.fixed.size)
+        self.load.getArray()[:] = factors @ np.reshape([case.load for case in self.cases], shape)
+        self.start.getArray()[:] = factors @ np.reshape([case.start for case in self.cases], shape)
+
+    def set_case(self, number: int, case: LoadCase) -> None:
+        """Condense another right-hand side: one back substitution."""
+        self.cases[number] = self._condensed(case, *self.schur.condense(case.load))
+
+    def with_load(self, load: PETSc.Vec) -> CondensedSystem:
+        """The same with this load alone, condensed: one back substitution."""
+        system, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
+        system.cases = [self._condensed(case, *self.schur.condense(load))]
+        system.factors, system.load = np.ones(1), self.load.duplicate()
+        system.load.getArray()[:] = system.cases[0].load
+        return system
+
+    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
+        """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
+        retained, values = self.schur.retained, np.asarray(x.getArray(readonly=True))
+        if self.relative is not None:
+            values = parallel.gather_rows(self.comm, values)
+            values = self.relative.displacement(values, self.factors @ [case.inner for case in self.cases])
+            offset = parallel.rows_before(self.comm, retained.size)
+            values = values[offset : offset + retained.size]
+        load = self.schur.matrix.createVecRight()
+        load.set(0.0)
+        for factor, case in zip(self.factors, self.cases, strict=True):
+            load.axpy(factor, case.case.load)
+        return self.schur.recover(load, self.factors @ [case.between for case in self.cases], values)
+
+    def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
+        """Those of the nodes that contact reaches."""
+        x, values = self.load.duplicate(), displacement.getArray(readonly=True)[self.schur.retained]
+        if self.relative is not None:
+            values = self.relative.unknowns(parallel.gather_rows(self.comm, values))[slice(*x.getOwnershipRange())]
+        x.getArray()[:] = values
+        return x
+
+
+@dataclass(frozen=True)
+class _CondensedCase:
+    """A load case, and b_c - A_ci A_ii^-1 b_i and the prescribed values of the unknowns of this rank that stay;
+    ``between``: of ``SchurComplement``; ``inner``: of ``RelativeUnknowns.load``.
+    """
+
+    case: LoadCase
+    load: npt.NDArray[np.float64]
+    start: npt.NDArray[np.float64]
+    between: npt.NDArray[np.float64]
+    inner: npt.NDArray[np.float64]
+
+
+def dense_matrix(comm: MPI.Comm, entries: npt.NDArray[np.float64], owned: int) -> PETSc.Mat:
+    """A symmetric dense matrix that every rank has, distributed; collective.
+
+    Args:
+        comm: the ranks.
+        entries: shape (n, n), the same on all ranks.
+        owned: number of its rows on this rank.
+    """
+    first = parallel.rows_before(comm, owned)
+    columns = np.ascontiguousarray(entries[:, first : first + owned])
+    matrix = PETSc.Mat().createDense(((owned, None), (owned, None)), array=columns.T, comm=comm)
+    matrix.assemble()
+    return matrix

@@ -1,0 +1,103 @@
+"""What an elastic system is made of: a stiffness matrix, load cases, prescribed unknowns, and the contact map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.contact.motions import RigidLoad, total_work
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """Loads and prescribed displacements that change by a common factor.
+
+    Attributes:
+        load: b minus what the prescribed displacements contribute; in their rows their value times the diagonal entry.
+        start: the prescribed displacements; elsewhere anything, such as the rigid motion nearest to them.
+        resultant: work of the loads on the free rigid motions; what strains cause does no work on them.
+    """
+
+    load: PETSc.Vec
+    start: PETSc.Vec
+    resultant: RigidLoad
+
+
+class Level(Protocol):
+    """The unknowns of an elastic system on one mesh, and on a coarser one: a level of multigrid.
+
+    Attributes:
+        coarser: the next coarser level; None: there is none.
+        block: unknowns per node.
+        interpolation: from the unknowns on the coarser level, prescribed ones left out; None: there is none.
+        positions: of the unknowns of this rank, shape (n, 3).
+        stiffness: the matrix on this mesh; None: it has other unknowns as well.
+    """
+
+    @property
+    def coarser(self) -> Level | None:
+        """See above."""
+
+    @property
+    def block(self) -> int:
+        """See above."""
+
+    @property
+    def interpolation(self) -> PETSc.Mat | None:
+        """See above."""
+
+    @property
+    def positions(self) -> npt.NDArray[np.float64]:
+        """See above."""
+
+    @property
+    def stiffness(self) -> PETSc.Mat | None:
+        """See above."""
+
+    def modes(self) -> PETSc.NullSpace:
+        """Rigid motions, orthonormal: what multigrid must not forget on its coarse levels."""
+
+
+@dataclass(frozen=True)
+class Elasticity:
+    """An elastic body without contact, and where contact is.
+
+    Attributes:
+        matrix: A, symmetric; prescribed rows and columns are empty but for the diagonal.
+        cases: the load cases.
+        contact: B, from the unknowns to the relative displacement at the contact points.
+        free: number of rigid motions that are free.
+        level: for multigrid; None: it has smoothed aggregation alone, with the near null space of the matrix.
+        definite: whether the matrix is positive semi-definite; with a pressure it is symmetric and indefinite, whose
+            Schur complement on the unknowns of contact is positive semi-definite.
+        rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last rank.
+    """
+
+    matrix: PETSc.Mat
+    cases: Sequence[LoadCase]
+    contact: ContactMap
+    free: int = 0
+    level: Level | None = None
+    definite: bool = True
+    rigid: int = 0
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the body."""
+        return self.contact.points.comm
+
+    @property
+    def positions(self) -> npt.NDArray[np.float64] | None:
+        """Of the displacements of this rank, its first unknowns; None: not known."""
+        return None if self.level is None else self.level.positions
+
+    def resultant(self, cases: Sequence[LoadCase], factors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The work of load cases times their factors on the free rigid motions, shape (k,), see ``total_work``."""
+        return total_work(list(zip(factors, (case.resultant for case in cases), strict=True)), self.free)

@@ -1,0 +1,120 @@
+"""Sparse factorisations: which package there is, how much memory it takes, and how a solver is made a direct one."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from functools import cache
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.machine import parallel
+from signorini_fx.tuned import FACTOR_ENTRIES, MEMORY_SHARE, MOST_REPLICATED_UNKNOWNS, RANKS_WITH_MINIMUM_DEGREE
+
+
+@cache
+def has_package(package: str, kind: str = "cholesky") -> bool:
+    """Whether this PETSc can factorise with a package (``kind``: cholesky or lu)."""
+    probe = PETSc.Mat().createAIJ((1, 1), nnz=1, comm=MPI.COMM_SELF)
+    probe.setValue(0, 0, 1.0)
+    probe.assemble()
+    pc = PETSc.PC().create(MPI.COMM_SELF)
+    pc.setOperators(probe)
+    pc.setType(kind)
+    try:
+        pc.setFactorSolverType(package)
+        pc.setFactorSetUpSolverType()
+    except PETSc.Error:
+        return False
+    return True
+
+
+def factorisation_package(comm: MPI.Comm, *, symmetric: bool, definite: bool = True) -> str:
+    """The fastest sparse direct solver that this PETSc has for the task.
+
+    CHOLMOD factorises faster than MUMPS on one rank, but only symmetric positive definite matrices.
+    """
+    if not definite:
+        return "mumps"
+    kind = "cholesky" if symmetric else "lu"
+    candidates = ["cholmod", "mumps"] if comm.size == 1 and symmetric else ["mumps", "superlu_dist"]
+    return next((package for package in candidates if has_package(package, kind)), "petsc")
+
+
+def factor_type(*, symmetric: bool) -> str:
+    """The kind of factorisation, for PETSc."""
+    return str(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
+
+
+def can_factorise(comm: MPI.Comm) -> bool:
+    """Whether this PETSc has a sparse direct solver for this number of ranks; its own is for one."""
+    return comm.size == 1 or factorisation_package(comm, symmetric=True) != "petsc"
+
+
+def factor_entries(unknowns: int, dimension: int) -> float:
+    """Entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested dissection)."""
+    least, slope, offset = FACTOR_ENTRIES[dimension]
+    growing = slope * (math.log2(unknowns) - offset) if dimension == 2 else slope * unknowns**offset
+    return unknowns * max(least, growing)
+
+
+def factor_memory(unknowns: int, dimension: int) -> float:
+    """Bytes of a sparse factor: a number of 8 bytes an entry, and an index for every second one."""
+    return 12.0 * factor_entries(unknowns, dimension)
+
+
+def enough_memory(comm: MPI.Comm, needed: float) -> bool:
+    """Whether the machines of these ranks have so many bytes; collective."""
+    return needed <= MEMORY_SHARE * parallel.machine_memory(comm)
+
+
+# MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot order; CHOLMOD's own
+# nested dissection has half the fill of its default orderings on large meshes.
+_FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true", "mat_cholmod_print": "0"}
+
+
+def factor_defaults(comm: MPI.Comm) -> dict[str, str]:
+    """PETSc options of the factorisation packages."""
+    ordering = {"mat_mumps_icntl_7": "0"} if comm.size <= RANKS_WITH_MINIMUM_DEGREE else {}
+    return {**_FACTOR_DEFAULTS, **ordering}
+
+
+def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool, definite: bool = True) -> None:
+    """Make a linear solver a direct one: Cholesky if the matrix is symmetric, else LU."""
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    use_factor(ksp.getPC(), symmetric=symmetric, definite=definite)
+
+
+def use_factor(pc: PETSc.PC, *, symmetric: bool, definite: bool = True) -> None:
+    """Make a preconditioner such a factorisation."""
+    pc.setType(factor_type(symmetric=symmetric))
+    pc.setFactorSolverType(factorisation_package(pc.comm.tompi4py(), symmetric=symmetric, definite=definite))
+
+
+def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:
+    """Make a preconditioner a direct solver, of all ranks together or, for few unknowns, of each alone; collective.
+
+    Few unknowns are factorised no faster by several ranks, and each solve would take more time for messages than for
+    arithmetic: then each rank gathers the right-hand side, and has the whole factor.
+
+    Args:
+        pc: of all ranks that share the matrix.
+        unknowns: of all ranks.
+        symmetric: whether the matrix is symmetric and positive definite.
+    """
+    comm = pc.comm.tompi4py()
+    alone = comm.size > 1 and (unknowns <= MOST_REPLICATED_UNKNOWNS or not can_factorise(comm))
+    kind = factor_type(symmetric=symmetric)
+    package = factorisation_package(MPI.COMM_SELF if alone else comm, symmetric=symmetric)
+    if not alone:
+        pc.setType(kind)
+        pc.setFactorSolverType(package)
+        return
+    pc.setType(PETSc.PC.Type.REDUNDANT)
+    ksp, inner = ctypes.c_void_p(), ctypes.c_void_p()
+    call("PCRedundantGetKSP", pc, ctypes.byref(ksp))
+    call("KSPGetPC", ksp, ctypes.byref(inner))
+    call("PCSetType", inner, kind.encode())
+    call("PCFactorSetMatSolverType", inner, package.encode())

@@ -1,0 +1,129 @@
+"""Products y = s A x with matrices of small dense blocks, in C, compiled beside the forms.
+
+Such a product takes the time in which the entries arrive from memory.  PETSc's kernels for blocks ask for them ahead in
+a way that some processors ignore; these ask for them ``PREFETCHED_BYTES`` ahead of their use, into all caches.  Entries
+may be in single precision, which halves the time; sums are in double precision.
+"""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx.errors import MachineError
+from signorini_fx.machine import parallel
+from signorini_fx.machine.compilation import library
+from signorini_fx.tuned import PREFETCHED_BYTES
+
+Array = npt.NDArray[np.float64]
+SIZES = (2, 3)  # of blocks
+_TYPES = {np.dtype(np.float64): "double", np.dtype(np.float32): "float"}
+_ARGUMENTS = ("-O2",)
+# By the folder: (the module, why there is none).
+_LOADED: dict[str, tuple[Any, str | None]] = {}
+
+
+def load(comm: MPI.Comm, folder: Path) -> str | None:
+    """Compile the kernels on one rank, unless they are there, and load them on all; collective.
+
+    Args:
+        comm: the ranks that share a matrix.
+        folder: of compiled forms.
+
+    Returns:
+        Why there are none; None: there are.
+    """
+    key = str(folder)
+    if parallel.any_rank(comm, key not in _LOADED):
+        if comm.rank == 0:
+            _LOADED[key] = _load(folder)
+        # The others find what the first rank has compiled.
+        if comm.bcast(_LOADED[key][1] if comm.rank == 0 else None) is None and comm.rank > 0:
+            _LOADED[key] = _load(folder)
+    reasons = comm.allgather(_LOADED.get(key, (None, None))[1])
+    return next((reason for reason in reasons if reason is not None), None)
+
+
+def _load(folder: Path) -> tuple[Any, str | None]:
+    source = "#include <stdint.h>\n\n" + "\n".join(_function(size, kind) for size in SIZES for kind in _TYPES.values())
+    declarations = "".join(f"{_head(size, kind)};\n" for size in SIZES for kind in _TYPES.values())
+    name = f"signorini_fx_blocks_{zlib.crc32((source + repr(_ARGUMENTS)).encode()):08x}"
+    try:
+        return library(folder, name, declarations, source, _ARGUMENTS), None
+    except MachineError as error:
+        return None, str(error)
+
+
+def _head(size: int, kind: str) -> str:
+    return (
+        f"void multiply_{size}_{kind}(int64_t rows, const int64_t *starts, const int32_t *columns, "
+        f"const {kind} *a, double scale, const double *x, double *y)"
+    )
+
+
+def _function(size: int, kind: str) -> str:
+    """Of blocks of one size, row by row, with entries of one type."""
+    each = range(size)
+    ahead = PREFETCHED_BYTES // (8 if kind == "double" else 4)
+    sums = ", ".join(f"s{row} = 0.0" for row in each)
+    values = ", ".join(f"x{column} = v[{column}]" for column in each)
+    added = "\n".join(
+        f"            s{row} += " + " + ".join(f"a[{size * row + column}] * x{column}" for column in each) + ";"
+        for row in each
+    )
+    stored = "\n".join(f"        y[{size} * i + {row}] = scale * s{row};" for row in each)
+    return f"""{_head(size, kind)}
+{{
+    a += {size * size} * starts[0];
+    for (int64_t i = 0; i < rows; ++i) {{
+        double {sums};
+        for (int64_t k = starts[i]; k < starts[i + 1]; ++k, a += {size * size}) {{
+            const double *v = x + {size} * (int64_t)columns[k];
+            const double {values};
+            __builtin_prefetch(a + {ahead}, 0, 3);
+{added}
+        }}
+{stored}
+    }}
+}}
+"""
+
+
+class BlockProduct:
+    """Products with matrices of one pattern; ``load`` must have succeeded.
+
+    Args:
+        folder: as there.
+        size: of blocks.
+        starts: where rows of blocks begin, shape (rows + 1,).
+        columns: of the blocks, shape (blocks,).
+    """
+
+    def __init__(self, folder: Path, size: int, starts: npt.NDArray[np.int64], columns: npt.NDArray[np.int32]) -> None:
+        module = _LOADED[str(folder)][0]
+        self._cast = module.ffi.cast
+        self._kernels = {dtype: getattr(module.lib, f"multiply_{size}_{kind}") for dtype, kind in _TYPES.items()}
+        self._arrays = np.ascontiguousarray(starts, np.int64), np.ascontiguousarray(columns, np.int32)
+        self._pattern = self._address("int64_t", self._arrays[0]), self._address("int32_t", self._arrays[1])
+
+    def _address(self, kind: str, array: npt.NDArray[Any]) -> Any:
+        assert array.flags.c_contiguous
+        return self._cast(f"{kind} *", array.ctypes.data)
+
+    def __call__(self, blocks: npt.NDArray[np.floating[Any]], scale: float, x: Array, y: Array) -> None:
+        """Write s A x into y.
+
+        Args:
+            blocks: A, in single or double precision, shape (blocks, size, size).
+            scale: s.
+            x: with what columns of other ranks need.
+            y: of the rows.
+        """
+        entries = self._address(_TYPES[blocks.dtype], blocks)
+        vectors = self._address("double", x), self._address("double", y)
+        self._kernels[blocks.dtype](self._arrays[0].size - 1, *self._pattern, entries, scale, *vectors)

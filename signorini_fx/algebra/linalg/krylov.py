@@ -1,0 +1,191 @@
+"""The elastic system with all displacement dofs, solved by a Krylov method with multigrid, on any number of ranks.
+
+Nothing of the size of the mesh is factorised, unless this fails.  See ``multigrid`` for the preconditioner, which is
+set up once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg.assembled import AssembledSystem
+from signorini_fx.algebra.linalg.blocks import is_by_blocks, use_entries
+from signorini_fx.algebra.linalg.callbacks import called_back, weakly
+from signorini_fx.algebra.linalg.elasticity import Elasticity
+from signorini_fx.algebra.linalg.factorisation import (
+    can_factorise,
+    enough_memory,
+    factor_defaults,
+    factor_memory,
+    use_factor,
+    use_factorisation,
+)
+from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
+from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.linalg.rigid_unknowns import of_nodes
+from signorini_fx.machine import parallel
+from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE, NEVER_LEFT, NO_RELATIVE_TOLERANCE
+
+
+@dataclass
+class KrylovSystem(AssembledSystem):
+    """See ``ElasticSystem``: solved by CG or FGMRES with multigrid."""
+
+    _forces: float = 0.0
+    _first_residual: float = (
+        0.0  # the residual that the last solve of the same Newton iteration began with; 0: there is none
+    )
+    # By the handles of their KSP: what PETSc held would be freed late on several ranks, or never.
+    _preconditioners: dict[int, ContactPreconditioner] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, elasticity: Elasticity) -> Self:
+        """The system as it was assembled; multigrid gets to know the rigid motions."""
+        system = super().of(elasticity)
+        if not system.rigid:
+            system._tell(system.matrix)
+        return system
+
+    @cached_property
+    def rigid(self) -> bool:
+        """Whether rigid bodies have unknowns, on the last rank; collective."""
+        return parallel.any_rank(self.comm, self.elasticity.rigid > 0)
+
+    def _tell(self, matrix: PETSc.Mat) -> None:
+        """Give a matrix of the nodes the size of its blocks and the rigid motions; by blocks it needs none."""
+        if is_by_blocks(matrix):
+            return
+        matrix.setBlockSize(self.contact.points.dimension)
+        if self.elasticity.level is not None:
+            matrix.setNearNullSpace(self.elasticity.level.modes())
+
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """For factorisations; on the coarsest level PETSc calls pivots zero below a number that has no unit."""
+        coarse = {f"mg_coarse_{sub}pc_factor_zeropivot": "1e-300" for sub in ("", "sub_")}
+        return {**coarse, **factor_defaults(self.comm)}
+
+    @cached_property
+    def hierarchy(self) -> Hierarchy:
+        """Of A, set up when it is first asked for; collective.
+
+        Without the room for contact: aggregates follow the pattern, and would mix what only contact joins.
+        """
+        e = self.elasticity
+        if self.rigid:
+            nodes = of_nodes(e.matrix, e.rigid)
+            self._tell(nodes)
+            fixed = self.contact.fixed
+            diagonal = e.matrix.getDiagonal().getArray(readonly=True)
+            of_bodies = slice(fixed.size - e.rigid, None)
+            return Hierarchy.of(nodes, e.level).with_rigid_bodies(~fixed[of_bodies], diagonal[of_bodies])
+        if e.matrix.handle != self.matrix.handle:
+            self._tell(e.matrix)
+        return Hierarchy.of(e.matrix, e.level)
+
+    @cached_property
+    def levels(self) -> ContactLevels:
+        """Of the hierarchy, as contact truncates them; collective."""
+        rigid = int(np.count_nonzero(~self.contact.fixed[self.contact.fixed.size - self.elasticity.rigid :]))
+        return ContactLevels(self.hierarchy, self.matrix, self._touched, self.contact, rigid=rigid)
+
+    @cached_property
+    def _touched(self) -> npt.NDArray[np.int64]:
+        """The unknowns of this rank that contact can act on, ascending; prescribed ones left out."""
+        operator = self.contact.operator
+        _, columns, values = operator.getValuesCSR()
+        mark = operator.createVecRight()
+        mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
+        mark.assemble()
+        touched = np.array(mark.getArray(readonly=True) > 0)
+        touched[touched.size - self.elasticity.rigid :] = True
+        return np.flatnonzero(touched & ~self.contact.fixed)
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see ``multigrid``."""
+        ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
+        if not options.user_sets("ksp_"):  # another method may not know this norm
+            ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=KRYLOV_STEPS)
+        pc = ksp.getPC()
+        if is_by_blocks(self.matrix):
+            use_entries(pc, self._as_aggregation)
+        else:
+            pc.setType(PETSc.PC.Type.GAMG)
+        contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
+        if contact == 0 or options.user_sets("pc_type") or not self.hierarchy.interpolations:
+            return
+        preconditioner = ContactPreconditioner(self.levels, self.contact.fixed, symmetric=symmetric)
+        self._preconditioners[ksp.handle] = preconditioner
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))
+        ksp.setInitialGuessNonzero(True)
+        ksp.setPreSolve(weakly(self._begin))
+        # A tolerance of the user's is one of the residual that the exact solve at the contact unknowns leaves.
+        call("KSPConvergedDefaultSetUIRNorm", ksp)
+
+    def _as_aggregation(self, pc: PETSc.PC) -> None:
+        """Smoothed aggregation alone, of the entries of a matrix by blocks."""
+        if self.elasticity.level is not None:
+            pc.getOperators()[0].setNearNullSpace(self.elasticity.level.modes())
+        pc.setType(PETSc.PC.Type.GAMG)
+        pc.setFromOptions()
+
+    def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
+        """Where the user has chosen no solver, and a factor, without symmetry two of them, fits into the memory."""
+        if options.user_sets("ksp_") or options.user_sets("pc_") or not can_factorise(self.comm):
+            return False
+        unknowns, dimension = self.matrix.getSize()[0], self.contact.points.dimension
+        if not enough_memory(self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension)):
+            return False
+        if not is_by_blocks(self.matrix):
+            use_factorisation(ksp, symmetric=symmetric)
+            return True
+
+        def as_factor(pc: PETSc.PC) -> None:
+            pc.getOperators()[0].setOption(PETSc.Mat.Option.SPD, symmetric)
+            use_factor(pc, symmetric=symmetric)
+
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        use_entries(ksp.getPC(), as_factor)
+        return True
+
+    @called_back
+    def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Solve for the contact unknowns, which leaves no penalty in the residual, and say how much may be left."""
+        ksp.setUp()  # PETSc calls this before
+        self._preconditioners[ksp.handle].solve_contact(b, x)
+        rtol, atol, _, _ = ksp.getTolerances()
+        # With no absolute tolerance a share of this right-hand side is asked for, which is none of the forces.
+        if options.user_sets("ksp_") or (atol == 0.0 and rtol > NO_RELATIVE_TOLERANCE):
+            return
+        size = (b - ksp.getOperators()[0] * x).norm()
+        allowance = self._left_by(size) if self.inexact else 0.0
+        ksp.setTolerances(rtol=NO_RELATIVE_TOLERANCE, atol=max(KRYLOV_TOLERANCE * self._forces, allowance))
+        self._first_residual = size if allowance > 0 else 0.0  # else Newton's method ends, and another iteration begins
+
+    def _left_by(self, size: float) -> float:
+        """The residual that a loose solve may leave of one of this size, see "Tolerances" in docs/theory.md.
+
+        It follows Eisenstat & Walker (1996): what Newton's method will leave anyway, if it gains as much as in the last
+        step, or the share of the forces, if that is larger.  Where the method may end soon, nothing is left.
+        """
+        scales = [scale for scale in (self._forces, self._first_residual) if scale > 0]
+        share = min(INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0))
+        return share * size if share * size > NEVER_LEFT * self._forces else 0.0
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
+        """For the same matrix; where it is another one, a solve by multigrid need not be exact."""
+        if ksp.getType() == PETSc.KSP.Type.PREONLY:
+            self.inexact = False
+        elif not options.user_sets("ksp_"):
+            self._forces, self.inexact = forces, moved != 0 and not exact
+        return moved == 0

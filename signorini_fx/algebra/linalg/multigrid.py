@@ -1,0 +1,415 @@
+"""Multigrid for the tangent of contact: one hierarchy for each mesh, truncated where contact holds the body.
+
+The hierarchy is that of smoothed aggregation for A, the stiffness without contact; it never changes.  Contact adds
+C = B^T D B, which lives on the contact unknowns c and is as large as gamma.  What it holds, the directions in which C
+is no smaller than A, must not move on coarse levels either.  With E the projection onto these directions, the finest
+interpolation P becomes (I - E) P and the smoother leaves them alone: truncation, as in monotone multigrid (Kornhuber
+1994; Graeser & Kornhuber 2009).  The coarse matrices follow by products of the size of the contact boundary
+(``truncation``),
+
+    A_1' = A_1 - X^T W - W^T X + X^T A_cc X + Y^T C Y,   X = E P_c,  Y = P_c - X,  W = (A P)_c,
+
+and A_l+1' = A_l+1 + P_l^T (A_l' - A_l) P_l below.  So a V-cycle V never sees gamma.  Around it the contact unknowns are
+solved for exactly, F = (A + C)_cc^-1, before and after, which makes a symmetric multiplicative preconditioner: AMG with
+filtering (Petrides et al. 2025, arXiv:2505.18576).  The residual is zero on c from then on.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.linalg import options, row_by_row
+from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks, rough
+from signorini_fx.algebra.linalg.callbacks import called_back
+from signorini_fx.algebra.linalg.elasticity import Level
+from signorini_fx.algebra.linalg.factorisation import use_direct
+from signorini_fx.algebra.linalg.joined import JoinedBodies
+from signorini_fx.algebra.linalg.nodal_blocks import NodalBlocks
+from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
+from signorini_fx.algebra.linalg.truncation import TruncatedLevels
+from signorini_fx.machine import parallel
+from signorini_fx.tuned import (
+    MOST_COARSEST_UNKNOWNS,
+    SAME_COARSE_STIFFNESS,
+    SAME_HELD_DIRECTION,
+    SAME_SOFT_STIFFNESS,
+    SMOOTHED_SPECTRUM,
+)
+
+Array = npt.NDArray[np.float64]
+_ESTIMATING_STEPS = 10
+_FEW = 300  # unknowns that PETSc's own factor, without the overhead of a package, is good enough for
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """Levels of A, the finest first: coarser meshes as far as there are any, then smoothed aggregation.
+
+    Attributes:
+        interpolations: P_0, P_1, ..., from each level to the finer one.
+        coarse: A_1 = P_0^T A P_0, A_2 = P_1^T A_1 P_1, ...
+        smoothed: A as smoothers take it, in single precision where it is by blocks, which is made for them alone.
+        largest: its largest eigenvalue over its diagonal, as CG sees it in a few steps.
+    """
+
+    interpolations: tuple[PETSc.Mat, ...]
+    coarse: tuple[PETSc.Mat, ...]
+    smoothed: PETSc.Mat
+    largest: float
+
+    @classmethod
+    def of(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
+        """Set up once; collective.
+
+        Args:
+            matrix: A, with the size of its blocks and its near null space.
+            level: its mesh and the coarser ones; None: there are none.
+        """
+        chain = [] if level is None or options.user_sets("pc_gamg") else _interpolations(level)
+        if not chain:
+            return cls._aggregated(matrix, level)
+        coarse: list[PETSc.Mat] = []
+        for at, interpolation in chain:
+            level_matrix = _coarse_matrix(coarse[-1] if coarse else matrix, interpolation, at)
+            if coarse or len(chain) == 1:  # what is small, or factorised
+                level_matrix = by_entries(level_matrix)
+            if not is_by_blocks(level_matrix):
+                row_by_row(level_matrix).setBlockSize(at.block)
+            coarse.append(level_matrix)
+        interpolations = [interpolation for _, interpolation in chain]
+        if coarse[-1].getSize()[0] > MOST_COARSEST_UNKNOWNS:
+            coarse[-1].setNearNullSpace(chain[-1][0].modes())
+            below = cls._aggregated(coarse[-1])
+            interpolations += below.interpolations
+            coarse += below.coarse
+        for level_matrix in coarse:
+            level_matrix.setOption(PETSc.Mat.Option.SPD, True)
+        smoothed = rough(matrix)
+        return cls(tuple(interpolations), tuple(coarse), smoothed, _largest_eigenvalue(smoothed))
+
+    def with_rigid_bodies(self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]) -> Hierarchy:
+        """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``; collective."""
+        interpolations, coarse = with_rigid_bodies(self.interpolations, self.coarse, free, stiffness)
+        return replace(self, interpolations=interpolations, coarse=coarse)
+
+    @classmethod
+    def _aggregated(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
+        """Set up GAMG and keep what it has found; collective."""
+        smoothed = rough(matrix)
+        if is_by_blocks(matrix):
+            matrix = by_entries(matrix)
+            if level is not None:
+                matrix.setNearNullSpace(level.modes())
+        gamg = PETSc.PC().create(matrix.comm)
+        gamg.setOptionsPrefix(options.PREFIX)
+        gamg.setOperators(matrix)
+        gamg.setType(PETSc.PC.Type.GAMG)
+        gamg.setFromOptions()
+        gamg.setUp()
+        finest = gamg.getMGLevels() - 1
+        interpolations = tuple(gamg.getMGInterpolation(level) for level in range(finest, 0, -1))
+        solvers = [gamg.getMGSmoother(level) for level in range(finest - 1, 0, -1)]
+        if finest:
+            solvers.append(gamg.getMGCoarseSolve())
+        coarse = tuple(solver.getOperators()[0] for solver in solvers)
+        for level in coarse:
+            row_by_row(level).setOption(PETSc.Mat.Option.SPD, True)
+        return cls(interpolations, coarse, smoothed, _largest_eigenvalue(smoothed))
+
+
+def _interpolations(level: Level) -> list[tuple[Level, PETSc.Mat]]:
+    """The coarser meshes, finest first, each with the interpolation from it."""
+    chain = []
+    at: Level | None = level
+    while at is not None and at.interpolation is not None and at.coarser is not None:
+        chain.append((at.coarser, at.interpolation))
+        at = at.coarser
+    return chain
+
+
+def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) -> PETSc.Mat:
+    """P^T A P; collective.
+
+    Where meshes are nested and cells straight that is the stiffness of the coarser mesh, which is there already: one
+    product with a vector tells.
+
+    Args:
+        matrix: A.
+        interpolation: P, without prescribed unknowns.
+        level: the coarser mesh.
+    """
+    stiffness = level.stiffness
+    if stiffness is not None and stiffness.getSizes() == (interpolation.getSizes()[1],) * 2:
+        coarse, wanted = stiffness.createVecs()
+        fine, forces = matrix.createVecs()
+        interpolation.multTranspose(_irregular(fine), coarse)  # zero where unknowns are prescribed
+        free = coarse.getArray(readonly=True) != 0
+        interpolation.mult(coarse, fine)
+        matrix.mult(fine, forces)
+        interpolation.multTranspose(forces, wanted)
+        given = coarse.duplicate()
+        coarse.getArray()[~free] = _irregular(given).getArray(readonly=True)[~free]  # which must not act on the others
+        stiffness.mult(coarse, given)
+        given.getArray()[~free] = 0.0
+        size = wanted.norm()
+        given.axpy(-1.0, wanted)
+        if given.norm() <= SAME_COARSE_STIFFNESS * size:
+            return stiffness
+    product = by_entries(matrix).ptap(interpolation)
+    _fill_diagonal(product)
+    return product
+
+
+def _irregular(x: PETSc.Vec) -> PETSc.Vec:
+    """The vector itself with entries that are the same on any number of ranks, and no smooth function of the place."""
+    first, last = x.getOwnershipRange()
+    x.getArray()[:] = np.sin(1e4 * np.arange(first + 1, last + 1))
+    return x
+
+
+def _fill_diagonal(matrix: PETSc.Mat) -> None:
+    """Give unknowns that interpolate to nothing, such as prescribed ones, a row of their own."""
+    diagonal = matrix.getDiagonal()
+    values, largest = diagonal.getArray(), diagonal.max()[1]
+    values[values <= 0] = largest
+    matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    matrix.setDiagonal(diagonal)
+
+
+def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
+    """The largest eigenvalue of A over its diagonal that CG finds; collective."""
+    ksp = PETSc.KSP().create(matrix.comm)
+    ksp.setOperators(matrix)
+    ksp.setType(PETSc.KSP.Type.CG)
+    ksp.getPC().setType(PETSc.PC.Type.JACOBI)
+    ksp.setTolerances(rtol=1e-12, max_it=_ESTIMATING_STEPS)
+    ksp.setComputeEigenvalues(True)
+    x, b = matrix.createVecs()
+    ksp.solve(_irregular(b), x)
+    return float(np.max(ksp.computeEigenvalues().real, initial=1.0))
+
+
+class ContactLevels:
+    """All that the preconditioners of one system share: it follows from A, but for the truncation of the levels.
+
+    Args:
+        hierarchy: of A.
+        matrix: A.
+        unknowns: the contact unknowns of this rank, in the local part of x, ascending.
+        contact: the map B, by which two bodies move together on coarse levels; see ``joined``.
+        rigid: how many of the contact unknowns of this rank are those of rigid bodies, the last ones.
+
+    Attributes:
+        places: the contact unknowns, by their numbers.
+        diagonal: of A; infinite where a rigid body moves.
+        nodes: the blocks of the nodes in contact.
+        joined: the blocks of two bodies; None: contact is with a rigid foundation.
+        inverse: D^-1, zero where contact holds.
+        truncated: the levels.
+        times: how many times they were truncated.
+    """
+
+    def __init__(
+        self,
+        hierarchy: Hierarchy,
+        matrix: PETSc.Mat,
+        unknowns: npt.NDArray[np.int64],
+        contact: ContactMap,
+        *,
+        rigid: int = 0,
+    ) -> None:
+        self._comm = matrix.comm.tompi4py()
+        self.hierarchy, self.unknowns = hierarchy, unknowns
+        first = matrix.getOwnershipRange()[0]
+        self.places = PETSc.IS().createGeneral((first + unknowns).astype(PETSc.IntType), comm=matrix.comm)
+        # All that is needed of A: its rows at the contact unknowns, and its diagonal.
+        rows = matrix.createSubMatrix(self.places, None)
+        elastic = matrix.createSubMatrix(self.places, self.places)
+        self.diagonal = matrix.getDiagonal()
+        self.diagonal.getArray()[unknowns[unknowns.size - rigid :]] = np.inf  # which no smoother moves
+        self.nodes = NodalBlocks(elastic, unknowns[: unknowns.size - rigid], contact.points.dimension)
+        self.joined = None if contact.lift is None else JoinedBodies(contact, self.places, elastic)
+        functions = hierarchy.interpolations[0].createSubMatrix(self.places, None)
+        if self.joined is not None:
+            functions = self.joined.operator.matMult(functions)
+        elif parallel.any_rank(self._comm, rigid > 0):
+            functions = relative_to_rigid_bodies(contact, self.places, rigid).matMult(functions)
+        self.truncated = TruncatedLevels(
+            self.joined or self.nodes,
+            None if self.joined is None else self.joined.lift,
+            functions,
+            elastic,
+            rows.matMult(hierarchy.interpolations[0]),
+            hierarchy.interpolations,
+            hierarchy.coarse,
+            self.places,
+        )
+        self.inverse = self._inverse_diagonal()
+        self.times = 0
+        self._truncated_at: tuple[Array, Array] | None = None
+
+    def truncate(self, held: Array, soft: Array, reduced: PETSc.Mat | None) -> None:
+        """Truncate the levels where the directions held are others; collective.
+
+        Args:
+            held: projections onto the directions that contact holds at the nodes, see ``NodalBlocks.split``.
+            soft: the rest of its stiffness there.
+            reduced: S^T (A + C)_cc S of two bodies.
+        """
+        if not parallel.any_rank(self._comm, self._differs(held, soft)):
+            return
+        self._truncated_at = held, soft
+        self.times += 1
+        self.truncated.truncate(*((held, soft) if self.joined is None else self.joined.split(reduced)))
+        nodes, first = self.nodes, self.diagonal.getOwnershipRange()[0]
+        names = (first + self.unknowns).astype(PETSc.IntType)
+        if nodes.columns.size:
+            values = nodes.values(nodes.inverse(held))
+            starts = nodes.starts.astype(PETSc.IntType)
+            self.inverse.setValuesIJV(starts, names[nodes.columns], values, rowmap=names[: starts.size - 1])
+        self.inverse.assemble()
+
+    def _differs(self, held: Array, soft: Array) -> bool:
+        """Whether the levels are to be truncated anew on account of this rank."""
+        if self._truncated_at is None:
+            return True
+        truncated = self._truncated_at
+        near = SAME_SOFT_STIFFNESS * np.abs(truncated[1]) + SAME_HELD_DIRECTION * self.nodes.scale[:, None, None]
+        return bool(
+            (np.abs(held - truncated[0]) > SAME_HELD_DIRECTION).any() or (np.abs(soft - truncated[1]) > near).any()
+        )
+
+    def _inverse_diagonal(self) -> PETSc.Mat:
+        """D^-1, with room for the directions of the nodes in contact that are free to move; collective."""
+        nodes = self.nodes
+        unknowns = self.unknowns[: nodes.starts.size - 1]
+        first, last = self.diagonal.getOwnershipRange()
+        interior = np.ones(last - first, dtype=bool)
+        interior[unknowns] = False
+        counts = np.ones(last - first, dtype=np.int64)
+        counts[unknowns] = np.diff(nodes.starts)
+        starts = np.concatenate(([0], np.cumsum(counts)))
+        columns, values = np.empty(starts[-1], dtype=np.int64), np.zeros(starts[-1])
+        columns[starts[:-1][interior]] = first + np.flatnonzero(interior)
+        values[starts[:-1][interior]] = 1.0 / self.diagonal.getArray(readonly=True)[interior]
+        positions = np.repeat(starts[unknowns] - nodes.starts[:-1], np.diff(nodes.starts)) + np.arange(
+            nodes.columns.size
+        )
+        columns[positions] = first + unknowns[nodes.columns]
+        csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values)
+        sizes = self.diagonal.getSizes()
+        return row_by_row(PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm))
+
+
+class ContactPreconditioner:
+    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner.
+
+    Args:
+        levels: of the system.
+        fixed: the prescribed unknowns of this rank.
+        symmetric: whether the tangent is.
+    """
+
+    def __init__(self, levels: ContactLevels, fixed: npt.NDArray[np.bool_], *, symmetric: bool) -> None:
+        self._levels, self._fixed, self._symmetric = levels, fixed, symmetric
+        self._places, self._unknowns = levels.places, levels.unknowns
+        self._prescribed = levels.diagonal.getArray(readonly=True)[fixed]
+        self._contact_rows: PETSc.Mat | None = None
+        self._contact: PETSc.Mat | None = None
+        self._reduced: PETSc.Mat | None = None
+        self._create_cycle()
+        self._solver = PETSc.PC().create(self._places.comm)  # of the contact unknowns, whose graph is that of a surface
+        use_direct(self._solver, self._places.getSize(), symmetric=symmetric)
+
+    def _create_cycle(self) -> None:
+        """A V-cycle with Chebyshev's iteration on each level, Jacobi inside."""
+        levels, truncated = self._levels.hierarchy, self._levels.truncated
+        depth = len(levels.interpolations)
+        cycle = PETSc.PC().create(self._places.comm)
+        cycle.setOptionsPrefix(options.PREFIX)
+        cycle.setType(PETSc.PC.Type.MG)
+        cycle.setMGLevels(depth + 1)
+        for level, interpolation in enumerate((truncated.interpolation, *levels.interpolations[1:])):
+            cycle.setMGInterpolation(depth - level, interpolation)
+        self._smoothers = [cycle.getMGSmoother(level) for level in range(depth - 1, 0, -1)]
+        self._smoothers.append(cycle.getMGCoarseSolve())
+        coarsest = levels.coarse[-1].getSize()[0]
+        if coarsest > _FEW:
+            use_direct(self._smoothers[-1].getPC(), coarsest, symmetric=self._symmetric)
+        for smoother in self._smoothers[:-1]:
+            smoother.getPC().setType(PETSc.PC.Type.JACOBI)
+        for smoother, matrix in zip(self._smoothers, truncated.coarse, strict=True):
+            smoother.setOperators(matrix)
+        # On the finest level D^-1 is a matrix of its own, zero where contact holds; no option may change that.
+        finest = cycle.getMGSmoother(depth)
+        finest.setOptionsPrefix(f"{options.PREFIX}mg_finest_")
+        finest.setType(PETSc.KSP.Type.CHEBYSHEV)
+        finest.getPC().setType(PETSc.PC.Type.MAT)
+        low, high = (share * levels.largest for share in SMOOTHED_SPECTRUM)
+        call("KSPChebyshevSetEigenvalues", finest, ctypes.c_double(high), ctypes.c_double(low))
+        self._finest, self._cycle = finest, cycle
+
+    @called_back
+    def setUp(self, pc: PETSc.PC) -> None:
+        """For a new tangent: factorise it at the contact unknowns, and truncate where the directions held are others.
+
+        Collective.
+        """
+        tangent = pc.getOperators()[0]
+        self._contact_rows = tangent.createSubMatrix(self._places, None, self._contact_rows)
+        self._contact = tangent.createSubMatrix(self._places, self._places, self._contact)
+        if self._symmetric:
+            self._contact.setOption(PETSc.Mat.Option.SPD, True)
+        self._solver.setOperators(self._contact)
+        self._solver.setUp()
+        self._right, self._product = self._contact.createVecs()
+        self._residual = tangent.createVecLeft()
+        if (joined := self._levels.joined) is not None:
+            self._reduced = self._contact.ptap(joined.lift, result=self._reduced)
+        self._held = self._levels.nodes.split(self._contact, self._contact_rows)
+        self._truncate()
+        self._finest.setOperators(rough(tangent), self._levels.inverse)
+        self._cycle.setOperators(rough(tangent))
+        self._cycle.setUp()
+
+    def _truncate(self) -> None:
+        """Let the levels be those of this tangent; collective."""
+        self._levels.truncate(*self._held, self._reduced)
+        self._times = self._levels.times
+
+    def solve_contact(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """X = F b, zero elsewhere; collective.  A solve begins with this."""
+        if self._times != self._levels.times:  # for another tangent
+            self._truncate()
+            for smoother in self._smoothers:
+                smoother.setUp()
+        self._right.getArray()[:] = right.getArray(readonly=True)[self._unknowns]
+        self._solver.apply(self._right, self._product)
+        x.set(0.0)
+        x.getArray()[self._unknowns] = self._product.getArray(readonly=True)
+
+    @called_back
+    def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """F, V-cycle, F; of an unsymmetric tangent the first F has the rows in place of the columns, which does not
+        matter, as the right-hand sides of a Krylov method that begins with F are zero there.
+        """
+        assert self._contact_rows is not None
+        unknowns = self._unknowns
+        self._right.getArray()[:] = right.getArray(readonly=True)[unknowns]
+        self._solver.apply(self._right, self._product)
+        self._contact_rows.multTranspose(self._product, self._residual)
+        self._residual.aypx(-1.0, right)
+        self._cycle.apply(self._residual, x)
+        # Prescribed unknowns have rows of their own; the least of what the coarse levels move there would be a motion.
+        x.getArray()[self._fixed] = right.getArray(readonly=True)[self._fixed] / self._prescribed
+        self._contact_rows.mult(x, self._product)
+        self._right.getArray()[:] = right.getArray(readonly=True)[unknowns] - self._product.getArray(readonly=True)
+        self._solver.apply(self._right, self._product)
+        x.getArray()[unknowns] += self._product.getArray(readonly=True)

@@ -1,0 +1,210 @@
+"""Partial factorisation by MUMPS, for which petsc4py has no binding: eliminate all dofs but a few, and get the dense
+Schur complement on these.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from petsc4py import PETSc
+
+from signorini_fx.algebra.linalg.elimination_order import dissected, nearest_first
+from signorini_fx.algebra.linalg.petsc_c import call
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+_FACTOR_LU, _FACTOR_CHOLESKY = 1, 2  # MAT_FACTOR_LU and MAT_FACTOR_CHOLESKY of petscmat.h
+_LU_SYMBOLIC = 25  # MATOP_LUFACTOR_SYMBOLIC
+ERROR_IN_LIBRARY = 76  # PETSC_ERR_LIB
+_ORDER_OF_USER = 1  # INFOG(7)
+_SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are not touched
+_MEMORY = ((14, 30), (14, 300))  # ICNTL(14), per cent more than estimated, one after another until it is enough
+_SMALL = 20  # powers of two by which the entries of a load are smaller than those of the matrix
+
+
+class PartialFactor:
+    """The symmetric matrix of inner unknowns i, factorised, and what is left of it for those that stay, c; one rank.
+
+    A load is one row and column more that stay: the factorisation condenses it, and no back substitution is needed.
+
+    Args:
+        rows: those of A of the unknowns of this rank, shape (n, n or more); A_ii must be regular.
+        places: of each column its place among those that stay, -1: it is inner, or if it is none of this rank empty.
+        count: number of those that stay.
+        loads: right-hand sides b, shape (n,).
+        positions: of the first of these unknowns, shape (at most n, d), from which the order of their elimination is
+            taken; None: minimum degree.
+        definite: whether A_ii is positive definite.
+
+    Attributes:
+        inner: the m inner unknowns.
+        toward: A_ic, shape (m, c).
+
+    Raises:
+        PETSc.Error: PETSc has no MUMPS.
+    """
+
+    def __init__(
+        self,
+        rows: sp.csr_array,
+        places: Indices,
+        count: int,
+        loads: Sequence[Array] = (),
+        positions: Array | None = None,
+        *,
+        definite: bool,
+    ) -> None:
+        self.inner = np.flatnonzero(places[: rows.shape[0]] < 0)
+        self._count, inside = count, self.inner.size
+        stay = places >= 0
+        to = np.full(places.size, -1, dtype=rows.indices.dtype)
+        # Of an indefinite matrix, with a pressure, minimum degree takes fewer operations.
+        self._in_order = positions is not None and definite and _order_is_taken()
+        usable_positions = positions if self._in_order else None
+        to[nearest_first(rows, stay) if usable_positions is None else dissected(rows, self.inner, usable_positions)] = (
+            np.arange(inside)
+        )
+        to[stay] = inside + places[stay]
+        self._order = to[self.inner]
+        # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
+        self._unit = _power(np.abs(rows.diagonal()[self.inner]).max(initial=0.0))
+        # So small that they have no influence on the choice of pivots of an indefinite matrix.
+        self._sizes = np.array([_power(np.abs(load[self.inner]).max(initial=0.0)) * 2.0**_SMALL for load in loads])
+        row, column = np.repeat(to[: rows.shape[0]], np.diff(rows.indptr)), to[rows.indices]
+        # Zeros between inner ones stay: with the same pattern for all unknowns of a node the ordering is better.
+        upper = (row < inside) & (column >= row) & ((column < inside) | (rows.data != 0.0))
+        values, row, column = rows.data[upper], row[upper], column[upper]
+        retained_entries = np.flatnonzero(column >= inside)
+        unknown = np.argsort(self._order)  # of each place in the order the number among inner ones
+        toward = values[retained_entries], (unknown[row[retained_entries]], column[retained_entries] - inside)
+        self.toward: Any = sp.csr_array(toward, shape=(inside, count))
+        values /= self._unit
+        scaled = [load[self.inner] / size for load, size in zip(loads, self._sizes, strict=True)]
+        last = np.arange(inside, inside + count + len(loads), dtype=row.dtype)  # the diagonal, zero
+        of_load, at = np.nonzero(scaled) if loads else (last[:0], last[:0])
+        values = np.concatenate((values, np.asarray(scaled)[of_load, at] if loads else [], 0.0 * last))
+        row = np.concatenate((row, self._order[at], last))
+        column = np.concatenate((column, (inside + count + of_load).astype(row.dtype), last))
+        bordered = sp.csr_array((values, (row, column)), shape=(inside + count + len(loads),) * 2)
+        del values, row, column, upper
+        csr = (bordered.indptr.astype(PETSc.IntType), bordered.indices.astype(PETSc.IntType, copy=False), bordered.data)
+        self._matrix = PETSc.Mat().createSBAIJ(bordered.shape, 1, csr=csr, comm=PETSc.COMM_SELF)
+        self._matrix.setOption(PETSc.Mat.Option.SPD, definite)
+
+    def eliminate(self) -> tuple[Array, Array]:
+        """Factorise, once, when the caller needs the rows no more.
+
+        Returns:
+            -A_ci A_ii^-1 A_ic, symmetric, shape (c, c), and -A_ci A_ii^-1 b_i of each load, shape (loads, c).
+
+        Raises:
+            PETSc.Error: the factorisation broke down.
+        """
+        inside, count, bordered = self.inner.size, self._count, self._matrix
+        del self._matrix
+        if not inside:  # some MUMPS fail with nothing to eliminate
+            return np.zeros((count, count)), np.zeros((self._sizes.size, count))
+        self._right, self._solution = bordered.createVecs()
+        self._factor = handle = _factorise(bordered, inside, _MEMORY, in_order=self._in_order)
+        dense = ctypes.c_void_p()
+        call("MatFactorGetSchurComplement", handle, ctypes.byref(dense), None)
+        entries = ctypes.POINTER(ctypes.c_double)()
+        call("MatDenseGetArrayRead", dense, ctypes.byref(entries))
+        values = self._unit * np.ctypeslib.as_array(entries, shape=(bordered.getSize()[0] - inside,) * 2)
+        call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
+        _symmetrise(values)
+        call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
+        return values[:count, :count], (self._sizes / self._unit)[:, None] * values[count:, :count]
+
+    def solve(self, right: Array) -> Array:
+        """A_ii^-1 times a right-hand side, shape (m,); no back substitution where it is zero."""
+        if not right.any():
+            return np.zeros(right.size)
+        self._right.set(0.0)
+        self._right.getArray()[self._order] = right
+        call("MatSolve", self._factor, self._right, self._solution)
+        return np.asarray(self._solution.getArray(readonly=True)[self._order] / self._unit)
+
+    def __del__(self) -> None:
+        if getattr(self, "_factor", None):
+            call("MatDestroy", ctypes.byref(self._factor))
+
+
+def _power(size: float) -> float:
+    """A power of two of this size; 1 for zero."""
+    return float(2.0 ** np.round(np.log2(size))) if size > 0 else 1.0
+
+
+@cache
+def _order_is_taken() -> bool:
+    """Whether ``_factorise`` can prescribe the order: not with all versions of PETSc."""
+    sample = PETSc.Mat().createSBAIJ(
+        (3, 3), 1, csr=([0, 2, 3, 4], [0, 2, 1, 2], [1.0, 1.0, 1.0, 0.0]), comm=PETSc.COMM_SELF
+    )
+    used = ctypes.c_int()
+    try:
+        factor = _factorise(sample, 2, _MEMORY, in_order=True)
+    except PETSc.Error:
+        return False
+    call("MatMumpsGetInfog", factor, 7, ctypes.byref(used))
+    call("MatDestroy", ctypes.byref(factor))
+    return used.value == _ORDER_OF_USER
+
+
+def _factorise(matrix: PETSc.Mat, inside: int, memory: Sequence[tuple[int, int]], *, in_order: bool) -> ctypes.c_void_p:
+    """Factorise the first rows and columns of a symmetric matrix; those of the others become the Schur complement.
+
+    Args:
+        matrix: the matrix.
+        inside: number of those rows.
+        memory: what is tried one after another, as numbers and values of ICNTL.
+        in_order: whether to eliminate them one after another, where PETSc lets MUMPS know; else by minimum degree.
+
+    Raises:
+        PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
+    """
+    factor, broken = ctypes.c_void_p(), ctypes.c_int()
+    call("MatGetFactor", matrix, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(factor))
+    indices = np.arange(matrix.getSize()[0], dtype=PETSc.IntType)
+    call("MatFactorSetSchurIS", factor, PETSc.IS().createGeneral(indices[inside:], comm=matrix.comm))
+    call("MatMumpsSetIcntl", factor, *memory[0])
+    info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
+    if in_order:
+        # PETSc passes an order on in the symbolic LU factorisation alone, which is borrowed.
+        lent, symbolic = ctypes.c_void_p(), ctypes.c_void_p()
+        small = PETSc.Mat().createConstantDiagonal((1, 1), 1.0, comm=PETSc.COMM_SELF).convert("aij")
+        call("MatGetFactor", small, b"mumps", _FACTOR_LU, ctypes.byref(lent))
+        call("MatGetOperation", lent, _LU_SYMBOLIC, ctypes.byref(symbolic))
+        call("MatDestroy", ctypes.byref(lent))
+        call("MatSetOperation", factor, _LU_SYMBOLIC, symbolic)
+        order = PETSc.IS().createGeneral(indices, comm=matrix.comm)
+        call("MatLUFactorSymbolic", factor, matrix, order, order, ctypes.byref(info))
+        call("MatLUFactorNumeric", factor, matrix, ctypes.byref(info))
+    else:
+        call("MatCholeskyFactorSymbolic", factor, matrix, None, ctypes.byref(info))
+        call("MatCholeskyFactorNumeric", factor, matrix, ctypes.byref(info))
+    call("MatFactorGetError", factor, ctypes.byref(broken))
+    if not broken.value:
+        return factor
+    call("MatDestroy", ctypes.byref(factor))
+    if not memory[1:]:
+        raise PETSc.Error(ERROR_IN_LIBRARY)
+    return _factorise(matrix, inside, memory[1:], in_order=in_order)
+
+
+def _symmetrise(values: Array, block: int = 256) -> None:
+    """Complete a symmetric matrix of which MUMPS has filled one triangle, in place."""
+    first = next((k for k in range(len(values)) if values[k + 1 :, k].any() or values[k, k + 1 :].any()), 0)
+    if not values[first + 1 :, first].any():
+        values = values.T
+    for k in range(0, values.shape[0], block):
+        rows = slice(k, k + block)
+        lower = np.tril(values[rows, rows])
+        values[rows, rows] = lower + np.tril(lower, -1).T
+        values[rows, k + block :] = values[k + block :, rows].T

@@ -1,0 +1,120 @@
+"""Unknowns of rigid bodies for multigrid: the last k of the system, on its last rank, which contact alone acts on.
+
+They are on every level.  Where contact holds the nodes, a coarse function moves a rigid body and these nodes with it:
+with E of ``multigrid`` and motions G of the contact unknowns for which B (G, 1) = 0, the finest interpolation is
+
+    [P - E P_c, E G; 0, 1].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.machine import parallel
+from signorini_fx.tuned import RIGID_STEPS, RIGID_TOLERANCE, SHARE_OF_COARSE_DIAGONAL
+
+
+def of_nodes(matrix: PETSc.Mat, rigid: int) -> PETSc.Mat:
+    """A copy of A without the last unknowns; collective.
+
+    Args:
+        matrix: A.
+        rigid: how many of the unknowns of this rank are those of rigid bodies.
+    """
+    first, last = matrix.getOwnershipRange()
+    rows = PETSc.IS().createStride(last - first - rigid, first, 1, comm=matrix.comm)
+    submatrix = matrix.createSubMatrix(rows, rows)
+    submatrix.setOption(PETSc.Mat.Option.SPD, True)
+    return submatrix
+
+
+def with_rigid_bodies(
+    interpolations: tuple[PETSc.Mat, ...],
+    coarse: tuple[PETSc.Mat, ...],
+    free: npt.NDArray[np.bool_],
+    stiffness: npt.NDArray[np.float64],
+) -> tuple[tuple[PETSc.Mat, ...], tuple[PETSc.Mat, ...]]:
+    """Interpolations and coarse matrices of a hierarchy of the nodes, with the unknowns of rigid bodies; collective.
+
+    Args:
+        interpolations: P_0, P_1, ...
+        coarse: A_1, A_2, ...
+        free: which of those of this rank are not prescribed; the others are on the finest level alone.
+        stiffness: of the springs that hold these.
+    """
+    ones = np.ones(np.count_nonzero(free))
+    all_free, springs = ones.astype(bool), stiffness[free]
+    bordered = tuple(
+        _bordered(matrix, all_free if level else free, ones) for level, matrix in enumerate(interpolations)
+    )
+    levels = tuple(
+        _bordered(matrix, all_free, np.maximum(springs, SHARE_OF_COARSE_DIAGONAL * matrix.getDiagonal().max()[1]))
+        for matrix in coarse
+    )
+    for level in levels:
+        level.setOption(PETSc.Mat.Option.SPD, True)
+    return bordered, levels
+
+
+def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]) -> PETSc.Mat:
+    """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one; collective.
+
+    Args:
+        matrix: A.
+        free: of this rank.
+        entries: of D, where the rows of free ones meet their columns.
+    """
+    (rows, _), (columns, total_columns) = matrix.getSizes()
+    starts, names, values = matrix.getValuesCSR()
+    count = np.count_nonzero(free)
+    csr = (
+        np.append(starts, starts[-1] + np.cumsum(free)).astype(PETSc.IntType),
+        np.append(names, total_columns + np.arange(count)).astype(PETSc.IntType),
+        np.append(values, entries),
+    )
+    return PETSc.Mat().createAIJ(((rows + free.size, None), (columns + count, None)), csr=csr, comm=matrix.comm)
+
+
+def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) -> PETSc.Mat:
+    """[1, -G; 0, 0] on the contact unknowns: how nodes move relative to rigid bodies; collective.
+
+    Args:
+        contact: B.
+        places: the contact unknowns of this rank, those of rigid bodies last.
+        rigid: how many of them are those of rigid bodies.
+    """
+    comm, unknowns = places.comm, places.getIndices()
+    nodes, count = unknowns.size - rigid, int(parallel.global_sum(comm.tompi4py(), np.array(rigid)))
+    first, last = contact.operator.getOwnershipRange()
+    rows = PETSc.IS().createStride(last - first, first, 1, comm=comm)
+    operator = contact.operator.createSubMatrix(rows, PETSc.IS().createGeneral(unknowns[:nodes], comm=comm))
+    ksp = PETSc.KSP().create(comm)
+    ksp.setType(PETSc.KSP.Type.LSQR)
+    ksp.getPC().setType(PETSc.PC.Type.NONE)
+    ksp.setOperators(operator)
+    ksp.setTolerances(rtol=RIGID_TOLERANCE, max_it=RIGID_STEPS)
+    motion, moved = operator.createVecs()
+    unit = contact.operator.createVecRight()
+    numbers = parallel.gather_rows(comm.tompi4py(), unknowns[nodes:, None].astype(np.float64))[:, 0].astype(
+        PETSc.IntType
+    )
+    motions = np.empty((nodes, count))
+    for column, number in enumerate(numbers):
+        unit.set(0.0)
+        if unit.getOwnershipRange()[0] <= number < unit.getOwnershipRange()[1]:
+            unit.setValue(number, 1.0)
+        unit.assemble()
+        contact.operator.mult(unit, moved)
+        ksp.solve(moved, motion)  # B_u (-G) = B_q
+        motions[:, column] = motion.getArray(readonly=True)
+    layout = PETSc.Vec().createMPI((unknowns.size, None), comm=comm)
+    begin, total = layout.getOwnershipRange()[0], layout.getSize()
+    names = np.column_stack((begin + np.arange(nodes), np.tile(np.arange(total - count, total), (nodes, 1))))
+    starts = np.minimum(np.arange(unknowns.size + 1), nodes) * (1 + count)
+    values = np.column_stack((np.ones(nodes), motions))
+    csr = (starts.astype(PETSc.IntType), names.ravel().astype(PETSc.IntType), values.ravel())
+    sizes = (unknowns.size, None)
+    return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=comm)

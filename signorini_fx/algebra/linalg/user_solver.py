@@ -1,0 +1,135 @@
+"""Linear solvers of other packages: named by a scene, found as entry points, and not trusted.
+
+A solver is a class that has ``set_up`` and ``solve``, see ``LinearSolver``, and is made without arguments; an installed
+package names it in the group ``signorini_fx.linear_solvers``.  FGMRES takes what it returns as a
+preconditioner and goes on until the residual is small against the forces: one that is not exact costs steps, not
+digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Protocol
+
+from petsc4py import PETSc
+
+from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg.assembled import AssembledSystem
+from signorini_fx.algebra.linalg.callbacks import called_back, weakly
+from signorini_fx.algebra.linalg.elasticity import Elasticity
+from signorini_fx.errors import InstallationError
+from signorini_fx.extensions import LINEAR_SOLVERS, load
+from signorini_fx.tuned import BROKEN_DOWN, KRYLOV_STEPS, KRYLOV_TOLERANCE
+
+
+class LinearSolver(Protocol):
+    """Solves J x = b for the stiffness with the contact blocks; both methods are collective."""
+
+    def set_up(self, matrix: PETSc.Mat) -> None:
+        """Take J, which is new: sparse, of the ranks of the body, symmetric unless friction makes it otherwise."""
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Write the solution, or something near it, into x."""
+
+
+@dataclass
+class _Preconditioner:
+    """What PETSc calls for one KSP."""
+
+    solver: LinearSolver
+    name: str
+
+    @called_back
+    def setUp(self, pc: PETSc.PC) -> None:  # PETSc calls it so
+        """Give the solver the new matrix."""
+        with self._named():
+            self.solver.set_up(pc.getOperators()[1])
+
+    @called_back
+    def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Let the solver solve."""
+        with self._named():
+            self.solver.solve(b, x)
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """What it raises says by whom."""
+        try:
+            yield
+        except Exception as error:
+            error.add_note(f"The linear solver {self.name!r} raised this.")
+            raise
+
+
+@called_back
+def _judge(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
+    """Where a solver returns nothing new FGMRES breaks down, and believes its own estimate of the residual."""
+    allowed = BROKEN_DOWN * b.norm() + 10 * ksp.getTolerances()[1]
+    if ksp.getConvergedReason() > 0 and not (b - ksp.getOperators()[0] * x).norm() <= allowed:
+        ksp.setConvergedReason(PETSc.KSP.ConvergedReason.DIVERGED_BREAKDOWN)
+
+
+@dataclass
+class UserSystem(AssembledSystem):
+    """See ``ElasticSystem``: all unknowns, and a linear solver of another package.
+
+    Attributes:
+        solver: makes one.
+        name: of the solver.
+    """
+
+    solver: type[LinearSolver] | None = None
+    name: str = ""
+    _preconditioners: dict[int, _Preconditioner] = field(default_factory=dict)  # by the handles of their KSP
+
+    @classmethod
+    def named(cls, name: str, elasticity: Elasticity) -> UserSystem:
+        """The system as it was assembled, with the solver of this name.
+
+        Raises:
+            InstallationError: it cannot be imported, or is no ``LinearSolver``.
+        """
+        system = cls.of(elasticity)
+        system.solver, system.name = load(LINEAR_SOLVERS, name), name
+        absent = [method for method in ("set_up", "solve") if not callable(getattr(system.solver, method, None))]
+        if absent:
+            raise InstallationError(f"the linear solver {name!r} has no method {' and no '.join(absent)}")
+        return system
+
+    @property
+    def solver_defaults(self) -> dict[str, str]:
+        """None: the solver is not one of PETSc's."""
+        return {}
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """FGMRES with the solver as its preconditioner, to a residual against the forces."""
+        ksp.setType(PETSc.KSP.Type.FGMRES)
+        ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=KRYLOV_STEPS)
+        preconditioner = self._preconditioners[ksp.handle] = _Preconditioner(self._made(), self.name)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))
+        ksp.setPostSolve(_judge)
+
+    def _made(self) -> LinearSolver:
+        """A solver.
+
+        Raises:
+            InstallationError: it is not made without arguments.
+        """
+        assert self.solver is not None
+        try:
+            return self.solver()
+        except TypeError as error:
+            raise InstallationError(
+                f"the linear solver {self.name!r} must be made without arguments: {error}"
+            ) from None
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
+        """For the same matrix; the residual is measured against the forces."""
+        if not options.user_sets("ksp_"):
+            ksp.setTolerances(rtol=1e-15, atol=KRYLOV_TOLERANCE * forces)
+        return moved == 0

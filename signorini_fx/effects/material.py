@@ -1,7 +1,0 @@
-"""What the body is made of, see ``materials``."""
-
-from __future__ import annotations
-
-from signorini_fx.materials.registry import OneMaterial
-
-Entry = OneMaterial

@@ -1,0 +1,90 @@
+"""The checks of what a user gives to ``NonlinearContactProblem``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from numbers import Integral
+from typing import Any
+
+import ufl
+from dolfinx import fem
+
+from signorini_fx.errors import FormError
+from signorini_fx.forms.arguments import space_of
+from signorini_fx.mechanics.body.averages import averaging
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
+from signorini_fx.mechanics.shapes.plane import Plane
+from signorini_fx.mechanics.statement.values import kind_of
+
+# Arguments of dolfinx's NonlinearProblem that have no meaning here.
+_NOT_USED = {
+    "P": "is not used: the linear solvers choose what preconditions them, see linear_algebra",
+    "kind": "is not used: the kind of the matrix is chosen, see linear_algebra",
+    "entity_maps": "is not possible yet: all arguments are on one mesh",
+}
+
+
+def checked(
+    F: Any,
+    u: Any,
+    J: Any,
+    contact: Sequence[Foundation | Pair],
+    update: Any,
+    commit: Any,
+    max_newton: Any,
+    settings: Mapping[str, Any],
+) -> tuple[Foundation, ...]:
+    """The foundations, if the arguments fit each other.
+
+    Raises:
+        FormError: they do not.
+    """
+    problems = [(name, reason) for name, reason in _NOT_USED.items() if settings.get(name) is not None]
+    if not isinstance(max_newton, Integral) or isinstance(max_newton, bool) or max_newton < 1:
+        problems.append(("max_newton", f"must be a whole number, 1 or more, not {max_newton!r}"))
+    problems += [
+        (name, f"must be a function without arguments, not {kind_of(function)}")
+        for name, function in (("update", update), ("commit", commit))
+        if function is not None and not callable(function)
+    ]
+    problems += [
+        (f"contact[{k}]", "two nonlinear bodies are not possible yet: give a Foundation")
+        for k, entry in enumerate(contact)
+        if isinstance(entry, Pair)
+    ]
+    if not isinstance(u, fem.Function):
+        problems.append(("u", f"must be a Function, not {kind_of(u)}"))
+    if not isinstance(F, ufl.Form) or F.empty() or len(F.arguments()) != 1:
+        problems.append(("F", "must be a UFL form with one test function"))
+    elif J is None and u not in F.coefficients():
+        problems.append(("F", "does not contain u, so that its derivative is zero: form it with u, or give J"))
+    if problems:
+        raise FormError(problems)
+    try:
+        if J is None:
+            space_of(ufl.inner(ufl.TrialFunction(u.function_space), ufl.TestFunction(u.function_space)) * ufl.dx, F, u)
+        else:
+            space_of(J, F, u)
+    except FormError as error:
+        names = {"a": "u" if J is None or _unsupported(error) else "J", "L": "F"}
+        raise FormError([(names.get(key, key), reason) for key, reason in error.problems]) from None
+    foundations = tuple(entry for entry in contact if isinstance(entry, Foundation))
+    if averaging(u.function_space):
+        problems += [
+            (f"contact[{k}].shape", "on quadratic tetrahedra a shape must be a plane: take hexahedra, or degree 1")
+            for k, entry in enumerate(foundations)
+            if entry.shape is not None and not _flat(entry.shape)
+        ]
+    if problems:
+        raise FormError(problems)
+    return foundations
+
+
+def _unsupported(error: FormError) -> bool:
+    """Whether it is the space of the displacement that is wrong."""
+    return any(reason.startswith("its space") for _, reason in error.problems)
+
+
+def _flat(shape: Any) -> bool:
+    """Whether a shape has the same normal everywhere."""
+    return isinstance(shape, Plane) or (isinstance(shape, Mapping) and shape.get("shape") == "plane")

@@ -1,0 +1,89 @@
+"""The certificate of a nonlinear body: its residual, distances and frames at the displaced points, evaluated anew.
+
+Equilibrium is that of the residual F itself, relative to the contact forces and reactions; no matrix and no
+linearisation enters.  The distance of the shapes, their normals, and how far they have moved are evaluated at X + u.
+Both sides share F, the shapes, and the values of friction at the nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.forms.mechanics import prescribed_nodes, sides_of
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.mechanics.body.foundation import Foundation
+from signorini_fx.mechanics.body.foundations import FoundationData, ShapeDistances
+from signorini_fx.mechanics.scales import Scales
+from signorini_fx.results.certificate import Certificate, judged
+from signorini_fx.results.equilibrium import Balance
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+
+Array = npt.NDArray[np.float64]
+
+
+def certified(
+    u: fem.Function,
+    residual: Array,
+    prescribed: tuple[npt.NDArray[np.bool_], Array],
+    scales: Scales,
+    foundations: tuple[Sequence[FoundationData], Sequence[Foundation], Sequence[npt.NDArray[np.int32]]],
+    shapes: Mapping[int, MovingShape],
+    tractions: Tractions,
+    law: Law,
+    before: PreviousStep | None,
+    lost: Array | None = None,
+) -> Certificate:
+    """Check equilibrium and contact conditions at a displacement; collective.
+
+    Args:
+        u: the displacement.
+        residual: F(u; .) at the owned unknowns, forces.
+        prescribed: which unknowns are prescribed, ghosts included, and to what, shapes (dofs,).
+        scales: of lengths and stresses.
+        foundations: their data at the nodes, what the user gave, and their facets.
+        shapes: those of the foundations that have one, by their numbers.
+        tractions: what the solver claims, per area of the undeformed boundary.
+        law: that the method promises.
+        before: the end of the last step; None: there is none.
+        lost: round-off of the residual, forces, of its shape; None: it is not known.
+    """
+    space = u.function_space
+    dim = space.mesh.geometry.dim
+    places, (fixed, values) = u.x.array.reshape(-1, dim), prescribed
+    data, contact, facets = foundations
+    now = list(data)
+    for number, moving in shapes.items():
+        nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
+        nodal_gap[moving.nodes], along[moving.nodes] = moving.seen_from(places[moving.nodes])
+        now[number] = replace(
+            data[number], gap=nodal_gap, shape=ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
+        )
+    if before is not None:
+        before = replace(before, moved=_motion(shapes, places, before.tractions))
+    supports = prescribed_nodes(fixed, values, space)
+    forces = residual.reshape(-1, dim)
+    nothing = np.zeros_like(forces)
+    known = nothing if lost is None else lost.reshape(-1, dim)
+    balance = Balance(
+        SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known, with_loads=True
+    )
+    return judged(u, balance, sides_of(now, contact, facets, {}, space), tractions, law=law, before=before)
+
+
+def _motion(shapes: Mapping[int, MovingShape], places: Array, points: Tractions) -> Array:
+    """How far the shape of each contact point has moved since the last step, length, shape (n, d).
+
+    A node that two shapes touch has a contact point for each.
+    """
+    motion = np.zeros((points.nodes.size, places.shape[1]))
+    for number, moving in shapes.items():
+        of_shape = np.flatnonzero(points.part == number)
+        at = np.searchsorted(moving.nodes, nodes := points.nodes[of_shape])
+        motion[of_shape] = moving.moved(moving.x[at] + places[nodes])
+    return motion

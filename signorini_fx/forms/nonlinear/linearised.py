@@ -1,0 +1,283 @@
+"""The contact problem of one iteration of Newton's method, for the whole displacement y.
+
+    a(y, z) = a(u, z) - F(u; z),    a = F'(u) - lambda Hess phi + what turns the shear,
+
+with the gaps and normals of the shapes at X + u.  The right-hand side is assembled from a and F as they are compiled:
+a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's method the residual of that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.algebra.algorithms.task import Outcome, Start
+from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
+from signorini_fx.forms.arguments import conditions_of, settings_of
+from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
+from signorini_fx.forms.given import given_forms
+from signorini_fx.forms.nonlinear.moving_shapes import curvature_of, left_by_turning
+from signorini_fx.forms.solver import FormSolver
+from signorini_fx.mechanics.body.assembly import assemble
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.foundations import Foundations
+from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
+from signorini_fx.records import Status
+from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.promised_law import Law
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.results.step_frames import LastSolution
+from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING
+
+Array = npt.NDArray[np.float64]
+
+
+class MovingFoundations(Foundations):
+    """Foundations whose shapes are seen from displaced points.
+
+    Attributes:
+        motion: how far the shapes have moved at the contact points.
+    """
+
+    motion: Callable[[ContactBoundary], Array | None]
+
+    def moved(self, boundary: ContactBoundary) -> Array | None:
+        """See ``Foundations``."""
+        return self.motion(boundary)
+
+
+@dataclass(frozen=True)
+class LinearSolution:
+    """The last solution of the linearised problem; None: there is none.
+
+    Attributes:
+        state: the contact points.
+        outcome: how it was reached.
+        begins: where the next solve may begin.
+    """
+
+    state: ContactState | None
+    outcome: Outcome | None
+    begins: LastSolution | None
+
+
+class LinearisedProblem(FormSolver):
+    """The contact problem of one iteration.
+
+    Args:
+        tangent: F', a compiled form.
+        residual: F, a compiled form.
+        at: the displacement where both are evaluated.
+        bcs, contact, settings: see ``ContactProblem``.
+
+    Attributes:
+        curvature: what the shapes add to the tangent.
+    """
+
+    _damping = 0.0  # share of the diagonal of the tangent that is added to it
+    _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
+    _foundations_class = MovingFoundations
+    foundations: MovingFoundations
+
+    def __init__(
+        self,
+        tangent: fem.Form,
+        residual: fem.Form,
+        at: fem.Function,
+        bcs: Any,
+        contact: Any,
+        *,
+        petsc_options_prefix: str,
+        petsc_options: Mapping[str, Any],
+        **settings: Any,
+    ) -> None:
+        forms, increment = given_forms(tangent, residual, contact, fem.Function(at.function_space))
+        super().__init__(
+            forms,
+            increment,
+            conditions_of(bcs, forms.space),
+            settings_of(settings),
+            (petsc_options_prefix, petsc_options),
+        )
+        self._at, self._definite = at, True
+        dim = at.function_space.mesh.geometry.dim
+        self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
+
+    def begin(
+        self,
+        motion: Callable[[ContactBoundary], Array | None],
+        spin: Callable[[ContactBoundary], Array | None],
+    ) -> None:
+        """Take the motion of shapes from here, and their rotations."""
+        self.foundations.motion, self._spin_of = motion, spin
+
+    def bend(self, hessians: Array) -> None:
+        """Give the tangent the curvature of the shapes with the tractions of the last solution.
+
+        Args:
+            hessians: see ``hessians_at``, at the displacement of now.
+        """
+        self._hessians, self.curvature = hessians, curvature_of(hessians, self.state)
+
+    # --- what a FormSolver asks for ---
+
+    def begin_step(self) -> Start:
+        """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
+        state = self._state
+        begun = super().begin_step()
+        boundary, previous = self.boundary, self.previous_step
+        if state is None or not len(self._hessians) == boundary.size == state.boundary.size:
+            return begun
+        origin = np.zeros_like(begun.data.mu_hat) if begun.data.slip_origin is None else begun.data.slip_origin
+        dim, nodes = boundary.x.shape[1], boundary.nodes
+        way = places = self._at.x.array.reshape(-1, dim)[nodes]
+        if previous is not None:
+            earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
+            way = places - earlier - (0.0 if previous.moved is None else previous.moved)
+        slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
+        slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
+        turned = left_by_turning(boundary, self._hessians, way, slip)
+        origin = origin + np.where(self._sticks[:, None], turned, 0.0)
+        return replace(begun, data=replace(begun.data, slip_origin=origin))
+
+    def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
+        """See ``FormSolver``: a tangent that is not definite is factorised whole.  Its contact problem may have no
+        solution: then a smaller increment of the load is what helps, not another method.
+        """
+        indefinite = {"linear_algebra": "full", "fallbacks": False}
+        settings = self.settings if self._definite else self.settings.model_copy(update=indefinite)
+        if self._damping > 0.0:  # what has failed without it is not tried by all methods again
+            settings = settings.model_copy(update={"fallbacks": False})
+        beside = {"beside": self._added, "definite": self._definite}
+        return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, settings, **beside)
+
+    def _forces(self) -> Array:
+        """See ``FormSolver``."""
+        return self.elastic.forces_of(self._at) - assemble(self.forms.compiled[1])
+
+    def _beside(self) -> Sequence[npt.NDArray[Any]]:
+        """See ``FormSolver``."""
+        return self._added.nodes, self._added.blocks
+
+    def _spin(self, boundary: ContactBoundary) -> Array | None:
+        """See ``FormSolver``."""
+        return self._spin_of(boundary)
+
+    def _judged(self, outcome: Outcome) -> Certificate | None:
+        """None: the solution of the nonlinear problem gets one."""
+        return None
+
+    # --- one iteration ---
+
+    def begin_anew(self) -> None:
+        """A new load: the tangent is definite until a factorisation refuses it, and is not damped."""
+        self._definite, self._damping = True, 0.0
+
+    def damp(self) -> bool:
+        """Add more of its diagonal to the tangent, so that increments are shorter and go down where it is not definite;
+        False: as much as there is has been added.
+        """
+        if self._damping >= MOST_DAMPING:
+            return False
+        if self._damping == 0.0:
+            dim, owned = self.u.function_space.mesh.geometry.dim, self._at.function_space.dofmap.index_map.size_local
+            diagonal = np.abs(self.elastic.stiffness.getDiagonal().getArray()[: owned * dim])
+            self._diagonal = diagonal.reshape(-1, dim).max(axis=1)
+        self._damping = max(DAMPING_GROWTH * self._damping, LEAST_DAMPING)
+        return True
+
+    def damp_less(self) -> None:
+        """The increment was good."""
+        self._damping = less if (less := self._damping / DAMPING_GROWTH) >= LEAST_DAMPING else 0.0
+
+    @property
+    def _added(self) -> NodalStiffness:
+        """What the tangent has beside the form."""
+        if self._damping == 0.0:
+            return self.curvature
+        dim, nodes = self.curvature.blocks.shape[1], np.arange(len(self._diagonal))
+        damping = self._damping * self._diagonal[:, None, None] * np.eye(dim)
+        blocks = np.concatenate((self.curvature.blocks, damping))
+        return NodalStiffness.summed(np.concatenate((self.curvature.nodes, nodes)), blocks)
+
+    def solve(self) -> None:
+        """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.
+
+        Raises:
+            ConvergenceError: there is no solution.
+            MatrixError: the tangent is not finite, or not symmetric.
+        """
+        try:
+            why = self.attempt()
+        except MatrixError as error:
+            if error.fault is not MatrixFault.NOT_POSITIVE:
+                raise
+        else:
+            if not why:
+                return
+            if not self._definite or self.status not in (Status.SINGULAR, Status.LINEAR_SOLVER):
+                raise ConvergenceError(self, why)
+        self._definite, self._last_pattern = False, None
+        self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
+        if why := self.attempt():
+            raise ConvergenceError(self, why)
+
+    def internal(self, displacement: fem.Function) -> tuple[Array, Array]:
+        """What a(d, .) and the curvature alone are, shapes (owned dofs,); collective."""
+        return self.elastic.forces_of(displacement), self.curvature.times(displacement)
+
+    @property
+    def solved(self) -> LinearSolution:
+        """The last one."""
+        return LinearSolution(self._state, self.outcome, self._solution)
+
+    def go_back(self, solution: LinearSolution) -> None:
+        """Make an earlier solution the last one; the next solve assembles anew."""
+        self._state, self.outcome, self._solution = solution.state, solution.outcome, solution.begins
+        dim = self._at.function_space.mesh.geometry.dim
+        self._last_pattern, self.curvature, self._hessians = None, NodalStiffness.none(dim), np.zeros((0, dim, dim))
+
+    # --- what the certificate and the verdict on stability ask for ---
+
+    @property
+    def nodal_values(self) -> Any:
+        """Of the foundations: a callable for each that evaluates at its nodes."""
+        return self.foundations._values
+
+    def check_shape(self, number: int, shape: Any) -> None:
+        """See ``Foundations``."""
+        self.foundations.check_shape(number, shape)
+
+    @property
+    def law(self) -> Law:
+        """That the last solution keeps to."""
+        assert self.outcome is not None
+        return Law(*self.task.promised(self.outcome))
+
+    @property
+    def _sticks(self) -> npt.NDArray[np.bool_]:
+        """Which contact points friction has held in the last solution, shape (n,)."""
+        part, state = self.state.boundary.part, self.state
+        rough = np.array([entry.friction is not None or entry.bonded for entry in self.contact])[part]
+        return np.asarray(rough & state.in_contact & (state.direction == 0.0).all(axis=1))
+
+    @property
+    def held(self) -> Array:
+        """The directions that contact holds at each contact point, zero where it holds none, shape (n, d, d)."""
+        assert self.outcome is not None
+        boundary = self.state.boundary
+        normal = boundary.normal[:, None, :] * self.state.in_contact[:, None, None]
+        return np.concatenate((normal, boundary.tangents.transpose(0, 2, 1) * self._sticks[:, None, None]), axis=1)
+
+    @property
+    def factor_fits(self) -> bool:
+        """Whether the machines have the memory for a factor of the tangent; collective."""
+        size = self.elastic.system_size
+        return enough_memory(size.comm, factor_memory(size.unknowns, size.dimension))

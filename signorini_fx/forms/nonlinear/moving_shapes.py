@@ -1,0 +1,273 @@
+"""Rigid shapes as nodes at finite displacements see them: distance, direction, curvature and motion of the shape.
+
+A node X that is displaced by u is outside of a shape if phi(X + u) >= 0, with phi the signed distance of the shape.
+With the unit normal n_f = grad phi at X + u the condition for a new displacement y is, to first order,
+- n_f . y <= phi(X + u) - n_f . u: a gap and a direction as every foundation has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.extensions import is_of_package
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.statement.rigid_shape import Shape, distance_from
+from signorini_fx.tuned import ALONG_SLIP, MOST_TURNED, NORMAL_DIFFERENCE
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass
+class MovingShape:
+    """The shape of one foundation, and where it was at the end of the last step.
+
+    Attributes:
+        shape: any object with ``distance``, see ``statement.rigid_shape.Shape``, where it is now.
+        settled: the same where it was.
+        added: what is added to its distance at the nodes, length, shape (n,).
+        nodes: of the foundation, local numbers, ghosts included, shape (n,).
+        x: their initial positions, length, shape (n, d).
+    """
+
+    shape: Any
+    settled: Any
+    added: Array
+    nodes: npt.NDArray[np.int64]
+    x: Array
+    _given: Array = field(init=False)  # the distances of a shape of a user's own when it was placed
+
+    def __post_init__(self) -> None:
+        self._given = self._distances()
+
+    def put(self, shape: Any) -> None:
+        """Take the same shape elsewhere."""
+        self.shape = shape
+        self._given = self._distances()
+
+    def check(self, number: int, comm: MPI.Comm) -> None:
+        """Refuse a shape that is no longer as it was placed: its way is not known; collective.
+
+        Raises:
+            FormError: it has been changed; ``number``: of its foundation.
+        """
+        if parallel.any_rank(comm, not np.array_equal(self._distances(), self._given)):
+            cure = "give its class placed(shift=...) and moved_from(earlier, x), and move it by place()"
+            reason = f"{type(self.shape).__name__} has changed by itself, so that its way is not known: {cure}"
+            raise FormError([(f"contact[{number}].shape", reason)])
+
+    def _distances(self) -> Array:
+        """Of a shape of a user's own at the undeformed nodes, length, shape (n,); of those of the package none."""
+        by_user = not is_of_package(type(self.shape)) and len(self.x)
+        return np.array(self.shape.distance(self.x)[0] if by_user else [], dtype=np.float64)
+
+    def seen_from(self, u: Array) -> tuple[Array, Array]:
+        """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors of shape (n, d).
+
+        Args:
+            u: displacements of the nodes, shape (n, d).
+        """
+        signed, normal = self.shape.distance(self.x + u)
+        return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, u)), -normal
+
+    def curvature(self, places: Array, size: float) -> Array:
+        """The second derivatives of the distance, 1 / length, shape (n, d, d), by central differences of the normal.
+
+        Args:
+            places: points, shape (n, d).
+            size: of the body, length.
+        """
+        dimension, step = places.shape[1], NORMAL_DIFFERENCE * size
+        hessian = np.zeros((len(places), dimension, dimension))
+        for k, axis in enumerate(step * np.eye(dimension)):
+            ahead, behind = (self.shape.distance(places + sign * axis)[1] for sign in (1, -1))
+            hessian[:, :, k] = (ahead - behind) / (2 * step)
+        return np.asarray((hessian + hessian.transpose(0, 2, 1)) / 2)
+
+    @property
+    def rotation(self) -> Array:
+        """By which it has turned since the last step, shape (d, d); one of another kind has not."""
+        if not isinstance(self.shape, Shape) or not isinstance(self.settled, Shape):
+            return np.eye(self.x.shape[1])
+        return self.shape.turned_from(self.settled, self.x.shape[1])
+
+    def moved(self, places: Array) -> Array:
+        """How far it has carried points with it since the last step, length, shape (n, d).
+
+        They are those where the nodes are, not the closest ones: a node may be inside by the penalty, or away by a gap
+        that is added, and would slip as both turn.  Objects of other kinds know their closest points alone.
+        """
+        if self.shape == self.settled:
+            return np.zeros_like(places)
+        if isinstance(self.shape, Shape) and isinstance(self.settled, Shape):
+            return self.shape.carried_from(self.settled, places)
+        return np.asarray(self.shape.moved_from(self.settled, places))
+
+
+def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float) -> Array:
+    """The second derivatives H of the distances at contact points, 1 / length, shape (n, d, d); zero without a shape.
+
+    Args:
+        boundary: the contact points.
+        shapes: by the numbers of their foundations.
+        places: displacements of the nodes, shape (nodes, d).
+        size: of the body, length.
+    """
+    hessians = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
+    for number, moving in shapes.items():
+        points = np.flatnonzero(boundary.part == number)
+        hessians[points] = moving.curvature(boundary.x[points] + places[boundary.nodes[points]], size)
+    return hessians
+
+
+def curvature_of(hessians: Array, state: ContactState) -> NodalStiffness:
+    """What the shapes add to the tangent as their normals turn with the displacement, at contact tractions.
+
+    The force of a pressure lambda along the normal n turns by -lambda H d, with H the second derivatives of the
+    distance; a shear m in the tangent plane turns by n (m . H d).  The latter is unsymmetric.  Its transpose is added,
+    which acts on displacements along the normal alone: where there is contact these are of second order in d.
+
+    Args:
+        hessians: H, see ``hessians_at``.
+        state: of the contact points, with their tractions.
+    """
+    boundary = state.boundary
+    shear = np.einsum("nij,nj->ni", boundary.tangents, state.shear)
+    turning = np.einsum("ni,nj->nij", boundary.normal, np.einsum("nij,nj->ni", hessians, shear))
+    blocks = turning + turning.transpose(0, 2, 1) - state.pressure[:, None, None] * hessians
+    return NodalStiffness.summed(boundary.nodes, boundary.weight[:, None, None] * blocks)
+
+
+def turning_of(state: ContactState, size: float) -> NodalStiffness:
+    """What friction of sliding points in space does against displacements that turn their slip.
+
+    The shear m has the direction of the slip s, so it turns with it: a displacement d along the tangent plane and
+    across s meets |m| / |s| d.  Without that a shear would be a dead load, under which rubber that is squeezed between
+    rough plates twists.  In the plane no slip turns; a shear that does not follow its slip, as that of an ellipse, is
+    left out.
+
+    Args:
+        state: of the contact points, with their tractions and slips of this step.
+        size: of the body, length: slips that are round-off of it turn as easily as the smallest other ones.
+    """
+    boundary, slip, shear = state.boundary, state.slip_length, state.shear
+    if slip.shape[1] < 2:
+        return NodalStiffness.none(boundary.x.shape[1])
+    far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
+    along = np.einsum("ni,ni->n", slip, shear) >= (1 - ALONG_SLIP) * far * strong
+    turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
+    across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
+    ways = np.einsum("nij,nj->ni", boundary.tangents[turns], across)
+    rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], NORMAL_DIFFERENCE * size)
+    return NodalStiffness.summed(boundary.nodes[turns], rate[:, None, None] * np.einsum("ni,nj->nij", ways, ways))
+
+
+def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
+    """What part of a slip turning tangent planes undo, or take on top of it, length, shape (n, d - 1).
+
+    The slip is the part of the way w along the tangent plane, which turns with a displacement d.  So the slip changes
+    by M d with M = 1 - (n_f . w) H on the plane, not by d, where a point has come to its shape within the step: what is
+    left to go, s, needs d = -M^-1 s.  In a bowl M may vanish: it is not taken below 1 + ``MOST_TURNED``.
+
+    Args:
+        boundary: the contact points.
+        hessians: H, see ``hessians_at``.
+        way: w, of the points relative to their shapes since the last step, length, shape (n, d).
+        slip: s, shape (n, d - 1).
+
+    Returns:
+        s - M^-1 s.
+    """
+    along = np.einsum("ni,ni->n", boundary.normal, way)  # - n_f . w
+    bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)
+    sizes, axes = np.linalg.eigh((bends + bends.transpose(0, 2, 1)) / 2)
+    sizes = np.maximum(sizes, MOST_TURNED)
+    return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip))
+
+
+def motion_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array | None:
+    """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has.
+
+    Args:
+        boundary: the contact points.
+        shapes: by the numbers of their foundations.
+        places: displacements of the nodes, shape (nodes, d).
+    """
+    if all(moving.shape == moving.settled for moving in shapes.values()):
+        return None
+    displacements = np.zeros_like(boundary.x)
+    for number, moving in shapes.items():
+        on_part = boundary.part == number
+        displacements[on_part] = moving.moved(boundary.x[on_part] + places[boundary.nodes[on_part]])
+    return displacements
+
+
+def spin_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape]) -> Array | None:
+    """By which rotation the shape of each contact point has turned since the last step, shape (n, d, d); None: by none
+    that counts, as in the plane, where a direction along a shape has no other turn than that of the normal.
+    """
+    dimension = boundary.x.shape[1]
+    if dimension == 2 or all(moving.shape == moving.settled for moving in shapes.values()):
+        return None
+    rotation = np.tile(np.eye(dimension), (boundary.size, 1, 1))
+    for number, moving in shapes.items():
+        rotation[boundary.part == number] = moving.rotation
+    return rotation
+
+
+def fitting(number: int, shape: Any, dimension: int) -> Any:
+    """The shape of a foundation, if it fits a mesh of this dimension.
+
+    Raises:
+        FormError: it does not.
+    """
+    try:
+        distance = distance_from(shape, dimension).shape
+        if getattr(distance, "driven", False):
+            raise SceneError([("force", "cannot move it yet: place() it")])
+        return distance
+    except SceneError as error:
+        raise FormError([(f"contact[{number}].shape.{key}", reason) for key, reason in error.problems]) from None
+
+
+def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any]) -> None:
+    """Give the shape of a foundation another shift, rotation or pivot; None: it has no shape.
+
+    Raises:
+        FormError: it cannot be placed, or the placement is wrong.
+    """
+    path = f"contact[{number}].shape"
+    if moving is None or not hasattr(moving.shape, "placed"):
+        raise FormError([(path, "this foundation has no shape that can be placed")])
+    try:
+        moved = moving.shape.placed(**placement)
+    except SceneError as error:
+        raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
+    except (TypeError, ValueError) as error:
+        raise FormError([(path, str(error))]) from None
+    if moved is moving.shape:
+        raise FormError([(path, f"placed of {type(moved).__name__} changes the shape itself: return another object")])
+    if not hasattr(moved, "moved_from"):
+        reason = (
+            "needs moved_from(earlier, x), how far its points closest to x have moved: its way and friction need it"
+        )
+        raise FormError([(path, f"{type(moved).__name__} {reason}")])
+    wrong = [key for key in placement if not _finite(getattr(moved, key, None))]
+    if wrong:
+        raise FormError([(f"{path}.{key}", "must be finite numbers") for key in wrong])
+    moving.put(fitting(number, moved, moving.x.shape[1]))
+
+
+def _finite(value: Any) -> bool:
+    """Whether a part of a placement has no number that is not finite."""
+    parts = value if isinstance(value, tuple) else (value,)
+    return all(np.isfinite(part) for part in parts if isinstance(part, int | float))

@@ -1,0 +1,480 @@
+"""``NonlinearContactProblem``: contact and friction for anybody's residual, in the idiom of dolfinx's
+``NonlinearProblem``.
+
+Newton's method for the body has the semi-smooth method for contact inside: each of its iterations is a linear
+``ContactProblem`` for the whole displacement, see ``linearised``.  Contact pressure and friction are those of the new
+displacement, so the old ones only enter through the curvature of the shapes.  A line search follows
+d . (R(u + s d) + B^T (lambda, mu)), the slope of the energy with contact where there is one; it needs no energy
+(P. Wriggers, Computational Contact Mechanics, 2006, chapter 10).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.errors import FormError
+from signorini_fx.forms.arguments import foundations_of
+from signorini_fx.forms.elasticity import MatrixError, MatrixFault
+from signorini_fx.forms.nonlinear import outcomes
+from signorini_fx.forms.nonlinear.arguments import checked
+from signorini_fx.forms.nonlinear.certificate import certified
+from signorini_fx.forms.nonlinear.line_search import length_of_increment
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, place, spin_at
+from signorini_fx.forms.nonlinear.overlap import overlap
+from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
+from signorini_fx.forms.nonlinear.ramp import RampStep, StepSizes
+from signorini_fx.forms.nonlinear.residual import Residual
+from signorini_fx.forms.nonlinear.snapshot import Snapshot
+from signorini_fx.forms.nonlinear.stability import Stability
+from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
+from signorini_fx.forms.results import findings_of_last
+from signorini_fx.machine import parallel
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.foundation import Foundation
+from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.body.shapes_inside import BodyCells
+from signorini_fx.records import Finding, History, Status
+from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.tuned import LEAST_INCREMENT, SMALL_INCREMENT, SMALLEST_STEP
+
+Array = npt.NDArray[np.float64]
+
+
+class NonlinearContactProblem:
+    """Find u with F(u; v) = 0 for all v, and contact with rigid foundations on parts of the boundary.
+
+        problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets, shape=circle))
+        problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
+
+    A foundation with a ``shape`` is met at the displaced points, however far they slide on it, and its friction is
+    relative to it; gaps and directions without a shape are those of the undeformed boundary.  Pressures, shears and
+    bounds of friction are per area of the undeformed boundary.  Friction depends on the path: ``advance`` ends a step.
+
+    Args:
+        F: the residual, a UFL form with one argument, nonlinear in ``u``.
+        u: the Function that takes the solution, in a vector Lagrange space of degree 1 or 2; its values are the first
+            iterate.
+        bcs: Dirichlet conditions as dolfinx makes them; their values may change between two solves.
+        contact: the foundations.
+        J: the tangent, a symmetric form with two arguments, UFL or compiled; None: the derivative of ``F``.
+        update: called before anything is assembled at new values of ``u``, such as to return stresses to a yield
+            surface, from the state of the last ``commit``.  Where it raises an exception the increment is shortened.
+        commit: called by ``advance``: the state at ``u`` is that from which the next step starts.
+        petsc_options_prefix: see ``ContactProblem``.
+        petsc_options: see ``ContactProblem``.
+        form_compiler_options: see ``dolfinx.fem.form``.
+        jit_options: see ``dolfinx.fem.form``.
+        stability: whether the inertia of the tangent is looked at after each solve, one more factorisation; then
+            *converged* means that the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J``
+            that differs from it, tried by a difference, only leads Newton's method.
+        max_newton: iterations of Newton's method.
+        settings: algorithm, coulomb, ..., see ``SolverSettings``.
+
+    Attributes:
+        u: the solution.
+        contact: the foundations.
+        pressure, shear, gap, slip: see ``ContactFields``.
+        status: how the last solve ended; None before the first one, and after an error.
+        certificate: the check of the last solution against F and the shapes; None before the first solve.
+        iterations: of Newton's method in the last solve.
+        history: every linear solve of all solves so far, those of solves that have failed too.
+
+    After a failure ``u``, ``pressure``, ``state``, ``certificate`` and all others are those of the last solution again,
+    and ``update`` has been called there.
+
+    Raises:
+        FormError: an argument is wrong.
+        MachineError: a form cannot be compiled.
+    """
+
+    def __init__(
+        self,
+        F: Any,
+        u: fem.Function,
+        *,
+        bcs: Sequence[fem.DirichletBC] = (),
+        contact: Sequence[Foundation] | Foundation = (),
+        J: Any = None,
+        update: Callable[[], object] | None = None,
+        commit: Callable[[], object] | None = None,
+        petsc_options_prefix: str = "sfx_",
+        petsc_options: Mapping[str, Any] | None = None,
+        form_compiler_options: dict[str, Any] | None = None,
+        jit_options: dict[str, Any] | None = None,
+        stability: bool = True,
+        max_newton: int = 30,
+        **settings: Any,
+    ) -> None:
+        self.u, self.contact = u, checked(F, u, J, foundations_of(contact), update, commit, max_newton, settings)
+        self._commit = commit or (lambda: None)
+        self._max_newton, self._asks_stability = max_newton, stability
+        space = self._space = u.function_space
+        self._dimension = int(space.mesh.geometry.dim)
+        options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
+        self._tangents = Tangents(F, J, u, options)
+        with compiling():
+            residual = fem.form(F, **options)
+        refuse_miscompiled(F, residual, u, options)
+        self._residual = Residual(residual, u, update or (lambda: None))
+        shaped = [k for k, entry in enumerate(self.contact) if entry.shape is not None]
+        self.linear = LinearisedProblem(
+            self._tangents.leading,
+            residual,
+            u,
+            bcs,
+            [self._seen(k, entry) if k in shaped else entry for k, entry in enumerate(self.contact)],
+            petsc_options_prefix=petsc_options_prefix,
+            petsc_options=dict(petsc_options or {}),
+            **settings,
+        )
+        self.linear.begin(
+            lambda boundary: motion_at(boundary, self.shapes, self._places),
+            lambda boundary: spin_at(boundary, self.shapes),
+        )
+        self.shapes = {k: self._shape_of(k) for k in shaped}
+        fields = self.linear.fields
+        self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
+        self._fields = self.pressure, self.shear, self.gap, self.slip
+        bounds = parallel.global_bounds(space.mesh.comm, space.mesh.geometry.x.astype(np.float64))
+        self._size = float(np.linalg.norm(np.ptp(bounds, axis=0)))
+        self.status: Status | None = None
+        self.certificate: Certificate | None = None
+        self.iterations = 0
+        self._good: Snapshot | None = None  # the last solution, once there was a solve
+        self._stability = Stability(u, self.linear, self._tangents, self._forces_at, self._bend)
+        self._cells = BodyCells.of(space, space.mesh.geometry.dim)
+        self._overlap = ""  # where a shape was inside the body in the last solve
+        self._failure = ""  # how the last solve failed that did
+        self._inner = ""  # how the last contact problem of a tangent ended that had no solution
+
+    @property
+    def bcs(self) -> Any:
+        """The Dirichlet conditions; the list may change between two solves."""
+        return self.linear.bcs
+
+    @bcs.setter
+    def bcs(self, bcs: Any) -> None:
+        self.linear.bcs = bcs
+
+    @property
+    def history(self) -> History:
+        """Every linear solve of all solves so far."""
+        return self.linear.history
+
+    @property
+    def state(self) -> ContactState:
+        """The contact points of this rank after the last solve, with forces and areas of the undeformed boundary."""
+        return self.linear.state
+
+    @property
+    def cost(self) -> str:
+        """Why it is not known what a better accuracy would take, see ``Solution``."""
+        return "nonlinear bodies have no estimate of their error: compare solutions on two meshes"
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is to be known about the last solution, see ``ContactProblem``; collective."""
+        return findings_of_last(self.linear)
+
+    @property
+    def _places(self) -> Array:
+        """Displacements of the nodes, shape (nodes, d)."""
+        return self.u.x.array.reshape(-1, self._dimension)
+
+    # --- shapes -------------------------------------------------------------------------------------------------------
+
+    def _shape_of(self, number: int) -> MovingShape:
+        """The shape of a foundation at its nodes."""
+        entry, values = self.contact[number], self.linear.nodal_values[number]
+        x = node_positions(self._space)[values.nodes]
+        shape = fitting(number, entry.shape, self._dimension)
+        self.linear.check_shape(number, shape)
+        added = values(entry.gap, f"contact[{number}].gap")[values.nodes]
+        return MovingShape(shape, shape, added, values.nodes, x[:, : self._dimension].astype(np.float64))
+
+    def _seen(self, number: int, entry: Foundation) -> Foundation:
+        """A foundation with a shape as the linearised problem has it: a gap and a direction."""
+
+        def seen() -> tuple[Array, Array]:
+            moving = self.shapes[number]
+            return moving.seen_from(self._places[moving.nodes])
+
+        return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
+
+    def _bend(self) -> None:
+        """Give the tangent the curvature of the shapes with the contact tractions of now; collective."""
+        if (state := self.linear.solved.state) is not None:
+            self.linear.bend(hessians_at(state.boundary, self.shapes, self._places, self._size))
+
+    def place(self, number: int, **placement: Any) -> None:
+        """Turn and move a foundation that has a shape, for the next solve and those after it.
+
+        A shape of a user's own needs ``placed(**placement)``, which returns another object, and ``moved_from(earlier,
+        x)``, how far its points closest to x have moved since it was placed like ``earlier``, length, shape (n, d).
+
+        Args:
+            number: of the foundation in ``contact``.
+            placement: its shift, rotation and pivot, see ``statement.rigid_shape.Shape``; what is left out stays.
+
+        Raises:
+            FormError: it has no shape that can be placed, or the placement is wrong.
+        """
+        place(self.shapes.get(number), number, placement)
+
+    # --- Newton's method ----------------------------------------------------------------------------------------------
+
+    def solve(self) -> fem.Function:
+        """Solve with the values that Constants, Functions, conditions and shapes have now, return ``u``; collective.
+
+        Raises:
+            ConvergenceError: no solution was reached; ``status`` says why, and all else is as the last solution was.
+            FormError: a value is not finite, cannot be evaluated, or ``update`` raised an exception.
+        """
+        self._attempt()
+        return self.u
+
+    def _attempt(self, *, damps: bool = True) -> None:
+        """``solve``; collective.
+
+        Args:
+            damps: whether no smaller step will be tried, so that the tangent is damped where nothing else helps, and a
+                failure is asked why there may be no solution.
+        """
+        for number, moving in self.shapes.items():
+            moving.check(number, self._space.mesh.comm)
+        self._good = self._good or self._snapshot()
+        self.certificate, self.status, self._says_no = None, None, ""
+        try:
+            status = self._iterate(damps=damps)
+            if status is Status.CONVERGED and self._asks_stability:
+                status = self._stability.verdict()
+            elif damps and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self._says_no:
+                self._says_no = self._stability.reason_for_none(self._good.displacement, self._size)
+        except Exception:
+            self._go_back(self._good)
+            raise
+        self.status = status
+        if status is Status.CONVERGED:
+            self._good = self._snapshot()
+            return
+        self._failure = outcomes.failure(status, self.certificate, self._says_no, self._inner, self._overlap)
+        self._go_back(self._good)
+        raise ConvergenceError(self, f"{self._failure}: {outcomes.advice_on(status)}")
+
+    def _snapshot(self) -> Snapshot:
+        """All that a solve changes, and where the shapes are."""
+        return Snapshot.of(self.u, self._fields, self.linear, self.shapes, (self.certificate, self.iterations))
+
+    def _go_back(self, snapshot: Snapshot) -> None:
+        """Go back to the last solution; loads and shapes stay as they are now; collective."""
+        self.certificate, self.iterations = snapshot.restore(self.u, self._fields, self.linear)
+        with suppress(FormError):  # before the first solution it may not be possible
+            self._residual.updated()
+
+    def _forces_at(self, values: Array) -> Array | None:
+        """See ``Residual``; collective."""
+        return self._residual.at(values)
+
+    def _iterate(self, *, damps: bool) -> Status:
+        """Newton's method from the present ``u``; ``damps``: whether its tangent may be damped; collective.
+
+        It ends where increments are small and the certificate holds.  Where increments are small and it does not, as
+        with a tangent that is not the derivative of F, iterations go on for as long as they make it better.  In a body
+        that comes to rest without load increments are relative to nothing: with a J, which may be another tangent, the
+        residual is round-off once they are no longer halved.
+        """
+        comm, u, worst, before = self._space.mesh.comm, self.u, np.inf, np.inf
+        self.linear.begin_anew()
+        for iteration in range(1, self._max_newton + 1):
+            self.iterations = iteration
+            old = u.x.array.copy()
+            residual = self._forces_at(old)
+            if residual is None:
+                return Status.INVERTED
+            self._bend()
+            try:
+                increment, length = self._increment(old, residual, search=iteration > 1, damps=damps)
+            except ConvergenceError as error:
+                return self._not_solved(error.solution.status)
+            except MatrixError as error:
+                if error.fault is MatrixFault.NOT_FINITE:
+                    return Status.NOT_FINITE
+                raise self._tangents.refused(error) from None
+            if length == 0.0:
+                return Status.INVERTED
+            u.x.array[:] = old + length * increment
+            change, size = (
+                float(parallel.largest(comm, np.abs(values), 0.0)) for values in (length * increment, u.x.array)
+            )
+            small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self._size
+            shortened, before = self._tangents.given and 2 * change < before, change
+            if small or (least and not (shortened and iteration < self._max_newton)):
+                status = self._judge()
+                if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:
+                    return status
+                worst = self.certificate.worst
+        return Status.MAX_ITERATIONS
+
+    def _increment(self, old: Array, residual: Array, *, search: bool, damps: bool) -> tuple[Array, float]:
+        """The increment of one iteration, and the share of it to take; collective.
+
+        Where the tangent is not definite on what contact admits, as beyond a limit point, the contact problem has no
+        solution, or its solution goes up.  With enough of its diagonal added it goes down.
+
+        Args:
+            old: values of ``u``.
+            residual: F there.
+            search: see ``length_of_increment``.
+            damps: see ``_iterate``.
+
+        Raises:
+            ConvergenceError: the contact problem has no solution.
+            MatrixError: the tangent is not finite, or not symmetric.
+        """
+        linear = self.linear
+        while True:
+            try:
+                linear.solve()
+            except ConvergenceError as error:
+                if damps and error.solution.status in outcomes.DAMPED and linear.damp():
+                    continue
+                raise
+            increment = linear.u.x.array - old
+            length, descends = length_of_increment(linear, self._forces_at, (old, increment, residual), search=search)
+            if descends or not damps or not linear.damp():
+                linear.damp_less()
+                return increment, length
+
+    def _not_solved(self, inner: Status) -> Status:
+        """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
+        the body.
+        """
+        if inner in outcomes.OF_LINEAR_BODIES:
+            if self._stability.leads(self.u.x.array.copy()):
+                self._says_no = f"the tangent does not hold it: {inner.value}"
+            return Status.NOT_SOLVED
+        self._inner = inner.value
+        return Status.NOT_SOLVED if inner is Status.CYCLING else inner
+
+    # --- what is said of a solution -----------------------------------------------------------------------------------
+
+    def _judge(self) -> Status:
+        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective."""
+        linear, values = self.linear, self.u.x.array.copy()
+        residual = self._forces_at(values)
+        if residual is None:
+            return Status.INVERTED
+        assert self._good is not None
+        self._overlap = overlap(self.u, self._cells, self.shapes, self._good)
+        if self._overlap:
+            return Status.INSIDE
+        lost = round_off(self.u, residual, self._forces_at)
+        self._forces_at(values)
+        self.certificate = certified(
+            self.u,
+            residual,
+            linear.prescribed,
+            linear.scales,
+            (linear.data, self.contact, linear.forms.facets),
+            self.shapes,
+            Tractions.of(self.state),
+            linear.law,
+            linear.previous_step,
+            lost,
+        )
+        return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
+
+    # --- load steps ---------------------------------------------------------------------------------------------------
+
+    def advance(self) -> None:
+        """End a step: friction acts on what the next solves add to the slip, and the state is that of ``u``.
+
+        Raises:
+            RuntimeError: the last solve has no solution.
+        """
+        if self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution to advance from")
+        self.linear.advance()
+        self._commit()
+        for moving in self.shapes.values():
+            moving.settled = moving.shape
+
+    def ramp(
+        self,
+        apply: Callable[[float], object],
+        to: float = 1.0,
+        *,
+        first: float | None = None,
+        largest: float | None = None,
+        smallest: float = SMALLEST_STEP,
+        on_step: Callable[[RampStep], object] = lambda step: None,
+    ) -> list[RampStep]:
+        """Raise the load from 0 in steps, with ``advance`` after each; collective.
+
+        A step without a solution is halved, and begins again at the end of the last one; one that was easy makes the
+        next larger.  Whatever ends the ramp, the problem is left at the last step that has a solution.
+
+        Args:
+            apply: changes the problem to what it is at a load; it may be called with a smaller one again.
+            to: the load to reach, which may be negative.
+            first: size of the first step; None: all of it.
+            largest: size that any step may have; None: there is none.
+            smallest: share of ``to`` below which no step is halved.
+            on_step: called after each step.
+
+        Returns:
+            The steps.
+
+        Raises:
+            ConvergenceError: a step cannot be shortened any more.  ``status`` is ``LIMIT`` where the tangent or the
+                displacement says that there is no equilibrium, otherwise how the smallest step ends.  Or an
+                equilibrium is unstable, or its stability is not known.
+            FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
+        """
+        sizes, steps = StepSizes(to, first, largest, smallest), list[RampStep]()
+        while not sizes.done:
+            begun, load, solves = self._snapshot(), sizes.next, len(self.history.iterations)
+            try:
+                apply(load)
+                self._attempt(damps=not sizes.may_halve)
+            except Exception as error:
+                self._begin_again(begun, lambda: apply(sizes.reached))
+                self.history.add(f"load {load:g} is given up, back at {sizes.reached:g}: {error}")
+                if not isinstance(error, ConvergenceError | FormError):
+                    raise
+                if sizes.may_halve and self.status not in outcomes.FINAL:
+                    sizes.halve()
+                    continue
+                last = outcomes.last_solution(sizes.reached if steps else None, to)
+                raise self._ended(error, load, last) from error.__cause__
+            self.advance()
+            sizes.accept(self.iterations)
+            steps.append(RampStep(load, self.iterations, len(self.history.iterations) - solves))
+            on_step(steps[-1])
+        return steps
+
+    def _begin_again(self, begun: Snapshot, load: Callable[[], object]) -> None:
+        """Go back to where a step has begun, with its load and its shapes; collective."""
+        load()
+        for number, shape in begun.shapes.items():
+            self.shapes[number].put(shape)
+        self._go_back(begun)
+
+    def _ended(self, error: ConvergenceError | FormError, load: float, last: str) -> ConvergenceError | FormError:
+        """How a ramp ends whose last step, to a load, has no solution; ``last``: the last one that there is."""
+        if isinstance(error, FormError):
+            return outcomes.at_load(error, load, last)
+        assert self.status is not None
+        self.status = Status.LIMIT if self._says_no else self.status
+        return ConvergenceError(self, outcomes.end_of_ramp(self.status, self._failure, load, last))

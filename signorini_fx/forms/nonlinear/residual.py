@@ -1,0 +1,67 @@
+"""The residual F at values of the displacement, with the material's state there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.errors import FormError
+from signorini_fx.forms.nonlinear.inversion import turned_inside_out
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import assemble
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Residual:
+    """F, and what a user's function does before it is assembled.
+
+    Attributes:
+        form: F, compiled.
+        u: the displacement that it depends on.
+        update: the user's function.
+    """
+
+    form: fem.Form
+    u: fem.Function
+    update: Callable[[], object]
+
+    def at(self, values: Array) -> Array | None:
+        """F at the owned unknowns for values of ``u``, which it gets; None: it is not finite there, or cells are turned
+        inside out; collective.
+
+        Args:
+            values: of all unknowns of this rank, ghosts included, shape (dofs,).
+
+        Raises:
+            FormError: ``update`` has raised an exception.
+        """
+        self.u.x.array[:] = values
+        self.updated()
+        forces = assemble(self.form)
+        comm = self.u.function_space.mesh.comm
+        if parallel.any_rank(comm, not np.isfinite(forces).all()) or turned_inside_out(self.u):
+            return None
+        return forces
+
+    def updated(self) -> None:
+        """Call ``update``; collective.
+
+        Raises:
+            FormError: it has raised an exception on some rank.
+        """
+        error: Exception | None = None
+        try:
+            self.update()
+        except Exception as raised:  # whatever a user's function may raise
+            error = raised
+        named = None if error is None else FormError([("update", f"raised {type(error).__name__}: {error}")])
+        try:
+            parallel.raise_together(self.u.function_space.mesh.comm, named)
+        except FormError as failed:
+            raise failed from error

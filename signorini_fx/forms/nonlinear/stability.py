@@ -1,0 +1,108 @@
+"""The verdict on stability: whether displacements that contact admits raise the energy, by the derivative of F."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.errors import FormError
+from signorini_fx.forms.arguments import conditions_of
+from signorini_fx.forms.nonlinear.inertia import negative_directions
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.moving_shapes import turning_of
+from signorini_fx.forms.nonlinear.tangent import Tangents, is_derivative
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
+from signorini_fx.records import Status
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stability:
+    """What the inertia of the tangent says of a displacement.
+
+    Attributes:
+        u: the displacement.
+        linear: the contact problem of the last iteration of Newton's method.
+        tangents: the user's and the derivative of F.
+        forces_at: F at the owned unknowns for values of ``u``, which it gets; None: it has none there; collective.
+        bend: gives ``linear`` the curvature of the shapes at ``u``; collective.
+    """
+
+    u: fem.Function
+    linear: LinearisedProblem
+    tangents: Tangents
+    forces_at: Callable[[Array], Array | None]
+    bend: Callable[[], None]
+
+    def verdict(self) -> Status:
+        """Whether an equilibrium is stable, by the derivative of F; collective."""
+        if not self.linear.factor_fits or (tangent := self._derivative()) is None:
+            return Status.STABILITY_UNKNOWN
+        return Status.UNSTABLE if self._negative(tangent) else Status.CONVERGED
+
+    def reason_for_none(self, before: Array, size: float) -> str:
+        """Why there may be no solution, at an iterate; empty: nothing says so; collective.
+
+        Args:
+            before: the last solution, values of ``u``.
+            size: of the body, length.
+        """
+        comm = self.u.function_space.mesh.comm
+        away = float(parallel.largest(comm, np.abs(self.u.x.array - before), 0.0))
+        if not away <= max(size, float(parallel.largest(comm, np.abs(before), 0.0))):
+            return "the displacement runs away" if self.leads(before) else ""
+        with suppress(FormError):
+            forces = self.forces_at(self.u.x.array.copy())
+            known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
+            if known and (tangent := self._derivative()) is not None and self._negative(tangent):
+                return "the tangent has lost its stiffness in some direction"
+        return ""
+
+    def leads(self, values: Array) -> bool:
+        """Whether the tangent that leads Newton's method is the derivative of F at values of ``u``; collective.
+
+        Another one may lead away from any equilibrium.
+        """
+        if not self.tangents.given:
+            return True
+        self.forces_at(values)
+        fits = is_derivative(self.tangents.leading, self.u, self.forces_at, ~self._fixed)
+        self.forces_at(values)
+        return fits
+
+    @property
+    def _fixed(self) -> npt.NDArray[np.bool_]:
+        """Which of the owned unknowns are prescribed."""
+        dofmap = self.u.function_space.dofmap
+        return self.linear.prescribed[0][: dofmap.index_map.size_local * dofmap.index_map_bs]
+
+    def _derivative(self) -> fem.Form | None:
+        """The user's tangent if it is the derivative of F at ``u``, else that of UFL; None: neither is; collective."""
+        free, values = ~self._fixed, self.u.x.array.copy()
+        for given in (True, False) if self.tangents.given else (False,):
+            tangent = self.tangents.leading if given else self.tangents.derivative
+            fits = is_derivative(tangent, self.u, self.forces_at, free)
+            self.forces_at(values)
+            if fits:
+                return tangent
+        return None
+
+    def _negative(self, tangent: fem.Form) -> int:
+        """In how many directions that contact admits a tangent is negative; collective."""
+        self.bend()
+        linear = self.linear
+        bcs = conditions_of(linear.bcs, self.u.function_space)
+        nodes = linear.state.boundary.nodes
+        turning = turning_of(linear.state, linear.scales.size)
+        beside = NodalStiffness.summed(
+            np.concatenate((linear.curvature.nodes, turning.nodes)),
+            np.concatenate((linear.curvature.blocks, turning.blocks)),
+        )
+        return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held)

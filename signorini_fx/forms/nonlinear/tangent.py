@@ -1,0 +1,191 @@
+"""The derivative of a residual: made with the quadrature of the residual, and tried by differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from ufl.algorithms import compute_form_data
+
+from signorini_fx.errors import FormError
+from signorini_fx.forms.elasticity import MatrixError, MatrixFault
+from signorini_fx.machine import parallel
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.body.assembly import action
+from signorini_fx.tuned import DIFFERENCE_STRAINS, SAME_TANGENT
+
+Array = npt.NDArray[np.float64]
+
+
+class Tangents:
+    """The user's tangent and the derivative of F, each compiled when it is first needed.
+
+    Args:
+        F: a UFL form with one argument.
+        J: the user's, UFL or compiled; None: there is none.
+        u: the Function that F is differentiated by.
+        options: of the form compiler, as ``dolfinx.fem.form`` takes them.
+
+    Attributes:
+        given: whether there is one of the user's.
+    """
+
+    def __init__(self, F: Any, J: Any, u: fem.Function, options: dict[str, Any]) -> None:
+        self.given = J is not None
+        self._F, self._J, self._u, self._options = F, J, u, options
+
+    @property
+    def leading(self) -> fem.Form:
+        """The one that leads Newton's method; collective."""
+        return self._leading if self.given else self.derivative
+
+    @cached_property
+    def _leading(self) -> fem.Form:
+        return self._compiled(self._J)
+
+    @cached_property
+    def derivative(self) -> fem.Form:
+        """That of F; collective."""
+        return self._compiled(derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space)))
+
+    def refused(self, error: MatrixError) -> FormError:
+        """The error of a matrix that the leading one has not been able to give."""
+        if error.fault is not MatrixFault.NOT_SYMMETRIC:
+            return error
+        why = "such as that of loads that follow the body, is not possible yet: take loads that have a potential"
+        if not self.given:
+            return FormError([("F", f"its derivative is not symmetric; an unsymmetric tangent, {why}")])
+        return FormError([("J", f"is not symmetric; an unsymmetric tangent, {why}, or the symmetric part as J")])
+
+    def _compiled(self, form: Any) -> fem.Form:
+        with compiling():
+            return form if isinstance(form, fem.Form) else fem.form(form, **self._options)
+
+
+def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
+    """F'(u), integrated at the points at which F is: by default UFL estimates a higher degree for it.
+
+    Args:
+        F: a UFL form with one argument.
+        u: the Function it is differentiated by.
+        trial: the direction.
+    """
+    lowered = compute_form_data(
+        F,
+        do_apply_function_pullbacks=True,
+        do_apply_integral_scaling=True,
+        do_apply_geometry_lowering=True,
+        preserve_geometry_types=(ufl.classes.Jacobian,),
+        do_apply_restrictions=True,
+        do_append_everywhere_integrals=False,
+    )
+    estimated = dict[tuple[str, Any], int]()
+    for data in lowered.integral_data:
+        for integral in data.integrals:
+            if "quadrature_degree" in integral.metadata():
+                continue
+            for number in data.subdomain_id:
+                key = (data.integral_type, number)
+                degree = int(np.max(integral.metadata()["estimated_polynomial_degree"]))
+                estimated[key] = max(estimated.get(key, 0), degree)
+
+    def as_assembled(integral: Any) -> Any:
+        numbers = integral.subdomain_id()
+        numbers = numbers if isinstance(numbers, tuple) else ("otherwise" if numbers == "everywhere" else numbers,)
+        degrees = [estimated[key] for number in numbers if (key := (integral.integral_type(), number)) in estimated]
+        if "quadrature_degree" in integral.metadata() or not degrees:
+            return integral
+        return integral.reconstruct(metadata={**integral.metadata(), "quadrature_degree": max(degrees)})
+
+    return ufl.derivative(ufl.Form([as_assembled(integral) for integral in F.integrals()]), u, trial)
+
+
+def spacing(space: fem.FunctionSpace) -> Array:
+    """The size of the smallest cell around each node, ghosts included, length, shape (nodes,); collective."""
+    mesh, tdim = space.mesh, space.mesh.topology.dim
+    cells = mesh.topology.index_map(tdim)
+    count = cells.size_local + cells.num_ghosts
+    size, function = mesh.h(tdim, np.arange(count, dtype=np.int32)), fem.Function(space)
+    smallest = np.full(function.x.array.size // space.dofmap.index_map_bs, np.inf)
+    np.minimum.at(smallest, space.dofmap.list[:count], np.asarray(size)[:, None])
+    function.x.array[:] = np.repeat(smallest, space.dofmap.index_map_bs)
+    function.x.scatter_forward()
+    return np.array(function.x.array[:: space.dofmap.index_map_bs])
+
+
+def is_derivative(
+    form: fem.Form, u: fem.Function, forces: Callable[[Array], Array | None], free: npt.NDArray[np.bool_]
+) -> bool:
+    """Whether a bilinear form is the derivative of forces, in a random direction; collective.
+
+    Args:
+        form: compiled.
+        u: the displacement.
+        forces: F at the owned unknowns for values of ``u``, ghosts included; None: it has none there.
+        free: which of the owned unknowns are not prescribed, shape (owned dofs,).
+    """
+    return any(_agrees(form, u, forces, free, strain) for strain in DIFFERENCE_STRAINS)
+
+
+def _agrees(
+    form: fem.Form,
+    u: fem.Function,
+    forces: Callable[[Array], Array | None],
+    free: npt.NDArray[np.bool_],
+    strain: float,
+) -> bool:
+    """The same over a change of strain of this size; ``u`` is as it was after it, but not what depends on it."""
+    comm, direction, values = u.function_space.mesh.comm, random_direction(u, strain), u.x.array.copy()
+    nodes = direction.x.array.size // u.function_space.dofmap.index_map_bs
+    forces(values)
+    change = action((form,), direction, np.arange(nodes, dtype=np.int32))
+    ahead, behind = (forces(values + sign * direction.x.array) for sign in (1.0, -1.0))
+    u.x.array[:] = values
+    if ahead is None or behind is None:
+        return False
+    error = np.where(free, change - (ahead - behind) / 2, 0.0)
+    squares = parallel.global_sum(comm, np.array([error @ error, (change * free) @ change]))
+    return bool(squares[0] <= SAME_TANGENT**2 * squares[1])
+
+
+def random_direction(u: fem.Function, strain: float) -> fem.Function:
+    """A displacement that strains each cell by about this much, the same on any number of ranks only in size.
+
+    Args:
+        u: gives the space.
+        strain: without unit.
+    """
+    space, direction = u.function_space, fem.Function(u.function_space)
+    generator = np.random.default_rng(space.mesh.comm.rank)
+    signs = generator.choice([-1.0, 1.0], direction.x.array.size)
+    direction.x.array[:] = strain * np.repeat(spacing(space), space.dofmap.index_map_bs) * signs
+    direction.x.scatter_forward()
+    return direction
+
+
+def round_off(u: fem.Function, residual: Array, forces: Callable[[Array], Array | None]) -> Array:
+    """What round-off of a deformation gradient changes of forces, shape (owned dofs,); collective.
+
+    F computes I + grad u, which is known to the unit of round-off however small u is: so it is measured what a strain
+    of this size, or a change of u in its last digits, does to F.  At some unknowns it does nothing by chance: they have
+    the mean of all, quadratic.
+
+    Args:
+        u: the displacement.
+        residual: F there.
+        forces: see ``is_derivative``.
+    """
+    unit, values = float(np.finfo(float).eps), u.x.array.copy()
+    change = random_direction(u, unit).x.array
+    last_digits = unit * np.abs(values) * np.sign(change)
+    changed = forces(values + np.where(np.abs(last_digits) > np.abs(change), last_digits, change))
+    if changed is None:
+        return np.zeros_like(residual)
+    comm, change = u.function_space.mesh.comm, np.abs(changed - residual)
+    squares, count = parallel.global_sum(comm, np.array([change @ change, change.size]))
+    return np.asarray(np.maximum(change, np.sqrt(squares / count)))

@@ -1,0 +1,130 @@
+"""The few differences between dolfinx 0.9, 0.10 and 0.11.  No other module checks a version."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import basix
+import basix.ufl
+import mpi4py.MPI as MPI  # first, see signorini_fx.mechanics.body
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import __version__, common, cpp, fem, mesh
+
+from signorini_fx.machine.fenicsx import needs_fenicsx
+
+VERSION = tuple(int(part) for part in __version__.split(".")[:2])
+if VERSION < (0, 9):
+    raise needs_fenicsx(f"dolfinx is {__version__}")
+
+
+def share_cells() -> None:
+    """Give all elements on one kind of cell the same ``ufl.Cell``.
+
+    basix makes a new one whenever an element is asked for its cell, as UFL does hundreds of times for a form; a
+    hexahedron is made of 150 objects, and each rank makes all of them.
+    """
+    cell = cache(ufl.Cell)
+    base: Any = basix.ufl._ElementBase
+    base.cell = property(lambda element: cell(element._cellname), doc=base.cell.__doc__)
+
+
+share_cells()
+
+
+def gmsh_model_to_mesh(model: Any, comm: MPI.Comm, dim: int) -> tuple[mesh.Mesh, Any, Any]:
+    """Distribute the current gmsh model of rank 0: (mesh, cell tags, facet tags), tags possibly None."""
+    if VERSION >= (0, 10):
+        from dolfinx.io import gmsh as gmsh_io  # type: ignore[attr-defined,unused-ignore]
+
+        data = gmsh_io.model_to_mesh(model, comm, 0, gdim=dim)
+        return data.mesh, data.cell_tags, data.facet_tags
+    from dolfinx.io import gmshio
+
+    result: tuple[mesh.Mesh, Any, Any] = gmshio.model_to_mesh(model, comm, 0, gdim=dim)
+    return result
+
+
+def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
+    """Reference points of ``element``: a method until 0.9, a property since."""
+    points = element.interpolation_points
+    return np.asarray(points() if callable(points) else points)
+
+
+def geometry_degree(domain: mesh.Mesh) -> int:
+    """Polynomial degree of the geometry: 1 for straight cells; one list for each kind of cell since 0.11."""
+    geometry: Any = domain.geometry
+    return int((geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap).degree)
+
+
+def geometry_element(domain: mesh.Mesh) -> Any:
+    """The Lagrange element of the geometry of the cells, as basix has it."""
+    geometry: Any = domain.geometry
+    cmap = geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
+    return lagrange(domain.topology.cell_name(), cmap.degree, basix.LagrangeVariant(cmap.variant))
+
+
+@cache
+def lagrange(cell: str, degree: int, variant: basix.LagrangeVariant) -> Any:
+    """The scalar Lagrange element on a kind of cell, as basix has it."""
+    return basix.create_element(basix.ElementFamily.P, getattr(basix.CellType, cell), degree, variant)
+
+
+def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
+    """Geometry nodes of the cells of this rank, shape (cells, nodes of each)."""
+    geometry: Any = domain.geometry
+    return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
+
+
+def geometry_in_space(domain: mesh.Mesh) -> Any:
+    """The geometry of a mesh, whose points get three coordinates, for a mesh of the same topology."""
+    geometry: Any = domain.geometry._cpp_object
+    cmap = geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
+    x = np.array(geometry.x)
+    return type(geometry)(geometry.index_map(), geometry_cells(domain), cmap, x, geometry.input_global_indices)
+
+
+def packed_constants(form: fem.Form) -> npt.NDArray[Any]:
+    """The values of the Constants of a form, one after the other."""
+    return np.asarray(cpp.fem.pack_constants(form._cpp_object))
+
+
+def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
+    """The values of the constants and coefficients of a compiled form on this rank, in a fixed order."""
+    packed = cpp.fem.pack_coefficients(form._cpp_object)
+    kinds = sorted(packed, key=lambda kind: (kind[0].name, kind[1]))
+    return [packed_constants(form), *(packed[kind] for kind in kinds)]
+
+
+def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:
+    """The topology of a mesh, or that of tags, which is wrapped for one of them only until 0.10, for comparison."""
+    wrapped: Any = holder.topology
+    return getattr(wrapped, "_cpp_object", wrapped)
+
+
+def shared_facet_partitioner() -> Any:
+    """Distributes cells, those beside facets of other ranks as ghosts; it asks for the cells of a facet since 0.11."""
+    cells = (2,) if VERSION >= (0, 11) else ()
+    return mesh.create_cell_partitioner(mesh.GhostMode.shared_facet, *cells)
+
+
+def has_vtx() -> bool:
+    """Whether fields can be written with ADIOS2 (VTXWriter)."""
+    return bool(common.has_adios2)
+
+
+__all__ = [
+    "VERSION",
+    "form_data",
+    "geometry_cells",
+    "geometry_degree",
+    "geometry_element",
+    "geometry_in_space",
+    "gmsh_model_to_mesh",
+    "has_vtx",
+    "interpolation_points",
+    "shared_facet_partitioner",
+    "topology",
+]

@@ -1,0 +1,166 @@
+"""The files of a result folder: its summary, its tables column by column, its pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.errors import ResultError
+from signorini_fx.machine.csv_text import as_name
+from signorini_fx.machine.manifest import PART
+
+# Columns of our files that are text even if every entry looks like a number: a boundary may be called "1".
+_TEXT_COLUMNS = frozenset({"against", "boundary", "friction", "name", "state", "status"})
+_LARGEST_SUMMARY = 100_000_000  # bytes; it grows with the load steps only
+
+
+def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
+    """The columns of a CSV file with a header line, in order.
+
+    Returns:
+        Name -> one entry per row: floats where every entry is a number (an empty one is nan), strings elsewhere.
+
+    Raises:
+        ValueError: a row has more or fewer entries than the header, or it is not a CSV file.
+    """
+    with Path(path).open(newline="", encoding="utf-8") as file:
+        reader = csv.reader(file)
+        rows: list[list[str]] = []
+        try:
+            names = next(reader, [])
+            for row in reader:
+                if row and len(row) != len(names):
+                    raise ValueError(f"{path}, line {reader.line_num}: {len(row)} entries under {len(names)} names")
+                if row:
+                    rows.append(row)
+        except csv.Error as error:
+            raise ValueError(f"{path}, line {reader.line_num}: {error}") from None
+    return {name: _column(name, [row[k] for row in rows]) for k, name in enumerate(names)}
+
+
+def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:
+    if name not in _TEXT_COLUMNS:
+        try:
+            return np.array([float(entry) if entry.strip() else math.nan for entry in entries], dtype=np.float64)
+        except ValueError:
+            pass
+    return np.array(list(map(as_name, entries)), dtype=np.str_)
+
+
+def read_facets(path: str | Path) -> npt.NDArray[np.int64]:
+    """The facets of a contact surface from contact.vtu: rows of contact.csv in the order of VTK, shape (m, k).
+
+    Raises:
+        ValueError: it is not such a file.
+    """
+    # Python's own reader: it follows no references to other files, and expat stops entity expansion.
+    from xml.etree import ElementTree
+
+    try:
+        arrays = {array.get("Name"): array.text or "" for array in ElementTree.parse(path).iter("DataArray")}
+    except ElementTree.ParseError as error:
+        raise ValueError(f"{path}: {error}") from None
+    ends = np.array(arrays["offsets"].split(), dtype=np.int64)
+    rows = np.array(arrays["connectivity"].split(), dtype=np.int64)
+    facets = rows.reshape(len(ends), -1) if len(ends) else rows.reshape(0, 3)
+    if facets.size and not np.array_equal(ends, facets.shape[1] * np.arange(1, len(ends) + 1)):
+        raise ValueError(f"{path}: facets of different shapes")
+    return facets
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """summary.json of a result folder.
+
+    Raises:
+        ResultError: the folder does not exist, is not a result folder, or is incomplete.
+    """
+    file = folder / "summary.json"
+    if not os.path.isdir(folder):  # a name may be of any length
+        reason = "is a file" if os.path.exists(folder) else "is not there"
+        raise ResultError(f"{folder}: {reason}: give the folder that signorini-fx solve wrote, such as results/NAME")
+    if not file.is_file():
+        begun = any((folder / name).exists() for name in (PART, "history.csv", "contact.csv"))
+        reason = "is half written, it has no summary.json yet: let solve finish, or solve again"
+        raise ResultError(f"{folder}: {reason if begun else 'is no result folder, it has no summary.json'}")
+    try:
+        if file.stat().st_size > _LARGEST_SUMMARY:
+            raise ResultError(f"{file}: is longer than what signorini-fx solve writes: give a folder that it wrote")
+        summary = json.loads(file.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ResultError(f"{file}: cannot be read: nested too deeply: solve again") from None
+    except (OSError, ValueError) as error:
+        raise ResultError(f"{file}: cannot be read: {error}: solve again") from None
+    if not isinstance(summary, dict) or not {"status", "certificate", "scene", "linear_solves"} <= set(summary):
+        raise ResultError(f"{file}: is not what signorini-fx solve writes: give a folder that it wrote")
+    return {key: value if key == "scene" else _numbers(value, key) for key, value in summary.items()}
+
+
+# Figures that are never null but after a failed solve; where others are null, there is nothing of the kind.
+_ALWAYS_NUMBERS = ("certificate", "functionals", "moment")
+
+
+def _numbers(value: Any, key: str) -> Any:
+    """A value with nan for what a failed solve could not compute: null in a list, or under certain keys."""
+    if isinstance(value, dict):
+        return {name: _numbers(item, key if key in _ALWAYS_NUMBERS else name) for name, item in value.items()}
+    if isinstance(value, list):
+        return [math.nan if item is None else _numbers(item, key) for item in value]
+    return math.nan if value is None and key in _ALWAYS_NUMBERS else value
+
+
+def seconds_of(summary: Mapping[str, Any]) -> float:
+    """The time of the solve, on all its meshes."""
+    solved = [row["seconds"] for row in summary.get("price_list", []) if not row["predicted"]]
+    return float(sum(solved) if solved else sum(summary.get("timings", {}).values()))
+
+
+def in_space(summary: Mapping[str, Any]) -> bool:
+    """Whether the body is in space, not in the plane."""
+    return bool(summary.get("dimension") == 3)
+
+
+class ResultFiles:
+    """The tables and pictures of a result folder.
+
+    Attributes:
+        path: of the folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder
+
+    def columns(self, name: str, rows: int | None = None) -> dict[str, Any]:
+        """The columns of a CSV file, checked for the number of rows if that is known.
+
+        Raises:
+            ValueError: it has another number of rows.
+        """
+        columns = read_csv(self.path / name)
+        count = len(next(iter(columns.values()), ()))
+        if rows is not None and count != rows:
+            raise ValueError(f"{name} has {count} rows, {rows} are expected")
+        return columns
+
+    def facets(self, rows: int) -> npt.NDArray[np.int64]:
+        """The facets of the contact surface, see ``read_facets``, for a table with this number of rows.
+
+        Raises:
+            ValueError: they belong to another table.
+        """
+        facets = read_facets(self.path / "contact.vtu")
+        if facets.size and not 0 <= facets.min() <= facets.max() < rows:
+            raise ValueError(f"contact.vtu is of other nodes than contact.csv with its {rows} rows")
+        return facets
+
+    def picture(self, name: str) -> bytes | None:
+        """A picture that solve drew; None if it drew none."""
+        file = self.path / name
+        return file.read_bytes() if file.is_file() else None

@@ -1,0 +1,93 @@
+"""How much a body is deformed, compared with the range of linear elasticity.
+
+Linear elasticity uses sym(grad u) for the strain, while Green's strain is sym(grad u) + grad u^T grad u / 2: the
+relative size of the neglected part is that of grad u, strain and rotation.  It also measures the gap along the normal
+of the undeformed body: if a point moves the distance d along a normal that rotates by an angle, it meets the foundation
+off by d times this angle, as much as a body of size d is deformed by it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.cell_gradients import gradients
+from signorini_fx.mechanics.body.elastic import ElasticBody
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """The deformation of the most deformed piece of a body.
+
+    Attributes:
+        gradient: mean over the piece of the size of grad u (strain and rotation): the root of the mean square of its
+            Frobenius norm; finite where single points are singular.
+        displacement: largest displacement of a node, relative to the size of the pieces that are joined to its own.
+    """
+
+    gradient: float
+    displacement: float
+
+    @property
+    def largest(self) -> float:
+        """The larger of the two."""
+        return max(self.gradient, self.displacement)
+
+
+def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -> Deformation:
+    """How much a displacement deforms a body of a size; collective.
+
+    grad u is evaluated at the midpoint of each cell.
+    """
+    pieces = body.motions.pieces
+    squares, areas = _squares(body, displacement)
+    of_cell = pieces.of_cell[: areas.size]
+    total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
+    gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())
+    moved = np.linalg.norm(displacement.x.array.reshape(-1, body.dimension), axis=1)
+    assembly = pieces.assembly[body.motions.piece]
+    share = 0.0
+    for number in range(int(pieces.assembly.max()) + 1):
+        corners = pieces.bounds[pieces.assembly == number].reshape(-1, body.dimension)
+        extent = min(size, float(np.hypot.reduce(np.ptp(corners, axis=0))))
+        furthest = parallel.largest(body.comm, moved[assembly == number])
+        share = max(share, furthest / extent)
+    return Deformation(gradient, share)
+
+
+def neglected_strain(body: ElasticBody, displacement: fem.Function) -> tuple[float, float]:
+    """What the strain of linear elasticity leaves out of Green's; collective.
+
+    Both are root mean squares over the piece where they are largest.
+
+    Returns:
+        The rotation, radians, and |grad u^T grad u / 2| over |sym grad u|; 0 for a displacement without strain.
+    """
+    pieces = body.motions.pieces
+    gradient, areas = _gradients(body, displacement)
+    turned = gradient.swapaxes(0, 1)
+    tensors = ((gradient - turned) / 2**1.5, np.einsum("kic,kjc->ijc", gradient, gradient) / 2, (gradient + turned) / 2)
+    squares = [np.einsum("ijc,ijc->c", tensor, tensor) * areas for tensor in tensors]
+    rows = np.column_stack((*squares, areas))
+    total = parallel.sums_by(body.comm, pieces.of_cell[: areas.size], rows, pieces.count)
+    rotation, neglected, strain = np.sqrt(total[:, :3] / total[:, 3:]).max(axis=0)
+    return float(rotation), float(neglected / strain) if strain > 0 else 0.0
+
+
+def _squares(body: ElasticBody, displacement: fem.Function) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """|grad u|^2 at the middle of each owned cell, and the sizes of these cells, shape (cells,)."""
+    gradient, areas = _gradients(body, displacement)
+    return np.einsum("ijc,ijc->c", gradient, gradient), areas
+
+
+def _gradients(
+    body: ElasticBody, displacement: fem.Function
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Grad u at the middle of each owned cell, shape (d, d, cells), and the sizes of these cells, shape (cells,)."""
+    middle = basix.geometry(getattr(basix.CellType, body.space.mesh.topology.cell_name())).mean(axis=0, keepdims=True)
+    return next(gradients(displacement, middle))

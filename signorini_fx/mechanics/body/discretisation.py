@@ -1,0 +1,354 @@
+"""From a scene and its mesh to assembled operators: exactly the forms that the scene lists, each assembled once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.method import Settings
+from signorini_fx.errors import FormError, MeshError, SceneError, together
+from signorini_fx.machine import parallel
+from signorini_fx.machine.petsc_objects import free_unused
+from signorini_fx.mechanics.body.cellwise_stiffness import cellwise_stiffness
+from signorini_fx.mechanics.body.elastic_laws import elastic_law
+from signorini_fx.mechanics.body.foundations import Foundations, NodalFriction
+from signorini_fx.mechanics.body.initial_strains import check_strains
+from signorini_fx.mechanics.body.jumps import holds, jump_loads, jumps_in
+from signorini_fx.mechanics.body.loads import (
+    AppliedLoad,
+    FormCoefficients,
+    applied_load,
+    check_finite,
+    check_resistances,
+    compile_resistance,
+    driving_load,
+    group_of,
+    load_groups,
+)
+from signorini_fx.mechanics.body.moduli import check_covers, lame_coefficients, reduced_degree
+from signorini_fx.mechanics.body.pieces import find_pieces
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
+from signorini_fx.mechanics.body.scene_contact import foundations_of
+from signorini_fx.mechanics.body.supports import Conditions, Supports, at_rest, check_overlap
+from signorini_fx.mechanics.materials.trial import check_materials
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.effect import Force, Load
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Inventory, Timings
+from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.body.paired_points import PairedSides
+
+
+def discretise(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
+    """Compile and assemble the effects that the scene lists; collective.
+
+    Raises:
+        SceneError: see ``prepare``.
+        MeshError: see ``prepare``.
+    """
+    free_unused(tagged.mesh)
+    discretised = prepare(statement, tagged, timings)
+    with timings.phase("compile"):
+        assert discretised.forms
+    with timings.phase("assemble"):
+        assert discretised.cases is not None
+    return discretised
+
+
+def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
+    """Compile and assemble loads and contact boundaries, and find all errors; collective.
+
+    Raises:
+        SceneError: with all errors that only the mesh reveals: boundaries and regions that do not exist or are empty,
+            contact and prescribed displacement in conflict, expressions that are not finite.
+        MeshError: the cells of the mesh are not connected.
+    """
+    if statement.kinematics.out_of_section and tagged.dimension == tagged.mesh.geometry.dim == 2:
+        from signorini_fx.mechanics.mesh.section import section_in_space
+
+        tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
+    try:
+        return _prepared(statement.placed(0), tagged, timings)
+    except FormError as error:  # of a foundation; the allowance of a pair is the gap of a scene
+        raise SceneError([(path.replace("].allowance", "].gap"), wrong) for path, wrong in error.problems]) from None
+
+
+def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
+    check_materials(statement.material)
+    facets, lame, stiffness, reduced, *_ = together(
+        partial(boundary_facets, statement, tagged),
+        partial(lame_coefficients, statement, tagged),
+        partial(cellwise_stiffness, statement, tagged),
+        partial(reduced_degree, statement, tagged.mesh),
+        partial(check_fits, statement, tagged),
+        partial(check_strains, statement, tagged),
+        partial(check_covers, statement, tagged),
+    )
+    if statement.sides[1] is not None:
+        from signorini_fx.mechanics.body.carrying_side import with_chosen_sides
+
+        statement = with_chosen_sides(statement, tagged, facets, lame[1])
+    pieces = find_pieces(tagged.mesh)
+    if statement.bodies:
+        pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
+    space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
+    inventory = Inventory()
+    elastic = elastic_law(statement, tagged, space, inventory, pieces, (lame, stiffness, reduced))
+    inventory.forms.extend(elastic.names)
+    z = ufl.TestFunction(space)
+    kinematics = statement.kinematics_in(tagged.dimension)
+    with timings.phase("compile"):
+        supports = Supports.of(statement, space, facets, tagged)
+        fixed, turned = supports.fixed, supports.turned
+        on_mesh = FormCoefficients(statement, tagged, space, inventory)
+        resisting, resistance = compile_resistance(on_mesh, z)
+        applied = [
+            applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(statement).items()
+        ]
+        on = [facets[effect.boundary] for effect in statement.contact]
+        foundations = _foundations(statement, space, facets, inventory)
+        assert len(foundations.forms) == len(on)
+    with timings.phase("assemble"):
+        shapes = foundations.shapes()
+        rests = at_rest(space, supports.conditions, turned, fixed) if statement.sides[1] is not None else None
+        boundary = foundations.boundary(shapes, fixed, turned, rests) if on else None
+        rigid = RigidBodies(statement.rigid_bodies, kinematics, tagged.size)
+        if boundary is not None:
+            boundary = rigid.on(boundary)
+            applied += [driving_load(rigid, number, statement, space) for number in range(len(rigid.bodies))]
+        if jumps := jumps_in(statement, tagged, space):
+            bonded = [k for k, contact in enumerate(statement.contact) if contact.kind == "bonded"]
+            held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
+            applied += jump_loads(jumps, statement, space, elastic, inventory, held)
+        if boundary is not None:
+            applied += [load for interface in statement.interfaces for load in interface.loads(tagged, space, boundary)]
+    together(
+        partial(check_finite, tagged.mesh.comm, applied),
+        partial(check_resistances, statement, tagged),
+        lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
+    )
+    data = law = None
+    if boundary is not None:
+        if statement.solver.algorithm == "exact":
+            boundary.aligned()
+        scales = Scales(tagged.dimension, statement.young, tagged.size)
+        data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), scales)
+        for step in range(1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1):
+            # Errors are found before the first step.
+            _foundations(statement.placed(step), space, facets, inventory).friction()
+    resists = () if resistance is None else (resistance,)
+
+    return Model(
+        space=space,
+        terms=lambda: (*elastic.compiled(space, inventory), *resists),
+        resists=resists,
+        bcs=[support for _, support in supports.conditions],
+        turned=turned,
+        fixed=fixed,
+        pieces=pieces,
+        boundary=boundary,
+        settings=statement.solver,
+        inventory=inventory,
+        kinematics=kinematics,
+        compressible=max(material.mean_poisson for material in statement.material) <= LARGEST_MULTIGRID_POISSON,
+        elastic=elastic,
+        statement=statement,
+        tagged=tagged,
+        lame=lame,
+        moduli=stiffness,
+        supports=supports.conditions,
+        applied=tuple(applied),
+        data=data,
+        law=law,
+        resisting=resisting,
+        coefficients=on_mesh,
+        pairs=foundations.pairs,
+        rigid=rigid,
+    )
+
+
+def placed(model: Model, step: float) -> Model:
+    """The same with foundations and friction of a place where they depend on the time; itself if none does;
+    collective.
+    """
+    statement = model.statement.placed(step)
+    if statement is model.statement or model.boundary is None:
+        return model
+    if not any(effect.moves for effect in statement.contact):
+        return replace(model, statement=statement, law=law_of(model, statement))
+    aligned = statement.solver.algorithm == "exact"  # whose unknowns are along the normals
+    of_body = {} if aligned else model.of_body
+    return replace(model, statement=statement, of_body=of_body, **contact_of(model, statement))
+
+
+def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
+    """``boundary``, ``data`` and ``law`` of another statement that differs in its contact only; collective."""
+    foundations = _foundations_on(model, statement)
+    shapes = foundations.shapes()
+    rests = at_rest(model.space, model.supports, model.turned, model.fixed)
+    boundary = foundations.boundary(shapes, model.fixed, model.turned, rests)
+    data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), model.scales)
+    return {"boundary": boundary, "data": data, "law": law}
+
+
+def law_of(model: Model, statement: Statement) -> PointFriction | None:
+    """``law`` of another statement that differs in its friction only; collective."""
+    assert model.boundary is not None
+    return _foundations_on(model, statement).law(model.boundary, model.scales.modulus)
+
+
+def friction_of(model: Model) -> list[NodalFriction]:
+    """That of each contact at the nodes; collective."""
+    return _foundations_on(model, model.statement).friction()
+
+
+def with_gap_and_friction(model: Model, statement: Statement) -> Model:
+    """The same contact points with gap and friction of another statement that differs in nothing else, and has no
+    friction with axes; collective.
+    """
+    assert model.boundary is not None
+    foundations = _foundations_on(model, statement)
+    values = foundations.data(foundations.shapes())
+    scales = Scales(model.tagged.dimension, statement.young, model.tagged.size)
+    data, law = foundations.problem(model.boundary, values, Settings.of(statement.solver), scales)
+    return replace(model, statement=statement, data=data, law=law)
+
+
+def with_forces(model: Model, statement: Statement) -> Model | None:
+    """The same body with the forces of another statement that differs in nothing else but gaps and friction, and has no
+    expressions of the time; None: its forces are multiplied by other factors, or by those of other loads; collective.
+
+    Raises:
+        SceneError: a boundary or region of a force is not there, or a force is not finite.
+    """
+    assert model.coefficients is not None
+    boundary_facets(statement, model.tagged)
+    earlier, groups = load_groups(model.statement), load_groups(statement)
+    if list(earlier) != list(groups):
+        return None
+    on, applied = replace(model.coefficients, statement=statement), list(model.applied)
+    for number, (group, loads) in enumerate(groups.items()):
+        if loads == earlier[group]:
+            continue
+        stay = [load for load in earlier[group] if not isinstance(load, Force)]  # supports are known by identity
+        if len(stay) + sum(isinstance(load, Force) for load in loads) != len(loads):
+            return None
+        rest = iter(stay)
+        loads = [load if isinstance(load, Force) else next(rest) for load in loads]
+        test = ufl.TestFunction(model.space)
+        applied[number] = applied_load(group, loads, on, test, lambda _: (model.supports, model.turned))
+    check_finite(model.tagged.mesh.comm, applied)
+    of_body = {name: value for name, value in model.of_body.items() if name != "cases"}
+    return replace(model, statement=statement, coefficients=on, applied=tuple(applied), of_body=of_body)
+
+
+def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
+    """How far the foundations have moved at the contact points from where they are in another statement, length, shape
+    (n, d).
+    """
+    assert model.boundary is not None
+    moved, dimension = np.zeros_like(model.boundary.x), model.tagged.dimension
+    for number, (contact, earlier_contact) in enumerate(zip(model.statement.contact, earlier.contact, strict=True)):
+        if contact.moves:
+            on_part = model.boundary.part == number
+            x = model.boundary.x[on_part, :dimension]
+            moved[on_part, :dimension] = contact.foundation.moved_from(earlier_contact.foundation, x)
+    return moved
+
+
+def alone(model: Model, statement: Statement, load: Load) -> AppliedLoad:
+    """A load of another statement on the same mesh, one that prescribes no displacement; collective."""
+    assert model.coefficients is not None
+    on = replace(model.coefficients, statement=statement.placed(0), inventory=Inventory())
+    return applied_load(group_of(statement, load), [load], on, ufl.TestFunction(model.space), _no_supports)
+
+
+def _foundations_on(model: Model, statement: Statement) -> Foundations:
+    return _foundations(statement, model.space, boundary_facets(statement, model.tagged), Inventory())
+
+
+def _no_supports(step: float) -> tuple[Conditions, None]:
+    return [], None
+
+
+def _foundations(
+    statement: Statement, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]], inventory: Inventory
+) -> Foundations:
+    """The contact of a scene, from the facets of all boundaries."""
+    on = [facets[effect.boundary] for effect in statement.contact]
+    masters = {
+        number: facets[effect.against] for number, effect in enumerate(statement.contact) if effect.against is not None
+    }
+    names = [f"contact {effect.boundary}" for effect in statement.contact]
+    return Foundations(space, foundations_of(statement, on, masters), on, names, inventory, masters)
+
+
+def pairs_of(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict[int, PairedSides]:
+    """Both sides of each contact of two bodies, paired anew, by its place in ``statement.contact``."""
+    facets = boundary_facets(statement, tagged)
+    supports = Supports.of(statement, space, facets, tagged)
+    rests = at_rest(space, supports.conditions, supports.turned, supports.fixed)
+    foundations = _foundations(statement, space, facets, Inventory())
+    foundations.boundary(foundations.shapes(), supports.fixed, supports.turned, rests)
+    return foundations.pairs
+
+
+def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:
+    """Facets of every boundary that the scene names; all missing and empty ones are reported together."""
+    facets: dict[str, npt.NDArray[np.int32]] = {}
+    problems: list[tuple[str, str]] = []
+    for path, effect in statement.listed():
+        for key, name in (("boundary", effect.where), ("against", getattr(effect, "against", None))):
+            if name is None:
+                continue
+            try:
+                indices = tagged.facets(name)
+            except MeshError as error:
+                problems.append((f"{path}.{key}", str(error)))
+                continue
+            facets[name] = indices
+            if parallel.global_sum(tagged.mesh.comm, np.array(indices.size)) == 0:
+                problems.append((f"{path}.{key}", f"boundary {name!r} has no exterior facets"))
+    sides = [(f"contact[{index}].boundary", effect.boundary) for index, effect in enumerate(statement.contact)]
+    sides += [
+        (f"contact[{index}].against", effect.against)
+        for index, effect in enumerate(statement.contact)
+        if effect.against is not None
+    ]
+    for number, (path, name) in enumerate(sides):
+        for earlier_path, earlier_name in sides[:number]:
+            # A body may carry several others on the same facets, if these have the contact points.
+            if path.endswith("against") and earlier_path.endswith("against"):
+                continue
+            if name in facets and earlier_name in facets:
+                shared = np.intersect1d(facets[name], facets[earlier_name]).size
+                total = parallel.global_sum(tagged.mesh.comm, np.array(shared))
+                if total:
+                    message = f"boundary {name!r} shares {total} facets with the contact boundary {earlier_name!r}: "
+                    message += "a facet can touch one foundation only"
+                    if path.rpartition(".")[0] == earlier_path.rpartition(".")[0]:
+                        message += "; where two bodies touch, an expression finds the facets of both: take names of the"
+                        message += " mesh file, or a [[body]] for each"
+                    elif statement.sides[1] is not None:
+                        message += "; of a body that several others touch there, all contacts name it in 'against'"
+                    problems.append((path, message))
+    for path, effect in statement.listed():
+        region = getattr(effect, "region", None)
+        if region is not None and region not in tagged.regions:
+            region_names = ", ".join(sorted(tagged.regions)) or "none"
+            problems.append((f"{path}.region", f"the mesh has no region {region!r}; its regions are: {region_names}"))
+    if problems:
+        raise SceneError(problems)
+    return facets

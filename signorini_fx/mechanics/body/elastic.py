@@ -1,0 +1,500 @@
+"""The elastic body: a symmetric form with supports and contact points, assembled and made a contact problem.
+
+The forms of a scene and those of a user take this one way into the core.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import RegularisedData
+from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.resting_place import RestingMotion
+from signorini_fx.algebra.linalg import ElasticSystem, options, row_by_row
+from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
+from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.algebra.method import Settings
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import action
+from signorini_fx.mechanics.body.block_stiffness import block_stiffness, why_not
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_map import contact_map
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.elastic_law import ElasticLaw
+from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.body.pieces import BodyPieces
+from signorini_fx.mechanics.body.rigid import (
+    RigidMotions,
+    nearest_motion,
+    rigid_motions,
+    without_energy,
+    without_strain,
+)
+from signorini_fx.mechanics.body.rigid_bodies import Driven, with_more_unknowns, without_more
+from signorini_fx.mechanics.body.shared_values import shared_in
+from signorini_fx.mechanics.body.turned_supports import TurnedNodes, block_rotation
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.statement.settings import SolverSettings
+from signorini_fx.records import Inventory
+from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ElasticBody:
+    """A symmetric form a(., .) on a vector Lagrange space with supports and contact points.
+
+    Each of its parts is compiled and assembled when it is first needed, which is collective.
+
+    Attributes:
+        space: Y_h, of the displacement.
+        terms: gives the compiled terms of a(., .).
+        resists: the terms that may resist rigid motions; None: any of them may.
+        bcs: the supports along the axes.
+        turned: nodes with supports along no axis, for which ``fixed`` is given in their own frames; None: there are
+            none.
+        fixed: which unknowns of this rank these and ``bcs`` prescribe, shape (owned dofs,).
+        pieces: into which the mesh falls.
+        boundary: the contact points; None: there are none.
+        settings: how it is to be solved.
+        inventory: what was compiled and assembled.
+        kinematics: of the displacement; which motions have no strain in forms of a user's own, these say themselves.
+        compressible: whether the material is far enough from incompressible for multigrid.
+        elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
+        beside: what a(., .) has beside ``terms``; None: nothing.
+        definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
+        of_body: what has been computed of all these but ``boundary``, unless unknowns are along its normals.
+        of_contact: what has been computed of the boundary too.
+    """
+
+    space: fem.FunctionSpace
+    terms: Callable[[], Sequence[fem.Form]]
+    resists: Sequence[fem.Form] | None
+    bcs: Sequence[fem.DirichletBC]
+    turned: TurnedNodes | None
+    fixed: npt.NDArray[np.bool_]
+    pieces: BodyPieces
+    boundary: ContactBoundary | None
+    settings: SolverSettings
+    inventory: Inventory
+    kinematics: Kinematics
+    compressible: bool = True
+    elastic: ElasticLaw = field(default_factory=ElasticLaw)
+    beside: NodalStiffness | None = None
+    definite: bool = True
+    of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """A copy with another boundary begins anew with what is computed of it."""
+        if self.of_contact.setdefault("boundary", self.boundary) is not self.boundary:
+            object.__setattr__(self, "of_contact", {"boundary": self.boundary})
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the body."""
+        comm: MPI.Comm = self.space.mesh.comm
+        return comm
+
+    @property
+    def dimension(self) -> int:
+        """D, of space."""
+        return int(self.space.mesh.geometry.dim)
+
+    @property
+    def dofs(self) -> int:
+        """Global number of displacement unknowns."""
+        return int(self.space.dofmap.index_map.size_global) * self.dimension
+
+    @shared_in("of_body")
+    def forms(self) -> tuple[fem.Form, ...]:
+        """The compiled terms of a(., .)."""
+        return tuple(self.terms())
+
+    @shared_in("of_contact")
+    def motions(self) -> RigidMotions:
+        """The motions without strain that supports, and what else resists them, leave free; bodies that can touch each
+        other are one assembly.
+        """
+        return self._free if self.boundary is None else self._free.joined(self.boundary).with_foundations(self.boundary)
+
+    @shared_in("of_body")
+    def _supported(self) -> RigidMotions:
+        """The motions without strain that the supports leave free, whatever else resists them."""
+        motions = rigid_motions(self.space, self.fixed.reshape(-1, self.dimension), self.pieces, self.turned)
+        if self.kinematics.motions_without_strain is not None:
+            motions = without_strain(motions, self.kinematics)
+        return motions
+
+    @shared_in("of_body")
+    def _free(self) -> RigidMotions:
+        motions = self._supported
+        if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists):
+            return motions
+        if self.resists is None:
+            return without_energy(motions, self.stiffness, self.vector)
+        matrix = sum_of(self.resists, [])
+        return without_energy(motions, matrix, partial(vector_like, matrix))
+
+    @shared_in("of_contact")
+    def at_contact(self) -> FreeMotions | None:
+        """The free motions at the contact points; None: there are none."""
+        return None if self.boundary is None else self.motions.at(self.boundary)
+
+    @property
+    def system_size(self) -> SystemSize:
+        """The figures that decide which kind of elastic system it gets."""
+        return self._size(self.at_contact)
+
+    def _size(self, at_contact: FreeMotions | None) -> SystemSize:
+        """The same, with these motions at the contact points."""
+        retained, held, across = 0, False, int(self.space.mesh.topology.dim)
+        if self.boundary is not None and at_contact is not None:
+            reached = parallel.gather_rows(self.comm, np.unique(self.boundary.reached))
+            retained = self.dimension * int(np.unique(reached).size)
+            everywhere: Any = self.boundary.points.everywhere
+            held = at_contact.held_by(everywhere, everywhere)
+        if not self.elastic.pressed:
+            definite = self.definite
+            return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible, definite=definite)
+        touched = self.prescribed.copy()
+        touched[_touched(self.contact)] = True
+        enclosed = retained > 0 and self.elastic.encloses(self.vector, touched)
+        return SystemSize(self.comm, self.dofs, across, retained, held, False, definite=False, enclosed=enclosed)
+
+    @shared_in("of_body")
+    def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
+        """``stiffness`` and ``rotation``, and this without rigid bodies."""
+        self.inventory.matrices.append("stiffness")
+        if self._fit_for_blocks and self._no_blocks is None:
+            return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
+        owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
+        frames = [] if turned is None else [(turned.nodes[on_rank := turned.nodes < owned], turned.frames[on_rank])]
+        aligned = self.settings.algorithm == "exact"  # each component of a relative displacement must be an unknown
+        if aligned and boundary is not None and (aligned_frames := boundary.aligned()) is not None:
+            frames.append(aligned_frames)
+        stiffness = sum_of(self.forms, [] if frames else self.bcs)
+        if self.beside is not None:
+            self.beside.add_to(stiffness, None if frames else self.fixed)
+        rotation, fixed = None, self._held
+        if frames:
+            rotation = block_rotation(stiffness, frames)
+            stiffness = stiffness.ptap(rotation)
+            stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+            first = stiffness.getOwnershipRange()[0]
+            stiffness.zeroRowsColumns((first + np.flatnonzero(self.fixed)).astype(PETSc.IntType), diag=0.0)
+        turning = rotation
+        if boundary is not None and boundary.moving is not None:
+            extra = self._rigid
+            springs = boundary.moving.stiffness[:extra]
+            stiffness, rotation = with_more_unknowns(stiffness, springs), without_more(rotation, stiffness, extra)
+        diagonal = stiffness.getDiagonal()
+        values = diagonal.getArray()
+        # In any unit it is neither small nor large beside the other entries.
+        values[fixed] = parallel.largest(self.comm, values) or 1.0
+        stiffness.setDiagonal(diagonal)
+        return self.elastic.joined(stiffness, rotation, turning, fixed)
+
+    @shared_in("of_body")
+    def _fit_for_blocks(self) -> bool:
+        """Whether a Krylov method with multigrid will solve for contact, for which a stiffness by blocks is faster."""
+        boundary = self.boundary
+        if boundary is None or boundary.moving is not None or self.turned is not None or self.elastic.pressed:
+            return False
+        if self.settings.algorithm == "exact" or options.user_chooses_solver() or self.dofs < FEWEST_BLOCK_UNKNOWNS:
+            return False
+        # Nothing that resists is assembled yet: without it more motions are free, and contact holds them or not.
+        at_contact = self._supported.joined(boundary).at(boundary)
+        return choose_kind(self._size(at_contact), self.settings.linear_algebra)[0] == "krylov"
+
+    @shared_in("of_body")
+    def _no_blocks(self) -> str | None:
+        """Why products by blocks cannot be compiled; None: they are; collective."""
+        return why_not(self.comm)
+
+    @property
+    def _rigid(self) -> int:
+        """How many unknowns of this rank are those of rigid bodies."""
+        return self._held.size - self.fixed.size
+
+    @property
+    def _held(self) -> npt.NDArray[np.bool_]:
+        """``prescribed`` without a pressure."""
+        if self.boundary is None or self.boundary.moving is None or self.comm.rank < self.comm.size - 1:
+            return self.fixed
+        return np.concatenate((self.fixed, self.boundary.moving.fixed))
+
+    @property
+    def prescribed(self) -> npt.NDArray[np.bool_]:
+        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, on the last one those of rigid bodies,
+        and of a pressure none.
+        """
+        pressure = np.zeros(self.elastic.count, dtype=bool)
+        return np.concatenate((self._held, pressure)) if pressure.size else self._held
+
+    @property
+    def stiffness(self) -> PETSc.Mat:
+        """Of a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its largest entry on their
+        diagonal.
+
+        Raises:
+            SceneError: ``exact`` cannot be used, see ``ContactBoundary.aligned``.
+        """
+        return self._assembled[0]
+
+    @property
+    def rotation(self) -> PETSc.Mat | None:
+        """Q from the unknowns of the stiffness to displacements, with more columns than rows where there are rigid
+        bodies; None: they are the same.
+        """
+        return self._assembled[1]
+
+    @shared_in("of_contact")
+    def contact(self) -> ContactMap:
+        """B from the unknowns of the stiffness."""
+        behind = self.comm.bcast(self.elastic.count, root=self.comm.size - 1) if self.elastic.pressed else 0
+        return contact_map(self.boundary, self.prescribed, self.stiffness, self.rotation, self.dimension, behind)
+
+    def level(self, coarser: MeshLevel | None = None, solved: fem.Function | None = None) -> MeshLevel:
+        """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
+        dimension, (least, greatest) = self.dimension, FINER_LEVELS
+        alone = not self.elastic.pressed and (self.boundary is None or self.boundary.moving is None)
+        stiffness = self.stiffness if alone else None
+        level = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, solved, stiffness)
+        while level.coarser is not None and level.dofs < least**dimension * level.coarser.dofs:
+            level.coarser = level.coarser.coarser
+        if level.coarser is not None and level.dofs > greatest**dimension * level.coarser.dofs:
+            level.coarser = None
+        return level
+
+    def refuse_enclosed(self) -> None:
+        """Refuse an incompressible body whose volume supports prescribe; collective.
+
+        Raises:
+            SceneError: nothing determines its pressure.
+        """
+        if self.elastic.encloses(self.vector, self.prescribed):
+            reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
+            raise SceneError([("displacement", reason)])
+
+    def elasticity(self, cases: Sequence[LoadCase], coarser: MeshLevel | None = None) -> Elasticity:
+        """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
+        free = self.motions.free.shape[1]
+        of = self.stiffness, cases, self.contact, free, self.level(coarser)
+        return Elasticity(*of, definite=self.definite and not self.elastic.pressed, rigid=self._rigid)
+
+    def case(
+        self,
+        forces: Array,
+        prescribed: fem.Function,
+        driven: Driven | None = None,
+        pushing: Array | None = None,
+        swelling: Array | None = None,
+    ) -> LoadCase:
+        """The right-hand side of loads and prescribed displacements, which are lifted; collective.
+
+        Args:
+            forces: L at the owned dofs, shape (owned dofs,).
+            prescribed: zero, with the prescribed displacements put in.
+            driven: what drives rigid bodies; None: nothing.
+            pushing: those of the forces that may do work on rigid motions; None: all of them.
+            swelling: see ``AppliedLoad``.
+        """
+        comm, dim = self.comm, self.dimension
+        prescribed_values, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
+        lifted, start = forces, self.vector(prescribed_values)
+        if parallel.any_rank(comm, bool(moved.any())):
+            lifted = forces - self.forces_of(prescribed, np.flatnonzero(moved).astype(np.int32))
+            nearest = nearest_motion(
+                self.motions, self.fixed.reshape(-1, dim), prescribed_values.reshape(-1, dim), self.turned, comm
+            )
+            free = self.vector(nearest).getArray(readonly=True)
+            start.getArray()[~self.prescribed] = free[~self.prescribed]
+        load, fixed = self.vector(lifted), self.prescribed
+        load.getArray()[self._held.size :] = self.elastic.lifted(prescribed, swelling)
+        if driven is not None:
+            rigid = slice(self.fixed.size, self._held.size)
+            start.getArray()[rigid], load.getArray()[rigid] = driven.motion[: self._rigid], driven.forces[: self._rigid]
+        diagonal = self.stiffness.getDiagonal().getArray(readonly=True)
+        load.getArray()[fixed] = (diagonal * start.getArray(readonly=True))[fixed]
+        working = forces if pushing is None else pushing
+        resultant = self.motions.load_of(working, comm, None if driven is None else driven.forces)
+        return LoadCase(load, start, resultant)
+
+    def task(
+        self,
+        cases: Sequence[LoadCase],
+        factors: Array,
+        data: RegularisedData,
+        law: PointFriction | None,
+        *,
+        coarser: MeshLevel | None = None,
+        allowed: Callable[[fem.Function], float] | None = None,
+        choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
+        **options: Any,
+    ) -> Task:
+        """Its contact problem, ready for ``strategy.solve_task`` or for a user-defined algorithm; collective.
+
+        Args:
+            cases: loads and prescribed displacements.
+            factors: of each of them to begin with.
+            data: gap and bilateral contact at the contact points.
+            law: of friction; None: there is none.
+            coarser: coarser meshes for multigrid.
+            allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
+                that of the settings, relative to the energy norm of the displacement.
+            choose: the elastic system, and the reason for its kind.
+            options: natural_gamma, has_coulomb and history, see ``Task``.
+        """
+        assert self.at_contact is not None
+        system, reason = choose(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
+        if self._fit_for_blocks and self._no_blocks is not None:
+            reason = f"{reason}; its products are slower than by blocks: {self._no_blocks}"
+        system.set_load(factors)
+        share = self.settings.regularisation_error
+
+        def goal(x: PETSc.Vec) -> float:
+            y = system.displacement(x)
+            return float(share) * self.energy_norm(y) if allowed is None else allowed(self.function(y))
+
+        return Task.of(
+            system,
+            self.at_contact,
+            data.gap,
+            law,
+            bilateral=data.bilateral,
+            settings=Settings.of(self.settings),
+            linear_algebra=reason,
+            goal=goal,
+            **options,
+        )
+
+    def state(self, task: Task, outcome: Outcome, start: Start) -> ContactState:
+        """The contact points in a result of ``task``, see ``Task.contact``."""
+        assert self.boundary is not None
+        return ContactState.of(task.contact(outcome, start), self.boundary)
+
+    def from_rest(self, resting: RestingMotion | None, displacement: PETSc.Vec) -> fem.Function:
+        """A displacement that is counted from the resting place, converted to one from the initial position."""
+        function = self.function(displacement)
+        if resting is not None:
+            function.x.array[:] += self.motions.displacement(resting.motion).ravel()
+        return function
+
+    def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
+        """The finite element function with the unknowns ``x``."""
+        function = self.elastic.displacement(self.space, x.getArray(readonly=True)[self._held.size :], name)
+        if self.rotation is not None:
+            y = self.rotation.createVecLeft()
+            self.rotation.mult(x, y)
+            x = y
+        function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
+        function.x.scatter_forward()
+        return function
+
+    def driven(self, x: PETSc.Vec, resting: RestingMotion | None) -> Array:
+        """The unknowns of rigid bodies in a displacement counted from the resting place, shape (k,); collective."""
+        if self.boundary is None or self.boundary.moving is None:
+            return np.zeros(0)
+        local = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
+        unknowns: Array = self.comm.bcast(local, root=self.comm.size - 1)
+        if resting is not None:
+            assert self.motions.foundations is not None
+            unknowns = unknowns + self.motions.foundations @ resting.motion
+        return unknowns
+
+    def begin_driven(self, x: PETSc.Vec, driven: Array, resting: RestingMotion | None) -> None:
+        """Put the unknowns of rigid bodies into x, the inverse of ``driven``."""
+        if resting is not None:
+            assert self.motions.foundations is not None
+            driven = driven - self.motions.foundations @ resting.motion
+        x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
+
+    def forces_of(self, displacement: fem.Function, nodes: npt.NDArray[np.int32] | None = None) -> Array:
+        """a(y, .), supports left out, shape (owned dofs,); collective.
+
+        Args:
+            displacement: y.
+            nodes: outside of which y is zero, local numbers, ghosts included; None: there may be none.
+        """
+        if nodes is None:
+            nodes = np.arange(displacement.x.array.size // self.dimension, dtype=np.int32)
+        forces = action(self.forms, displacement, nodes)
+        return forces if self.beside is None else forces + self.beside.times(displacement)
+
+    def energy_norm(self, x: PETSc.Vec) -> float:
+        """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""
+        y = self.function(x)
+        forces = self.forces_of(y)
+        twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size])) + self.elastic.energy(y)
+        return float(np.sqrt(max(0.0, twice)))
+
+    def unknowns(self, function: fem.Function) -> PETSc.Vec:
+        """The unknowns x of a finite element function, the inverse of ``function``."""
+        x = self.vector(function.x.array)
+        x.getArray()[self._held.size :] = self.elastic.unknowns(function)
+        return x
+
+    def vector(self, values: Array) -> PETSc.Vec:
+        """A new vector Q^T y of displacements or forces at the nodes of this rank, the owned ones first."""
+        if self.rotation is None:
+            return vector_like(self.stiffness, values)
+        result, x = self.rotation.createVecs()
+        x.getArray()[:] = values.ravel()[: x.getLocalSize()]
+        self.rotation.multTranspose(x, result)
+        return result
+
+
+def _touched(contact: ContactMap) -> npt.NDArray[np.int64]:
+    """The unknowns of this rank that contact acts on."""
+    mark = contact.operator.createVecRight()
+    _, columns, values = contact.operator.getValuesCSR()
+    mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
+    mark.assemble()
+    return np.flatnonzero(mark.getArray(readonly=True) > 0)
+
+
+def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
+    """Values at the nodes of this rank, the owned ones first, as a new vector with the layout of a matrix."""
+    x = matrix.createVecRight()
+    x.getArray()[:] = values.ravel()[: x.getLocalSize()]
+    return x
+
+
+def sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.Mat:
+    """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective.
+
+    On one rank dolfinx's matrix takes half the time of PETSc's, which then uses its entries as they are.
+    """
+    if forms[0].mesh.comm.size == 1:
+        entries = fem.create_matrix(forms[0], la.BlockMode.expanded)
+        for form in forms:
+            fem.assemble_matrix(entries, form, list(bcs), 0.0)  # type: ignore[arg-type]
+        rows, columns = (numbers.astype(PETSc.IntType, copy=False) for numbers in (entries.indptr, entries.indices))
+        space = forms[0].function_spaces[0].dofmap
+        size = space.index_map.size_local * space.index_map_bs
+        matrix = PETSc.Mat().createAIJWithArrays((size, size), (rows, columns, entries.data), comm=forms[0].mesh.comm)
+        matrix.setBlockSize(space.index_map_bs)
+        return row_by_row(matrix)
+    matrix = fem_petsc.assemble_matrix(forms[0], list(bcs), 0.0)
+    for form in forms[1:]:
+        matrix.assemble()
+        fem_petsc.assemble_matrix(matrix, form, list(bcs), 0.0)  # type: ignore[arg-type]
+    matrix.assemble()
+    return row_by_row(matrix)

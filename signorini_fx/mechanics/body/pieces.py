@@ -1,0 +1,222 @@
+"""The connected pieces of a body: cells that are connected by their sides, and the points at which pieces are pinned.
+
+Cells transmit forces to each other through the sides that they share.  A body whose mesh consists of several pieces is
+therefore several bodies; if two pieces share a single vertex only, they are joined by a hinge.  In space the sides are
+faces, and vertices that two pieces share act like ball joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import la
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
+
+from signorini_fx.errors import MeshError
+from signorini_fx.machine import compat, parallel
+
+_Labels = npt.NDArray[np.int64]
+# With more pieces the cells of the mesh do not share their nodes; rigid motions are dense objects of this size.
+MOST_PIECES = 200
+# The pieces of each mesh that still exists.
+_known: WeakKeyDictionary[dmesh.Mesh, BodyPieces] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True)
+class BodyPieces:
+    """The pieces of a body; all but ``of_cell`` are the same on every rank.
+
+    Attributes:
+        of_cell: number of the piece that each cell of this rank is in, ghosts included, shape (cells,).
+        cells: number of cells of each piece, shape (pieces,).
+        bounds: smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d).
+        pins: the pairs of pieces that share a vertex but are not connected by sides, shape (pins, 2); a pin may be
+            listed more than once.
+        pin_points: where they are, shape (pins, d).
+        assembly: which pieces are joined by pins: number of the assembly that each piece is in, shape (pieces,).
+        bodies: name of the body that each piece is of, in a scene with several; empty where bodies have no names.
+    """
+
+    of_cell: _Labels
+    cells: npt.NDArray[np.int64]
+    bounds: npt.NDArray[np.float64]
+    pins: _Labels
+    pin_points: npt.NDArray[np.float64]
+    assembly: _Labels
+    bodies: tuple[str, ...] = ()
+
+    @cached_property
+    def count(self) -> int:
+        """Number of pieces."""
+        return int(self.cells.size)
+
+    def describe(self, piece: int) -> str:
+        """Which piece it is and where."""
+        cells = int(self.cells[piece])
+        where = extent(self.bounds[piece])
+        return f"{self._numbered(piece)} ({cells} cell{'s' * (cells > 1)}, {where})"
+
+    def called(self, piece: int) -> str:
+        """Which piece it is, for a sentence: a body by its name alone, any other piece as ``describe`` does."""
+        unbroken = bool(self.bodies) and self.bodies.count(self.bodies[piece]) == 1
+        return self._numbered(piece) if unbroken else self.describe(piece)
+
+    def _numbered(self, piece: int) -> str:
+        number = f"piece {piece + 1} of {self.count}"
+        if not self.bodies:
+            return number
+        name = f"body {self.bodies[piece]!r}"
+        return name if self.bodies.count(self.bodies[piece]) == 1 else f"{number}, in {name}"
+
+    def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> BodyPieces:
+        """The same with the names of bodies, each of which has these cells on this rank; collective."""
+        counts = [np.bincount(self.of_cell[body_cells], minlength=self.count) for body_cells in cells.values()]
+        majority = parallel.global_sum(comm, np.array(counts)).argmax(axis=0)
+        return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[majority]))
+
+    def as_rows(self) -> list[dict[str, Any]]:
+        """One row per piece, ready for JSON; ``joined_to`` lists the pieces (from 1) that it is pinned to."""
+        rows = []
+        for piece in range(self.count):
+            pins = self.pins[(self.pins == piece).any(axis=1)]
+            rows.append(
+                {
+                    "piece": piece + 1,
+                    "body": self.bodies[piece] if self.bodies else None,
+                    "cells": int(self.cells[piece]),
+                    "bounds": self.bounds[piece].tolist(),
+                    "joined_to": [int(neighbour) + 1 for neighbour in np.unique(pins[pins != piece])],
+                }
+            )
+        return rows
+
+
+def extent(bounds: npt.ArrayLike) -> str:
+    """The extent of something as text, from its smallest and largest coordinates, shape (2, d)."""
+    return ", ".join(f"x[{axis}] {low:g} to {high:g}" for axis, (low, high) in enumerate(np.transpose(bounds)))
+
+
+def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
+    """The connected pieces of a body, in the order of their smallest coordinates, which a mesh is asked for once;
+    collective.
+
+    Raises:
+        MeshError: there are more than ``MOST_PIECES``.
+    """
+    if mesh not in _known:
+        _known[mesh] = _pieces_of(mesh)
+    return _known[mesh]
+
+
+def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
+    """See ``find_pieces``.
+
+    Each rank labels the components of its own cells.  The labels of the sides between two ranks then determine which
+    of these components are one piece, so that no rank ever holds the whole mesh.
+    """
+    comm, topology = mesh.comm, mesh.topology
+    dim = topology.dim
+    topology.create_connectivity(dim, dim - 1)
+    cells = topology.index_map(dim)
+    owned = cells.size_local
+    sides, local = _local_components(topology)
+    # Labels of all ranks, one after the other.
+    numbered = int(local.max(initial=-1)) + 1
+    local += comm.exscan(numbered) or 0
+    total = int(parallel.global_sum(comm, np.array(numbered)))
+    of_side = _labels_of(sides.array, local, topology.index_map(dim - 1))
+    shared = _disagreements(of_side, topology.index_map(dim - 1))
+    links = np.unique(parallel.gather_rows(comm, np.unique(shared[:, 1:], axis=0)), axis=0)
+    count, names = _components(total, links)
+    if count > MOST_PIECES:
+        raise MeshError(
+            f"the mesh falls into {count} pieces that share no side (more than {MOST_PIECES}): its cells do not share "
+            "their nodes; merge coincident points (signorini-fx mesh-info counts them)"
+        )
+    of_cell = names[local]
+    dim = mesh.geometry.dim
+    x, corners = mesh.geometry.x[:, :dim].astype(np.float64), compat.geometry_cells(mesh)
+    numbers = np.empty(count, dtype=np.int64)
+    bounds: npt.NDArray[np.float64] = np.empty((count, 2, dim))
+    for piece in range(count):
+        in_piece = of_cell == piece
+        bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x.take(corners[in_piece].ravel(), axis=0))
+        numbers[piece] = parallel.global_sum(comm, np.array(np.count_nonzero(in_piece[:owned])))
+    if count == 1:
+        no_points = np.empty((0, dim))
+        return BodyPieces(
+            of_cell, numbers, bounds, no_points[:, :2].astype(np.int64), no_points, np.zeros(1, dtype=np.int64)
+        )
+    # Rounded, because otherwise round-off would order pieces that are meant to begin at the same place.
+    size = float(np.ptp(bounds.reshape(-1, dim), axis=0).max())
+    order = np.lexsort(np.round(bounds.reshape(count, 2 * dim) / size, 9).T[::-1])
+    position = np.argsort(order)
+    pins, points = _pins(mesh, position[of_cell])
+    _, assembly = _components(count, pins)
+    return BodyPieces(position[of_cell], numbers[order], bounds[order], pins, points, assembly)
+
+
+def _local_components(topology: Any) -> tuple[Any, _Labels]:
+    """The sides of the cells of this rank, and a label for each of its cells: those that share a side have the same."""
+    sides = topology.connectivity(topology.dim, topology.dim - 1)
+    side_map = topology.index_map(topology.dim - 1)
+    cells, count = sides.num_nodes, side_map.size_local + side_map.num_ghosts
+    starts = np.concatenate((sides.offsets, np.full(count, sides.array.size))).astype(np.int32)
+    graph = csr_array(
+        (np.ones(sides.array.size, dtype=np.int8), sides.array + cells, starts), shape=(cells + count, cells + count)
+    )
+    _, labels = connected_components(graph, directed=True, connection="weak")
+    return sides, labels[:cells].astype(np.int64)  # every side has a cell, so every label has one
+
+
+def _components(count: int, links: _Labels) -> tuple[int, _Labels]:
+    """Number of connected components of a graph with this number of nodes, and the component of each."""
+    graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
+    component_count, names = connected_components(graph, directed=False)
+    return int(component_count), names.astype(np.int64)
+
+
+def _labels_of(entities: npt.NDArray[np.int32], labels: _Labels, index_map: Any) -> _Labels:
+    """The label of a cell at each vertex or side (any of them, if there are several), -1 where there is no cell."""
+    entity_labels = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)
+    entity_labels[entities] = np.repeat(labels, entities.size // max(labels.size, 1))
+    return entity_labels
+
+
+def _disagreements(labels: _Labels, index_map: Any) -> _Labels:
+    """Ghosts to which this rank and their owner give different labels: (entity, own label, owner's); collective."""
+    vector = la.vector(index_map, 1, dtype=np.int64)
+    vector.array[:] = labels
+    vector.scatter_forward()
+    different = np.flatnonzero((vector.array != labels) & (vector.array >= 0) & (labels >= 0))
+    return np.column_stack((different, labels[different], vector.array[different])).astype(np.int64)
+
+
+def _pins(mesh: dmesh.Mesh, of_cell: _Labels) -> tuple[_Labels, npt.NDArray[np.float64]]:
+    """The pairs of pieces that share a vertex, and where; collective."""
+    topology = mesh.topology
+    vertices = topology.connectivity(topology.dim, 0)
+    index_map = topology.index_map(0)
+    of_vertex = _labels_of(vertices.array, of_cell, index_map)
+    of_corner = np.repeat(of_cell, vertices.array.size // max(of_cell.size, 1))
+    inside = np.flatnonzero(of_vertex[vertices.array] != of_corner)
+    entity = vertices.array[inside]
+    local_rows = np.column_stack((entity, of_corner[inside], of_vertex[entity])).astype(np.int64)
+    between = _disagreements(of_vertex, index_map)
+    rows = np.unique(np.concatenate((local_rows, between)), axis=0)
+    nodes: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
+    if rows.size:  # dolfinx divides by their number
+        topology.create_connectivity(0, topology.dim)
+        nodes = dmesh.entities_to_geometry(mesh, 0, rows[:, 0].astype(np.int32))
+    x = mesh.geometry.x[nodes.ravel(), : mesh.geometry.dim].astype(np.float64)
+    table = parallel.gather_rows(mesh.comm, np.column_stack((rows[:, 1:], x)))
+    return table[:, :2].astype(np.int64), table[:, 2:]

@@ -1,0 +1,155 @@
+"""Supports along no axis: nodes turned into a frame in which what is prescribed there is a component.
+
+A boundary that is flat, but across no axis, prescribes n . y = g at its nodes, and other supports may prescribe more
+there.  With an orthonormal frame Q_i at each such node, y_i = Q_i x_i, the first components of x_i are prescribed and
+the others free; so the unknowns of the whole body are x with y = Q x, A = Q^T K Q and b = Q^T f, in which supports are
+eliminated as they are along axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.tuned import SAME_DIRECTION
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SkewSupport:
+    """A normal displacement on a flat boundary across no axis.
+
+    Attributes:
+        effect: of the scene.
+        position: of the effect in ``scene.displacement``.
+        nodes: local numbers, ghosts included, shape (m,).
+        normal: outward unit normal, shape (d,).
+        values: n . y at the nodes, length, shape (m,).
+    """
+
+    effect: PrescribedDisplacement
+    position: int
+    nodes: npt.NDArray[np.int32]
+    normal: _Floats
+    values: _Floats
+
+
+@dataclass(frozen=True)
+class TurnedNodes:
+    """The nodes of this rank with a ``SkewSupport``, m of them, ghosts included.
+
+    Attributes:
+        nodes: local numbers, shape (m,), in order.
+        frames: Q_i, one direction per column, shape (m, d, d).
+        fixed: which components in the frame are prescribed, shape (m, d).
+        from_given: from what the supports prescribe to y_i, shape (m, d, d + s): the components along the axes, then
+            along the normals of the s skew supports.
+        supports: the skew supports, s of them.
+    """
+
+    nodes: npt.NDArray[np.int32]
+    frames: _Floats
+    fixed: npt.NDArray[np.bool_]
+    from_given: _Floats
+    supports: Sequence[SkewSupport]
+
+    @classmethod
+    def of(cls, supports: Sequence[SkewSupport], axes: npt.NDArray[np.int64]) -> TurnedNodes:
+        """The frames of all nodes with skew supports.
+
+        Args:
+            supports: at least one.
+            axes: position in ``scene.displacement`` of the support that prescribes each component, -1 where none does,
+                ghosts included, shape (nodes, d).
+        """
+        dim = axes.shape[1]
+        nodes = np.unique(np.concatenate([support.nodes for support in supports]))
+        skew = (np.where(np.isin(nodes, support.nodes), support.position, -1) for support in supports)
+        directions = np.vstack((np.eye(dim), *(support.normal for support in supports)))
+        frames, fixed = np.empty((nodes.size, dim, dim)), np.zeros((nodes.size, dim), dtype=bool)
+        from_given = np.zeros((nodes.size, dim, len(directions)))
+        kinds, kind = np.unique(np.column_stack((axes[nodes], *skew)), axis=0, return_inverse=True)
+        for number, prescribes in enumerate(kinds):
+            of_kind = kind.ravel() == number
+            frames[of_kind], count, from_given[of_kind] = _frame(directions, prescribes)
+            fixed[of_kind, :count] = True
+        return cls(nodes.astype(np.int32), frames, fixed, from_given, supports)
+
+    def place(self, y: _Floats, active: Sequence[Any]) -> None:
+        """Put what the active effects prescribe into nodal displacements, shape (nodes, d), which have what supports
+        along the axes prescribe.
+        """
+        prescribed = [y[self.nodes]]
+        for support in self.supports:
+            values = np.zeros(len(y))
+            if any(support.effect is effect for effect in active):
+                values[support.nodes] = support.values
+            prescribed.append(values[self.nodes, None])
+        y[self.nodes] = np.einsum("nij,nj->ni", self.from_given, np.concatenate(prescribed, axis=1))
+
+    def frames_at(self, nodes: npt.NDArray[np.integer[Any]]) -> _Floats:
+        """The frame of each of some nodes, the axes where it is not turned, shape (n, d, d)."""
+        dim = self.frames.shape[1]
+        frames = np.tile(np.eye(dim), (len(nodes), 1, 1))
+        rows = np.minimum(np.searchsorted(self.nodes, nodes), self.nodes.size - 1)
+        turned = self.nodes[rows] == nodes if self.nodes.size else np.zeros(len(nodes), dtype=bool)
+        frames[turned] = self.frames[rows[turned]]
+        return frames
+
+
+def block_rotation(like: PETSc.Mat, frames: Sequence[tuple[npt.NDArray[np.int32], _Floats]]) -> PETSc.Mat:
+    """Q with the layout of ``like``: of each block (owned nodes, frames), where several have a node that of the last
+    one; elsewhere the identity.
+    """
+    dim = frames[0][1].shape[1]
+    rotation = PETSc.Mat().createAIJ(like.getSizes(), nnz=(dim, 0), comm=like.comm)
+    first, last = rotation.getOwnershipRange()
+    rotation.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    for row in range(first, last):
+        rotation.setValue(row, row, 1.0)
+    for nodes, values in frames:
+        rotation.assemble()
+        if nodes.size:
+            rows = (first + dim * nodes[:, None] + np.arange(dim)).astype(PETSc.IntType)
+            rotation.setValuesRCV(rows, rows, np.ascontiguousarray(values))
+    rotation.assemble()
+    return rotation
+
+
+def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Floats, int, _Floats]:
+    """The frame of a node, and the displacement that its supports prescribe.
+
+    Of two supports the later one applies in full.  The earlier one applies in the directions that the later one leaves
+    free, exactly if the two do not contradict each other, otherwise in the sense of least squares; this does not depend
+    on how the body is turned.
+
+    Args:
+        directions: along which a displacement may be prescribed, unit vectors, shape (n, d).
+        prescribes: position of the support that prescribes it, -1 where none does, shape (n,).
+
+    Returns:
+        The frame, one direction per column, shape (d, d); how many of them are prescribed, the first ones; and the
+        matrix from the n prescribed values to the displacement, shape (d, n).
+    """
+    identity, free = np.eye(len(directions)), np.eye(directions.shape[1])
+    matrix = np.zeros(directions.T.shape)
+    held = free[:, :0]
+    for position in np.unique(prescribes[prescribes >= 0])[::-1]:
+        selected = prescribes == position
+        if free.shape[1] == 0:
+            break
+        left_vectors, size, along = np.linalg.svd(directions[selected] @ free)
+        count = int(np.count_nonzero(size > SAME_DIRECTION))
+        added, free = free @ along[:count].T, free @ along[count:].T
+        matrix += added @ (
+            left_vectors[:, :count].T @ (identity[selected] - directions[selected] @ matrix) / size[:count, None]
+        )
+        held = np.hstack((held, added))
+    return np.hstack((held, free)), held.shape[1], matrix

@@ -1,0 +1,257 @@
+"""Contact with a rigid foundation or another body; its forms are in ``body.forms``, its friction in ``laws``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import Discriminator, Tag, model_validator
+
+from signorini_fx.mechanics.laws.none import NoFriction
+from signorini_fx.mechanics.laws.registry import OneLaw
+from signorini_fx.mechanics.statement.base import refused
+from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
+from signorini_fx.mechanics.statement.rigid_motion import driven_twice
+from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
+from signorini_fx.mechanics.statement.values import Direction, NonNegative, SampledValue, not_at_points, shown
+
+
+class Contact(Effect):
+    """Contact of a boundary with a rigid foundation, or with a boundary of another body."""
+
+    boundary: str
+    against: str | None = None
+    points: Literal["auto", "boundary", "against"] = "auto"
+    distance: Literal["geometry", "nominal"] = "geometry"
+    adjust: NonNegative | None = None
+    gap: SampledValue = 0.0
+    direction: Direction | None = None
+    foundation: OneShape = None
+    friction: OneLaw = NoFriction()
+
+    @model_validator(mode="after")
+    def _at_points(self) -> Self:
+        """A scene evaluates the parameters of friction at points, where forms may take UFL."""
+        wrong = [
+            (("friction",), f"{key}: {not_at_points(value)}")
+            for key, value in self.friction
+            if hasattr(value, "ufl_domain")
+        ]
+        if wrong:
+            raise refused(type(self).__name__, wrong)
+        return self
+
+    opens: ClassVar[bool] = True
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "contact of two bodies": {
+            "exact": "exact needs one unknown for each constraint, and contact of two bodies ties several",
+            "local refinement": "contact of two bodies shows its error on the side with the points alone, so that "
+            "cells of the other one would not be divided: use 'uniform'",
+        },
+        "driven foundation": {
+            "exact": "exact needs one unknown for each constraint, and where a force moves a foundation contact ties "
+            "several, those of the body and of the tool: take 'alm'",
+            "entering load": "a foundation that force, moment or prescribed moves is not possible yet where a fluid "
+            "enters contact",
+        },
+    }
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        listed = (
+            ("contact that cannot open", ("kind",), not self.opens),
+            ("contact of two bodies", ("against",), self.against is not None),
+            ("driven foundation", ("foundation",), self.tool is not None),
+            ("moving foundation", ("foundation",), self.moves),
+            ("foundation with a shape", ("foundation",), self.foundation is not None),
+            ("friction axes", ("friction", "ratio"), self.friction.directed),
+            ("contact in time", (), self.timed),
+        )
+        return tuple((name, keys) for name, keys, used in listed if used)
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        if any(rival.boundary == self.boundary for rival in statement.contact[:number]):
+            cure = "describe it in one [[contact]]"
+            if self.against is not None:
+                cure = "name it as against, and the others as boundary: several contacts may be against the same one"
+            yield ("contact", number), f"boundary {self.boundary!r} is in contact twice: {cure}"
+        if self.foundation is not None:
+            for rival in ("against", "direction"):
+                if getattr(self, rival) is not None:
+                    reason = "the other body" if rival == "against" else "the direction, that of the closest point"
+                    yield ("contact", number, rival), f"foundation already says {reason}: leave one of them out"
+        if self.tool is not None:
+            yield from _not_with_tools(statement, number)
+        if self.against is None:
+            between = {"distance": self.distance == "nominal", "points": self.points != "auto"}
+            for word, is_set in {**between, "adjust": self.adjust is not None}.items():
+                if is_set:
+                    yield ("contact", number, word), "is for contact against another boundary"
+            return
+        if self.against == self.boundary:
+            yield ("contact", number, "against"), "is the boundary itself: two bodies have two boundaries"
+        if self.adjust is not None and self.distance == "nominal":
+            yield ("contact", number, "adjust"), "closes distances that the meshes have: with 'nominal' there are none"
+        if self.direction is not None:
+            yield ("contact", number, "direction"), "is that of the normal where two bodies touch: leave it out"
+
+    @property
+    def surface(self) -> Any:
+        """Its foundation, where gap and direction follow from that; None: they do not."""
+        return self.foundation
+
+    def gap_in(self, dimension: int) -> Any:
+        """The gap in space of a dimension: a number, an expression or a callable of the position, length."""
+        return self.gap if self.surface is None else Distance(self.surface, self.gap, dimension)
+
+    @property
+    def tool(self) -> Any:
+        """Its foundation, if the motion of that is an unknown, see ``statement.rigid_motion``; else None."""
+        return self.foundation if getattr(self.foundation, "driven", False) else None
+
+    @property
+    def moves(self) -> bool:
+        """Whether its foundation moves with the time."""
+        return self.foundation is not None and self.foundation.timed
+
+    @cached_property
+    def timed(self) -> bool:
+        """Whether its foundation or its friction depends on the time."""
+        return self.moves or self.friction.timed
+
+    def at_time(self, time: float) -> Self:
+        """See ``Effect``."""
+        if not self.timed:
+            return self
+        foundation = self.foundation.at_time(time) if self.moves else self.foundation
+        return self.model_copy(update={"foundation": foundation, "friction": self.friction.at_time(time)})
+
+    @property
+    def vectors(self) -> tuple[str, ...]:
+        """See ``Effect``."""
+        return ("direction",)
+
+    @property
+    def coulomb(self) -> bool:
+        """Whether its friction bound depends on the contact pressure."""
+        return self.friction.follows_pressure and self.friction.acts
+
+
+class UnilateralContact(Contact):
+    """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
+
+    Attributes:
+        boundary: name of the boundary where contact may occur.
+        against: name of the boundary of another body that it may touch; None: the foundation is rigid.
+        points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
+            ``body.carrying_side``.
+        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
+        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
+            overlaps included; None: none does.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
+            the distance of a ``foundation``.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
+        foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
+        friction: the friction law.
+        kind: its name.
+    """
+
+    kind: Literal["unilateral"] = "unilateral"
+
+
+class BondedContact(Contact):
+    """A bond of two bodies, whose meshes need not match, or of a body and a rigid one that forces move: rigid coupling.
+    Both sides stay together as they lie.
+
+    Attributes:
+        boundary: name of the boundary that is tied.
+        against: name of the boundary of the other body; None: it is rigid.
+        points: which of both carries the contact points, as in ``UnilateralContact``.
+        distance: without effect.
+        adjust: without effect.
+        gap: without effect.
+        direction: without effect.
+        foundation: what drives the rigid body, see ``statement.rigid_motion``; where its surface is does not matter.
+        friction: without effect.
+        kind: its name.
+    """
+
+    opens: ClassVar[bool] = False
+    kind: Literal["bonded"]
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        yield from super().contradictions(statement, number)
+        if self.against is None and self.tool is None:
+            reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
+            yield ("contact", number), reason
+        for key in ("distance", "adjust", "gap", "friction"):
+            if key in self.model_fields_set:
+                yield ("contact", number, key), "a bond has none: both sides stay together as they lie"
+
+    @property
+    def surface(self) -> None:
+        """None: both sides stay together as they lie."""
+        return
+
+
+class BilateralContact(Contact):
+    """Contact that cannot open: tau_N y = d; only the friction is unknown.
+
+    Attributes:
+        boundary: name of the boundary where contact may occur.
+        against: name of the boundary of another body that it may touch; None: the foundation is rigid.
+        points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
+            ``body.carrying_side``.
+        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
+        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
+            overlaps included; None: none does.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
+            the distance of a ``foundation``.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
+        foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
+        friction: the friction law.
+        kind: its name.
+    """
+
+    opens: ClassVar[bool] = False
+    kind: Literal["bilateral"]
+
+
+def _not_with_tools(statement: Any, number: int) -> Contradictions:
+    """Why a foundation whose motion is an unknown does not go together with other entries."""
+    driven = statement.contact[number].tool
+    prescribed, spring = driven.prescribed, driven.spring
+    if misfit := driven_twice([contact.tool for contact in statement.contact], number):
+        yield ("contact", number, "foundation", "rigid"), misfit
+    for wrong, name in (
+        (driven.force is not None and driven.force[0] != 0.0, "force"),
+        (driven.moment is not None, "moment"),
+        (prescribed is not None and (prescribed.x, prescribed.rotation) != (None, None), "prescribed"),
+        (spring is not None and bool(spring.x or spring.rotation), "spring"),
+    ):
+        if wrong and (reason := statement.kinematics.refuses.get("motion of a tool")):
+            yield ("contact", number, "foundation", name), reason
+    if any(contact.moves for contact in statement.contact):
+        foundation_path = ("contact", number, "foundation")
+        yield (
+            foundation_path,
+            "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both",
+        )
+
+
+def _kind(entry: Any) -> str:
+    """Contact is unilateral unless specified otherwise."""
+    kind = entry.get("kind", "unilateral") if isinstance(entry, Mapping) else getattr(entry, "kind", "unilateral")
+    return kind if isinstance(kind, str) else shown(kind)
+
+
+Entry = Annotated[
+    Annotated[UnilateralContact, Tag("unilateral")]
+    | Annotated[BilateralContact, Tag("bilateral")]
+    | Annotated[BondedContact, Tag("bonded")],
+    Discriminator(_kind),
+]

@@ -1,0 +1,154 @@
+"""Prescribed displacement: supports, symmetry, and boundaries that move."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from signorini_fx.mechanics.statement.effect import Array, Coefficients, Contradictions, Features, Load, text
+from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.values import Direction, TimedSampledValue, Vector
+
+
+class PrescribedDisplacement(Load):
+    """Displacement prescribed on a boundary or at a point; a component that is not named stays free.
+
+    Attributes:
+        boundary: its name; None: it is prescribed at a point.
+        at: the point, which must be a node of the mesh, length.
+        region: of the point: the part of the body whose node is meant; None: there is only one node.
+        x: component along x[0], length.
+        y: component along x[1], length.
+        z: component along x[2], length; only in space, and around the axis of a body that turns about it.
+        normal: component along the outward normal, length, on a flat boundary (0: symmetry).
+        rotation: angle of a small rotation, radians, which is added to the components that it moves: it prescribes
+            them, w x (x - c).
+        about: a point c of its axis, length; None: the origin.
+        axis: the direction of w, any length; only in space; None: x[2]; of a section that turns about its axis
+            this one, (0, 1).
+        factors: one number per load step; None: 1 in every step.
+    """
+
+    boundary: str | None = None
+    at: Vector | None = None
+    region: str | None = None
+    x: TimedSampledValue | None = None
+    y: TimedSampledValue | None = None
+    z: TimedSampledValue | None = None
+    normal: TimedSampledValue | None = None
+    rotation: TimedSampledValue | None = None
+    about: Vector | None = None
+    axis: Direction | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if (self.boundary is None) == (self.at is None):
+            raise ValueError("give either a boundary or at, a point")
+        named = any(component is not None for component in self.components)
+        if named == (self.normal is not None):
+            message = "names no component: give x, y, both, or normal"
+            raise ValueError("give either normal or x and y" if named else message)
+        if self.at is not None and self.normal is not None:
+            raise ValueError("a point has no normal: give x and y")
+        if self.at is None and self.region is not None:
+            raise ValueError("region is that of a point, at, which is missing")
+        if self.rotation is None and (self.about or self.axis):
+            raise ValueError("about and axis are those of a rotation, which is missing")
+        return self
+
+    @property
+    def place(self) -> str:
+        """Where it is prescribed, in words: the name of the boundary, or the point."""
+        if self.at is None:
+            return str(self.boundary)
+        point = f"({', '.join(f'{x:g}' for x in self.at)})"
+        return point if self.region is None else f"{point} of {self.region}"
+
+    @property
+    def name(self) -> str:
+        """See ``Effect``."""
+        return f"{self.label} {self.place}"
+
+    @property
+    def vectors(self) -> tuple[str, ...]:
+        """See ``Effect``."""
+        return ("at", "about")
+
+    @property
+    def components(self) -> tuple[Any, Any, Any]:
+        """Along x[0], x[1] and x[2]; None where the displacement is free."""
+        if self.rotation is None:
+            return self.x, self.y, self.z
+        a, centre, rotation = np.zeros(3), np.zeros(3), self.rotation
+        along = self.axis or (0.0, 0.0, 1.0)
+        a[: len(along)] = np.array(along) / np.linalg.norm(along)
+        centre[: len(self.about or ())] = self.about or ()
+        across = np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+        if len(along) == 2:  # in a section, where x[2] = 0
+            across[:, 2] = 0.0
+
+        def moved(component: Any, row: Array) -> Any:
+            if not row.any():
+                return component
+            return lambda x: sample(component or 0.0, x) + sample(rotation, x) * (row @ (x - centre[:, None]))
+
+        first, second, third = map(moved, (self.x, self.y, self.z), across)
+        return first, second, third
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """See ``Effect``."""
+        keys = ("x", "y", "z", "normal", "rotation")
+        entries = {key: getattr(self, key) for key in keys}
+        return {key: value for key, value in entries.items() if value is not None}
+
+    @property
+    def acts(self) -> bool:
+        """A displacement that is zero acts as well."""
+        return True
+
+    @property
+    def said(self) -> str:
+        """See ``Effect``."""
+        return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        listed = (("support of a point", "at"), ("prescribed rotation", "rotation"))
+        return tuple((name, (key,)) for name, key in listed if getattr(self, key) is not None)
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        if self.rotation is not None and "prescribed rotation" not in statement.kinematics.refuses:
+            reason = statement.kinematics.refused_axis(self.axis, self.about)
+            if reason:
+                yield ("displacement", number, "axis"), reason
+        touching = self.at is None and any(contact.boundary == self.boundary for contact in statement.contact)
+        if touching and (self.normal is not None or None not in self.components):
+            yield ("displacement", number), f"{self.boundary!r} is prescribed, and in contact as well: choose one"
+
+    def free(self, vector: Any, on: Coefficients) -> Any:
+        """See ``Effect``."""
+        import ufl
+
+        if self.normal is not None:
+            return vector - ufl.inner(vector, on.normal) * on.normal
+        free = [component is None for component in self.components]
+        return ufl.as_vector([vector[k] if free[k] else 0.0 for k in range(len(vector))])
+
+    def away(self, y: Any, factor: Any, on: Coefficients) -> list[Any]:
+        """Expressions may be missed between the nodes, component by component, see ``Effect``."""
+        import ufl
+
+        pairs = [*zip(self.components, y, strict=False), (self.normal, ufl.inner(y, on.normal))]
+        return [
+            factor * on.value(value) - component
+            for value, component in pairs
+            if value is not None and not isinstance(value, float)
+        ]
+
+
+Entry = PrescribedDisplacement

@@ -1,0 +1,60 @@
+"""A force whose total is given, spread over a boundary."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+from signorini_fx.mechanics.statement.effect import Array, Coefficients, Points, VectorForce
+from signorini_fx.mechanics.statement.values import SampledValue
+
+
+class TotalForce(VectorForce):
+    """A force on a boundary, spread evenly over it or in proportion to a value.
+
+    Attributes:
+        boundary: its name.
+        x: component along x[0], force (in the plane per thickness).
+        y: component along x[1], force (in the plane per thickness).
+        z: component along x[2], force; only in space.
+        spread: to what the force per area is proportional; its integral over the boundary must not be zero.
+        factors: one number per load step; None: 1 in every step.
+        live: whether the safety factor multiplies it; a permanent load is not live.
+    """
+
+    boundary: str
+    spread: SampledValue = 1.0
+
+    @cached_property
+    def varies(self) -> bool:
+        """The components are those of the total, see ``Effect``."""
+        return not isinstance(self.spread, float)
+
+    @property
+    def weighting(self) -> Any:
+        """See ``Effect``."""
+        return self.spread
+
+    def density(self, on: Coefficients) -> Any:
+        """F s over the integral of s, see ``Force``."""
+        return super().density(on) * on.value(self.spread) / on.total(self)
+
+    def density_at(self, at: Points) -> Array:
+        """See ``Force``."""
+        return super().density_at(at) * at.value(self.spread)[..., None] / at.total(self)
+
+
+Entry = TotalForce
+
+# How ``signorini-fx new`` explains it.
+EXAMPLE = """
+# Forces of which the total is given.  As many [[force]] as you like; they add up.
+[[force]]
+boundary = "top"
+x = 0.0                                    # VALUE, force (in the plane per thickness)
+y = 0.0                                    # VALUE, force
+#z = 0.0                                   # VALUE, force; only if the mesh is in space
+spread = 1.0                               # VALUE that the force per area is proportional to; 1: evenly
+#factors = [0.5, 1.0]                      # load steps, as above
+live = true                                # whether the safety factor multiplies it
+"""

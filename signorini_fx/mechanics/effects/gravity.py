@@ -1,0 +1,56 @@
+"""Weight: the density of each material times the acceleration of gravity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.mechanics.statement.effect import (
+    Array,
+    Coefficients,
+    Contradictions,
+    Points,
+    VectorForce,
+    without_density,
+)
+
+
+class Gravity(VectorForce):
+    """Weight of the whole body, from the ``density`` of its materials.
+
+    Attributes:
+        x: component of the acceleration along x[0], length / time^2.
+        y: component of the acceleration along x[1], length / time^2.
+        z: component of the acceleration along x[2], length / time^2; only in space.
+        factors: one number per load step; None: 1 in every step.
+        live: whether the safety factor multiplies it, as it does tractions.
+    """
+
+    live: bool = False
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        yield from without_density(statement, "gravity") if self.acts else ()
+
+    def density(self, on: Coefficients) -> Any:
+        """See ``Force``."""
+        return on.density * super().density(on)
+
+    def density_at(self, at: Points) -> Array:
+        """See ``Force``."""
+        return np.asarray(at.density[..., None] * super().density_at(at))
+
+
+Entry = Gravity
+
+# How ``signorini-fx new`` explains it.
+EXAMPLE = """
+# Weight, from the density of the materials.
+[[gravity]]
+x = 0.0                                    # VALUE, acceleration along x[0], length / time^2
+y = 0.0                                    # VALUE, acceleration along x[1], length / time^2, such as -9810.0
+#z = 0.0                                   # VALUE, acceleration along x[2], length / time^2; only in space
+#factors = [0.5, 1.0]                      # load steps, as above
+live = false                               # whether the safety factor multiplies it
+"""

@@ -1,0 +1,7 @@
+"""What the body is made of, see ``materials``."""
+
+from __future__ import annotations
+
+from signorini_fx.mechanics.materials.registry import OneMaterial
+
+Entry = OneMaterial

@@ -1,0 +1,164 @@
+"""Preload of a bolt: a section across it is tightened by a force, and its length is kept from then on."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from pydantic import PrivateAttr, model_validator
+
+from signorini_fx.mechanics.statement.effect import Contradictions, Features, Load, text
+from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.rigid_motion import Timed
+from signorini_fx.mechanics.statement.values import Count, Direction, Vector
+
+
+class Preload(Load):
+    """A section across a bolt, whose two sides are moved towards each other along one direction, and else are joined.
+
+    In Abaqus and CalculiX it is a ``*PRE-TENSION SECTION``.
+
+    Attributes:
+        section: name of facets inside the mesh that cut the bolt through in a plane; None: a plane does.
+        region: instead: name of the part of the mesh that a plane cuts; None: all of the body.
+        point: of that plane, length.
+        axis: across that plane, along which the sides move, any length.
+        force: tension through the section, force; a number or an expression of the time t.
+        shortening: instead, how far the sides are moved towards each other, length; of the same kinds.
+        locked_after: number of the factors, from 1, after which the length that the force has led to is kept.
+        factors: one number per load step, by which force or shortening are multiplied; None: 1 in every step.
+    """
+
+    strains: ClassVar[bool] = True
+    grouped: ClassVar[bool] = False
+
+    section: str | None = None
+    region: str | None = None
+    point: Vector | None = None
+    axis: Direction | None = None
+    force: Timed | None = None
+    shortening: Timed | None = None
+    locked_after: Count = 1
+
+    # The shortenings that forces have led to, by their places in the lists of factors.
+    _shortenings: dict[float, float] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        plane = self.point is not None and self.axis is not None
+        if (self.section is None) != plane or (self.section is not None and (self.region or self.point or self.axis)):
+            raise ValueError("give either section, a name of facets inside the mesh, or point and axis of a plane")
+        if (self.force is None) == (self.shortening is None):
+            raise ValueError("give either force or shortening")
+        if isinstance(self.force, float) and self.force <= 0:
+            raise ValueError("force must be positive: a tension; give shortening for anything else")
+        if self.force is None and "locked_after" in self.model_fields_set:
+            raise ValueError("locked_after is that of a force, which is missing")
+        return self
+
+    @property
+    def place(self) -> str:
+        """Which section it is, in words."""
+        if self.section is not None:
+            return self.section
+        return f"at ({', '.join(f'{x:g}' for x in self.point or ())})" if self.region is None else self.region
+
+    @property
+    def name(self) -> str:
+        """See ``Effect``."""
+        return f"{self.label} {self.place}"
+
+    @property
+    def vectors(self) -> tuple[str, ...]:
+        """See ``Effect``."""
+        return ("point", "axis")
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """See ``Effect``."""
+        key = "shortening" if self.force is None else "force"
+        return {key: getattr(self, key)}
+
+    @property
+    def said(self) -> str:
+        """See ``Effect``."""
+        words = ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
+        return words if self.force is None else f"{words}, locked_after = {self.locked_after}"
+
+    @property
+    def interface(self) -> str:
+        """See ``Effect``."""
+        return "sections" if self.acts else ""
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (*super().features, *((("shortening by force", ("force",)),) if self.force is not None else ()))
+
+    @property
+    def inner_facets(self) -> tuple[str, ...]:
+        """See ``Effect``."""
+        return () if self.section is None else (self.section,)
+
+    @property
+    def assumed(self) -> str:
+        """See ``Effect``."""
+        return "sections are shortened as they are"
+
+    def sought_at(self, statement: Any, step: float) -> str:
+        """See ``Effect``."""
+        return "" if self.force_at(statement, step) is None else "a force determines the shortening of a section"
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        path = ("preload", number)
+        if self.axis is not None and (reason := statement.kinematics.refused_axis(self.axis)):
+            yield (*path, "axis"), reason
+        if self.force is None:
+            return
+        if not statement.contact:
+            yield (*path, "force"), "needs contact: without it give shortening, which the force is proportional to"
+        if self.factors is not None and min(self.factors[: self.locked_after]) <= 0:
+            yield (*path, "factors"), "must be positive while the force acts"
+
+    def force_at(self, statement: Any, step: float) -> float | None:
+        """The tension that determines its shortening, at a place in the lists of factors; None: that is known."""
+        if self.force is None or step > self.locked_after - 1:
+            return None
+        return self._value_at(statement, step)
+
+    def shortening_at(self, statement: Any, step: float) -> float:
+        """By how much it is shortened there, length; of a force zero until it is found."""
+        if self.force is not None:
+            places = [found_step for found_step in self._shortenings if found_step <= step]
+            return self._shortenings[max(places)] if places else 0.0
+        return self._value_at(statement, step)
+
+    def _value_at(self, statement: Any, step: float) -> float:
+        """What is given, at a place in the lists of factors."""
+        factor, current = statement.now(self, step)
+        (value,) = current.given.values()
+        return float(factor * sample(value, np.zeros((3, 1)))[0])
+
+    def tightened(self, step: float, shortening: float) -> Self:
+        """The same with the shortening that its force has led to at a place."""
+        preload = self.model_copy()
+        preload._shortenings = {**self._shortenings, step: shortening}
+        return preload
+
+
+Entry = Preload
+
+# How ``signorini-fx new`` explains it.
+EXAMPLE = """
+# Preload of bolts: a section across each is tightened.  As many [[preload]] as you like.
+[[preload]]
+point = [0.5, 0.5]                         # of a plane across the bolt, length
+axis = [1.0, 0.0]                          # across that plane
+#region = "bolt"                           # the part of the mesh that the plane cuts; without: all of the body
+#section = "cut"                           # instead of these three: the name of facets inside the mesh
+shortening = 0.0                           # how far the sides are moved towards each other, length; may depend on t
+#force = 1000.0                            # instead: tension, force; may depend on t
+#locked_after = 1                          # the factors, by number, after which the length that force led to is kept
+#factors = [0.5, 1.0]                      # load steps, as above
+"""

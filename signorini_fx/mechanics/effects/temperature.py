@@ -1,0 +1,78 @@
+"""Thermal strain: the change of the temperature times the coefficient of expansion of each material."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from signorini_fx.mechanics.statement.effect import Array, BodyCoefficients, BodyPoints, Contradictions, InitialStrain
+from signorini_fx.mechanics.statement.point_values import PointValues
+from signorini_fx.mechanics.statement.values import TimedSampledValue
+
+
+class TemperatureChange(InitialStrain):
+    """A change of the temperature, by which the body expands in all directions where nothing prevents it.
+
+    Attributes:
+        change: since the body was without stress, temperature.
+        file: instead, a .csv with the columns x, y, in space z, and change: values at points of the body, between
+            which they are interpolated linearly; or a mesh with nodal values, .vtu or .xdmf, called change unless
+            there are no others.
+        region: name of the part of the body that it is in; None: all of it.
+        factors: one number per load step; None: 1 in every step.
+    """
+
+    change: TimedSampledValue | None = None
+    file: Path | None = None
+    region: str | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.change is None) == (self.file is None):
+            raise ValueError("give either change or file")
+        return self
+
+    @property
+    def _value(self) -> Any:
+        return self.change if self.file is None else PointValues(self.file, "change")
+
+    @property
+    def name(self) -> str:
+        """See ``Effect``."""
+        return self.label if self.region is None else f"{self.label} {self.region}"
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """See ``Effect``."""
+        return {"change": self._value}
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        for material_number, material in enumerate(statement.material):
+            inside = self.region is None or material.region in (None, self.region)
+            if self.acts and inside and material.expansion is None:
+                yield ("material", material_number), f"has no expansion, which {statement.heading('temperature')} needs"
+
+    def strain(self, on: BodyCoefficients) -> Any:
+        """See ``InitialStrain``."""
+        return on.expansion * on.value_in(self.region, self._value)
+
+    def strain_at(self, at: BodyPoints) -> Array:
+        """See ``InitialStrain``."""
+        return np.asarray(at.expansion * at.value_in(self.region, self._value))
+
+
+Entry = TemperatureChange
+
+# How ``signorini-fx new`` explains it.
+EXAMPLE = """
+# Thermal strain, from the expansion of the materials.  As many [[temperature]] as you like; they add up.
+[[temperature]]
+change = 0.0                               # VALUE, since the body was without stress; may depend on t
+#file = "temperature.csv"                  # instead: columns x, y, (z,) change; or a mesh with change, .vtu, .xdmf
+#region = "rubber"                         # the part of the body that is heated; without: all of it
+#factors = [0.5, 1.0]                      # load steps, as above
+"""

@@ -1,0 +1,42 @@
+"""Traction and pressure on a boundary."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signorini_fx.mechanics.statement.effect import Array, Coefficients, Points, VectorForce, is_zero
+from signorini_fx.mechanics.statement.values import TimedValue
+
+
+class SurfaceTraction(VectorForce):
+    """Traction on a boundary, h of (1.1c); it adds to others on the same boundary.
+
+    Attributes:
+        boundary: its name.
+        x: component along x[0], stress.
+        y: component along x[1], stress.
+        z: component along x[2], stress; only in space.
+        pressure: pressure on the boundary, which acts along the inward normal, stress.
+        factors: one number per load step; None: 1 in every step.
+        live: whether the safety factor multiplies it; a permanent load is not live.
+    """
+
+    boundary: str
+    pressure: TimedValue = 0.0
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """See ``Effect``."""
+        return {**super().given, "pressure": self.pressure}
+
+    def density(self, on: Coefficients) -> Any:
+        """See ``Force``."""
+        traction = super().density(on)
+        return traction if is_zero(self.pressure) else traction - on.value(self.pressure) * on.normal
+
+    def density_at(self, at: Points) -> Array:
+        """See ``Force``."""
+        return super().density_at(at) - at.value(self.pressure)[..., None] * at.normal
+
+
+Entry = SurfaceTraction

@@ -1,0 +1,81 @@
+"""A body of revolution about x[1], of which the mesh is half of a section: x[0] is the radius r."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BodyOfRevolution(Kinematics):
+    """Displacements along the radius and the axis, which do not depend on the angle.
+
+    The strain has y_0 / r along the circumference, and forces are those of a revolution.
+    """
+
+    def refused_axis(self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None) -> str:
+        """See ``Kinematics``."""
+        if axis is not None and len(axis) == 2 and axis[0] == 0 and (about or (0.0,))[0] == 0:
+            return ""
+        return "must be that of the body: axis = [0.0, 1.0]"
+
+    def depth(self, size: float) -> float:
+        """The length of half a revolution."""
+        return math.pi * size
+
+    def strain(self, y: Any, *, on_axis: bool = False) -> Any:
+        """See ``Kinematics``; on the axis its limit along the circumference is the radial strain."""
+        import ufl
+
+        in_section, radius = ufl.sym(ufl.grad(y)), position(y)[0]
+        along = y[0] / radius
+        if on_axis:
+            off = ufl.gt(radius, 0)
+            along = ufl.conditional(off, y[0] / ufl.conditional(off, radius, 1), y[0].dx(0))
+        rows = [[in_section[i, j] if max(i, j) < 2 else 0 for j in range(3)] for i in range(3)]
+        rows[2][2] = along
+        return ufl.as_tensor(rows)
+
+    def measure(self, x: Any) -> Any:
+        """The length of the circumference."""
+        return 2 * math.pi * x[0]
+
+    @property
+    def third_column(self) -> _Floats | None:
+        """See ``Kinematics``: cylindrical coordinates, in which the frame turns with the angle."""
+        return np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
+
+    def measure_at(self, x: _Floats) -> _Floats | None:
+        """See ``Kinematics``; round-off may put points of the axis beyond it."""
+        return np.asarray(2 * np.pi * np.maximum(x[..., 0], 0.0))
+
+
+# What has no meaning, and what nobody has derived yet.
+REFUSED = {
+    "bending": "a section that stays in place does not bend",
+    "guaranteed bound": "a guaranteed bound of axisymmetric bodies is not known yet",
+    "moment": "there is none on a body of revolution",
+    "motion of a tool": "an axisymmetric tool moves along its axis x[1] alone",
+    "proof by statics": "the body is axisymmetric, which is not derived yet",
+}
+AXISYMMETRIC = BodyOfRevolution(
+    "axisymmetric",
+    2,
+    ((0, 1),),
+    normal_out=True,
+    whole=True,
+    uniform=False,
+    further_degrees=2,
+    motions_without_strain=(False, True, False),
+    zero_on_axis=(0,),
+    least_x=0.0,
+    refuses={**REFUSED, "prescribed rotation": "is no axisymmetric motion"},
+)

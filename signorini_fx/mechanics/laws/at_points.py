@@ -1,0 +1,176 @@
+"""A law at contact points, as the core takes it, and what a law of a user's own says of itself, tried: beforehand at
+pressures of all sizes, and at those of a result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algebra.contact.friction import LawAtPoints, PointFriction
+from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
+from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import (
+    LARGEST_BEND,
+    PRESSURE_CHANGE,
+    PRESSURES_PER_DECADE,
+    SMALLEST_PRESSURE,
+    TRIED_POINTS,
+    WRONG_BOUND,
+    WRONG_SLOPE,
+)
+
+
+def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
+    """The friction of ``count`` points with one law, whose parameters are arrays; None: there is none."""
+    zero = np.zeros(count)
+    if law is None:
+        return PointFriction(zero, zero)
+    given, coefficient, cap = law.envelope(zero)
+    ends = np.ones(count, dtype=bool) if law.ends_open else None
+    if not law.unknown:
+        return PointFriction(given, coefficient, cap, ends)
+    return PointFriction(given, coefficient, None, ends, (LawAtPoints(law, np.arange(count), cap, law.unknown),))
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A law at m points under k pressures that ascend from zero.
+
+    Attributes:
+        law: for its name and what it says of itself.
+        pressure: stress, shape (k, 1), or (k, m) where each point has its own.
+        limit: see ``FrictionLaw``, shape (k, m), like the following ones.
+        derivative: likewise.
+        claimed: likewise.
+        envelope: what the law says that no bound exceeds, stress.
+        round_off: that of the bound, stress, shape (m,).
+        wrong: by which share of its bound a law may be wrong.
+    """
+
+    law: FrictionLaw
+    pressure: Array
+    limit: Array
+    derivative: Array
+    claimed: Array
+    envelope: Array
+    round_off: Array
+    wrong: float = WRONG_BOUND
+
+    @property
+    def fault(self) -> str:
+        """The first one in words; "": there is none."""
+        for reason, wrong in self._faults():
+            if wrong.any():
+                where = np.broadcast_to(self.pressure, wrong.shape)[wrong][0]
+                return reason.format(law=type(self.law).__name__, pressure=where)
+        return ""
+
+    def _faults(self) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
+        """Each in words, with places for law and pressure, and where it is, shape (k, m)."""
+        limit, within = self.limit, self.wrong * self.limit + self.round_off
+        yield "limit of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
+        yield "limit of {law} is negative at the pressure {pressure:g}", limit < 0
+        vertical = (self.pressure == 0) & np.isposinf(self.derivative)  # such as that of a root
+        infinite = ~(np.isfinite(self.derivative) | vertical)
+        yield "derivative of {law} is not finite at the pressure {pressure:g}", infinite
+        if not self.law.follows_pressure:
+            yield "limit of {law} follows the pressure, which it denies", limit != limit[:1]
+        what = "its tangent at zero, or its limit: it is not concave" if self.law.concave else "its envelope"
+        yield f"limit of {{law}} exceeds, at the pressure {{pressure:g}}, {what}", limit > self.envelope + within
+        if not self.law.unknown:
+            less = limit < self.envelope - within
+            yield "limit of {law} is less than its envelope, which leaves nothing unknown", less
+        differs = ~(np.abs(self.claimed - limit) <= within)
+        yield "claimed of {law} is not its limit at the pressure {pressure:g}", differs
+        yield from self._faults_of_slopes()
+
+    def _faults_of_slopes(self) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
+        """The slope at a pressure is between those of the chords to its neighbours."""
+        step = np.diff(self.pressure, axis=0)
+        chords = np.diff(self.limit, axis=0) / step
+        before, behind, slope = chords[:-1], chords[1:], self.derivative[1:-1]
+        within = WRONG_SLOPE * np.max(np.abs([before, behind, slope]), axis=0) + self.round_off / step[:-1]
+        ends = ((1, 1), (0, 0))
+        if self.law.concave:
+            reason = "limit of {law} is not concave: it grows faster beyond the pressure {pressure:g} than before"
+            yield reason, np.pad(behind > before + within, ends)
+        outside = (slope < np.minimum(before, behind) - within) | (slope > np.maximum(before, behind) + within)
+        yield "derivative of {law} is not that of its limit at the pressure {pressure:g}", np.pad(outside, ends)
+
+
+def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
+    """What a law of a user's own says of itself and does not keep, at ``count`` points, for which its parameters are
+    arrays; "": nothing was found.
+
+    Args:
+        law: at its points.
+        count: of its points.
+        modulus: of the body, stress: pressures up to it are tried.
+    """
+    points = np.arange(0, count, 1 + count // TRIED_POINTS)
+    exponents = np.arange(PRESSURES_PER_DECADE * SMALLEST_PRESSURE, 1) / PRESSURES_PER_DECADE
+    return _fault(law, points, np.append(0.0, modulus * 10.0**exponents)[:, None], modulus)
+
+
+def fault_in_result(law: FrictionLaw, pressure: Array, modulus: float) -> str:
+    """The same of a law at n points, at the pressures of a result, with all digits that a certificate asks for.
+
+    Args:
+        law: at its points.
+        pressure: at each of them, stress, shape (n,), positive.
+        modulus: of the body, stress.
+    """
+    if not pressure.size:
+        return ""
+    far = 10.0 ** (1 / PRESSURES_PER_DECADE)
+    beside = np.array([0.0, 1 / far, 1 - PRESSURE_CHANGE, 1.0, 1 + PRESSURE_CHANGE, far])
+    return _fault(law, np.arange(pressure.size), beside[:, None] * pressure, modulus, CERTIFICATE_TOLERANCE)
+
+
+def _fault(
+    law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, modulus: float, wrong: float = WRONG_BOUND
+) -> str:
+    """What the law does not keep at m of its points under k pressures, shape (k, 1) or (k, m)."""
+    name, shape = type(law).__name__, (len(pressure), points.size)
+    tried, at_pressures = law.at(np.tile(points, shape[0])), np.broadcast_to(pressure, shape).ravel()
+    at_pressures.flags.writeable = False  # a law that changes its argument changes the solver's pressures
+    values = []
+    with np.errstate(all="ignore"):
+        for statement in ("limit", "derivative", "claimed"):
+            try:
+                value = getattr(tried, statement)(at_pressures)
+            except NotImplementedError:
+                return f"{name} does not say its {statement}"
+            except Exception as error:
+                return f"{statement} of {name} fails: {type(error).__name__}: {error}"
+            if np.shape(value) != at_pressures.shape:
+                shapes = f"{np.shape(value)} for pressures of the shape {at_pressures.shape}"
+                return f"{statement} of {name} has the shape {shapes}"
+            values.append(np.asarray(value, dtype=np.float64).reshape(shape))
+        limit, derivative, claimed = values
+        given, coefficient, cap = law.at(points).envelope(np.zeros(points.size))
+        envelope = given + coefficient * pressure
+        envelope = np.broadcast_to(envelope if cap is None else np.minimum(envelope, cap), shape)
+        round_off = _round_off(law, points, modulus, limit[-1])
+        return _Tried(law, pressure, limit, derivative, claimed, envelope, round_off, wrong).fault
+
+
+def _round_off(law: FrictionLaw, points: npt.NDArray[np.int64], modulus: float, bound: Array) -> Array:
+    """That of the bound, which may be the difference of numbers as large as it is where it bends, stress, shape (m,).
+
+    Args:
+        law: at its points.
+        points: m of these.
+        modulus: stress.
+        bound: at a pressure as large as the modulus, stress, shape (m,).
+    """
+    largest, straight = bound, np.ones(points.size, dtype=bool)
+    for factor in 10.0 ** np.arange(1, LARGEST_BEND + 1):
+        beyond = law.at(points).limit(np.full(points.size, factor * modulus))
+        bends = straight & (beyond < factor * bound / 2)
+        largest, straight = np.where(bends, np.maximum(beyond, bound), largest), straight & ~bends
+    return np.asarray(4 * np.finfo(np.float64).eps * largest)

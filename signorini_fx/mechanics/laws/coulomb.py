@@ -1,0 +1,85 @@
+"""Coulomb friction: the bound is proportional to the pressure, with what contact transmits without it, up to a cap."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from signorini_fx.mechanics.laws.directed import DirectedLaw, Ratio, VectorField
+from signorini_fx.mechanics.laws.protocol import Array, Envelope, Parameter, acting
+
+
+class Coulomb(DirectedLaw):
+    """Coulomb friction: |mu| <= min(cohesion + coefficient * lambda, cap) in contact, (1.1e) and (1.1f).
+
+    Attributes:
+        law: its name.
+        coefficient: F, without unit.
+        cap: largest shear that the contact can transmit, stress; None: no such limit.
+        cohesion: shear that it transmits without pressure, stress, until it opens; None: none.
+        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
+        along: a vector, whose part in the tangent plane counts; None: along x[0].
+    """
+
+    law: Literal["coulomb"] = "coulomb"
+    coefficient: Parameter
+    cap: Parameter | None = None
+    cohesion: Parameter | None = None
+    ratio: Ratio | None = None
+    along: VectorField | None = None
+
+    def limit(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``; in a sum of floats zero is exact."""
+        bound = (0.0 if self.cohesion is None else self.cohesion) + self.coefficient * pressure
+        bound = bound if self.cap is None else np.minimum(bound, self.cap)
+        return np.asarray(bound if self.cohesion is None else np.where(pressure == 0, 0.0, bound))
+
+    def derivative(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``."""
+        if self.cap is None:
+            return np.asarray(self.coefficient + 0.0 * pressure)
+        without = (0.0 if self.cohesion is None else self.cohesion) + self.coefficient * pressure
+        return np.where(without < self.cap, self.coefficient, 0.0)
+
+    def claimed(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``."""
+        bound = self.coefficient * pressure
+        if self.cohesion is not None:
+            bound = np.where(pressure == 0, 0.0, bound + self.cohesion)
+        return np.asarray(bound if self.cap is None else np.minimum(bound, self.cap))
+
+    def envelope(self, zero: Array) -> Envelope:
+        """See ``FrictionLaw``."""
+        return Envelope(zero if self.cohesion is None else self.cohesion, self.coefficient, self.cap)
+
+    @property
+    def ends_open(self) -> bool:
+        """See ``FrictionLaw``."""
+        return self.cohesion is not None
+
+    @property
+    def bound_per_pressure(self) -> Any:
+        """See ``FrictionLaw``."""
+        return self.coefficient
+
+    @property
+    def exceptions(self) -> dict[str, str]:
+        """See ``FrictionLaw``."""
+        capped = {} if self.cap is None else {"a cap": "a cap limits the friction"}
+        return capped | ({} if self.cohesion is None else {"cohesion": "cohesion ends where the contact opens"})
+
+    @property
+    def has_derivative(self) -> bool:
+        """See ``FrictionLaw``: where it opens with cohesion it has a jump, and a cap is left to the fixed point."""
+        return not self.exceptions
+
+    @property
+    def unknown(self) -> str:
+        """See ``FrictionLaw``."""
+        return ""
+
+    @property
+    def acts(self) -> bool:
+        """See ``FrictionLaw``."""
+        return acting(self.coefficient, self.cohesion) and (self.cap is None or acting(self.cap))

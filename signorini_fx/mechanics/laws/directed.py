@@ -1,0 +1,162 @@
+"""Friction that depends on the direction of slip, in space: an ellipse in place of the disc, a modifier of other laws.
+
+Along an axis e_1 in the tangent plane the bound is g, along e_2 across it r g:
+
+    (mu . e_1)^2 + (mu . e_2 / r)^2 <= g^2,
+
+and the slip is normal to the ellipse (the associated rule; Z. Mroz and S. Stupkiewicz, Int. J. Solids Structures 31
+(1994) 2027-2040).  With the tangents (e_1, r e_2) in place of orthonormal ones the components of the shear, in mu =
+mu_1 e_1 + mu_2 r e_2, fill the disc |(mu_1, mu_2)| <= g, those of the slip are s . e_1 and r s . e_2, and the normal of
+the ellipse is that of the disc.  So everything that works in the frame of a point, the laws, Newton's method and
+statics, is what it is for the disc.  Vectors in space are made with these tangents for forces, and for displacements
+with ``ContactBoundary.cotangents``, (e_1, e_2 / r).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, WithJsonSchema, WrapValidator, model_validator
+
+from signorini_fx.errors import FormError
+from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
+from signorini_fx.mechanics.statement.base import refused
+from signorini_fx.mechanics.statement.effect import text
+from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.values import SampledValue, value
+from signorini_fx.tuned import LARGEST_RATIO, NO_DIRECTION, SAME_DIRECTION
+
+Ratio = Annotated[Any, BeforeValidator(value), WithJsonSchema({"type": ["number", "string"]})]
+VectorField = Annotated[
+    tuple[SampledValue, ...],
+    Field(min_length=3, max_length=3),
+    WrapValidator(lambda given, handler: given if callable(given) or hasattr(given, "ufl_shape") else handler(given)),
+]
+
+
+@dataclass(frozen=True)
+class FrictionAxes:
+    """The axes of friction at each of n points.
+
+    Attributes:
+        along: a vector whose part in the tangent plane is along e_1, shape (n, 3); zero: friction has no direction.
+        ratio: r, shape (n,).
+    """
+
+    along: Array
+    ratio: Array
+
+    @classmethod
+    def joined(cls, parts: Sequence[FrictionAxes | None], sizes: Sequence[int]) -> FrictionAxes | None:
+        """Those of several boundaries, of the sizes; None: no friction has a direction."""
+        if not any(parts):
+            return None
+        axes = [
+            part or cls(np.zeros((size, 3)), np.ones(size)) for part, size in zip(parts, sizes, strict=True)
+        ]  # others are discs
+        return cls(np.concatenate([part.along for part in axes]), np.concatenate([part.ratio for part in axes]))
+
+    def at(self, points: Any) -> FrictionAxes:
+        """Those of some of the points."""
+        return FrictionAxes(self.along[points], self.ratio[points])
+
+    def directions(self, normal: Array, otherwise: Array) -> Array:
+        """(e_1, e_2), one per column, shape (n, 3, 2); ``otherwise`` where friction has no direction."""
+        directed = np.asarray(self.along.any(axis=1))
+        first = self.along - np.einsum("ni,ni->n", self.along, normal)[:, None] * normal
+        first /= np.where(directed, np.linalg.norm(first, axis=1), 1.0)[:, None]
+        return np.where(directed[:, None, None], np.stack((first, np.cross(normal, first)), axis=2), otherwise)
+
+    @property
+    def scale(self) -> Array:
+        """What the axes are multiplied by, (1, r), shape (n, 1, 2)."""
+        return np.stack((np.ones_like(self.ratio), self.ratio), axis=1)[:, None]
+
+    def check(self, normal: Array, movable: Callable[[], Array], path: str, comm: Any) -> None:
+        """Whether the axes have a direction at the points of one foundation, and supports are along them; collective.
+
+        Args:
+            normal: of the points, shape (n, 3).
+            movable: see ``ContactPoints``, along these axes.
+            path: of the friction law, for errors.
+            comm: the ranks.
+
+        Raises:
+            FormError: they have none somewhere, or supports are not along them.
+        """
+        from signorini_fx.machine import parallel
+
+        across = np.linalg.norm(np.cross(normal, self.along), axis=1)
+        longest = parallel.largest(comm, np.linalg.norm(self.along, axis=1))
+        if parallel.any_rank(comm, not (across > NO_DIRECTION * longest).all()):
+            reason = "is zero or along the normal somewhere: it must have a part along the foundation"
+            raise FormError([(f"{path}.along", reason)])
+        self.check_supports(movable(), path, comm)
+
+    def check_supports(self, movable: Array, path: str, comm: Any) -> None:
+        """Whether what may move at the points is along the axes, see ``check``; collective."""
+        from signorini_fx.machine import parallel
+
+        askew = np.abs(movable[self.along.any(axis=1)] * (1 - np.eye(3))) > SAME_DIRECTION
+        if parallel.any_rank(comm, bool(askew.any())):
+            why = "a support prescribes the displacement there neither along nor across it, nor along the normal"
+            raise FormError([(f"{path}.along", f"{why}, which is not possible yet with a ratio")])
+
+
+class DirectedLaw(FrictionLaw):
+    """A law that may depend on the direction, in space, by its keys ``ratio`` and ``along``."""
+
+    apart: ClassVar[tuple[str, ...]] = ("law", "ratio", "along")
+
+    if TYPE_CHECKING:  # those who derive from it declare them last
+        ratio: Ratio | None
+        along: VectorField | None
+
+    @model_validator(mode="after")
+    def _both(self) -> Self:
+        if self.along is not None and self.ratio is None:
+            raise refused(type(self).__name__, [(("along",), "needs a ratio, of the friction across it")])
+        return self
+
+    @property
+    def directed(self) -> bool:
+        """See ``FrictionLaw``."""
+        return self.ratio is not None
+
+    def vectors(self, x: Array) -> Array:
+        """``along`` at points, both with shape (3, n)."""
+        along = self.along or (1.0, 0.0, 0.0)
+        return np.asarray(along(x) if callable(along) else [sample(component, x) for component in along])
+
+    def directions(self, x: Array) -> tuple[Array, Array]:
+        """See ``FrictionLaw``."""
+        return self.vectors(x).T, sample(1.0 if self.ratio is None else self.ratio, x)
+
+    def axes(self, at: Any, path: str, dimension: int, comm: Any) -> FrictionAxes | None:
+        """See ``FrictionLaw``."""
+        from signorini_fx.machine import parallel
+
+        if self.ratio is None:
+            return None
+        if dimension < 3:
+            raise FormError([(f"{path}.ratio", "the mesh is plane: friction has one direction there, leave it out")])
+        ratio = at(self.ratio, f"{path}.ratio", minimum=0.0)
+        if parallel.any_rank(comm, bool(((ratio < 1 / LARGEST_RATIO) | (ratio > LARGEST_RATIO)).any())):
+            raise FormError([(f"{path}.ratio", f"must be between {1 / LARGEST_RATIO:g} and {LARGEST_RATIO:g}")])
+        form = hasattr(self.along, "ufl_shape")
+        return FrictionAxes(at(self.along if form else self.vectors, f"{path}.along", 3), ratio)
+
+    @property
+    def said(self) -> str:
+        """See ``FrictionLaw``."""
+        if self.ratio is None:
+            return super().said
+        named = (
+            self.along if isinstance(self.along, tuple) else (1.0, 0.0, 0.0) if self.along is None else (self.along,)
+        )
+        axis = f", ratio = {text(self.ratio)} across ({', '.join(map(text, named))})"
+        law, mark, end = super().said.partition(": frictionless")
+        return law + axis + mark + end

@@ -1,0 +1,50 @@
+"""No friction: the shear is zero."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from signorini_fx.mechanics.laws.protocol import Array, Envelope, FrictionLaw
+
+
+class NoFriction(FrictionLaw):
+    """Frictionless contact.
+
+    Attributes:
+        law: its name.
+    """
+
+    follows_pressure: ClassVar[bool] = False
+    law: Literal["none"] = "none"
+
+    def limit(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``."""
+        return np.zeros_like(pressure)
+
+    derivative = claimed = limit
+
+    def envelope(self, zero: Array) -> Envelope:
+        """See ``FrictionLaw``."""
+        return Envelope(zero, zero)
+
+    @property
+    def given_bound(self) -> float:
+        """See ``FrictionLaw``."""
+        return 0.0
+
+    @property
+    def unknown(self) -> str:
+        """See ``FrictionLaw``."""
+        return ""
+
+    @property
+    def acts(self) -> bool:
+        """See ``FrictionLaw``."""
+        return False
+
+    @property
+    def said(self) -> str:
+        """See ``FrictionLaw``."""
+        return "no friction"

@@ -1,0 +1,227 @@
+"""What a friction law says.  All that solves, judges and tells of friction asks these methods and knows no kind.
+
+A law is |mu| <= g(lambda): the shear mu, a stress, is at most a bound that the contact pressure lambda >= 0 decides,
+and where it is less, nothing slips.  The fields of its class are its parameters: numbers, expressions, callables, UFL.
+At points they are arrays, and ``limit`` is plain NumPy on them:
+
+    class Saturating(FrictionLaw):
+        law: Literal["saturating"] = "saturating"
+        coefficient: Parameter
+        largest: Parameter
+
+        def limit(self, pressure):
+            return self.largest * (1 - np.exp(-self.coefficient * pressure / self.largest))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BeforeValidator, WithJsonSchema
+
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.extensions import is_of_package
+from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.effect import is_zero, text
+from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.values import not_negative, timed
+
+Array = npt.NDArray[np.float64]
+
+# A parameter of a law: not negative, a number, an expression of position and time, a callable f(x) of points of shape
+# (3, n), or in forms UFL.
+Parameter = Annotated[
+    Any, BeforeValidator(lambda value: not_negative(timed(value))), WithJsonSchema({"type": ["number", "string"]})
+]
+
+
+class Envelope(NamedTuple):
+    """min(given + coefficient lambda, cap), which is convex and which statics knows: no bound of the law exceeds it.
+
+    Attributes:
+        given: stress, a number or shape (n,).
+        coefficient: without unit, of the same kinds.
+        cap: stress; None: there is none.
+    """
+
+    given: Any
+    coefficient: Any
+    cap: Any = None
+
+
+class FrictionLaw(Table):
+    """A friction law; a user's own derives from it, see above; ``directed.DirectedLaw`` may depend on the direction.
+
+    Attributes:
+        law: its name.
+    """
+
+    # Whether the bound depends on the pressure; where it does not the problem is convex.
+    follows_pressure: ClassVar[bool] = True
+    # Whether the bound grows with the pressure, ever less: then it is below its tangent at zero and its limit.
+    concave: ClassVar[bool] = False
+    # Keys that are no parameters.
+    apart: ClassVar[tuple[str, ...]] = ("law",)
+
+    law: str
+
+    # --- what a law must say ---
+
+    def limit(self, pressure: Array) -> Array:
+        """The largest shear, stress, at a pressure that is not negative, both with shape (n,); parameters are arrays of
+        this shape.
+        """
+        raise NotImplementedError
+
+    def derivative(self, pressure: Array) -> Array:
+        """Derivative of the bound by the pressure, at zero that towards larger ones, without unit, shape (n,)."""
+        raise NotImplementedError
+
+    def claimed(self, pressure: Array) -> Array:
+        """The second opinion: the same as ``limit``, written without it, for the certificate."""
+        raise NotImplementedError
+
+    # --- what it may say ---
+
+    def envelope(self, zero: Array) -> Envelope:
+        """What bounds its bound, for statics; ``zero`` has the shape of the parameters.
+
+        Of a concave law it follows; of others nothing is known, and friction has no limit.
+        """
+        if not self.concave:
+            return Envelope(zero + np.inf, zero)
+        with np.errstate(invalid="ignore"):  # what is a quotient, or of a parameter that is zero, is no number there
+            limit = self.limit(zero + np.inf)
+        cap = np.where(np.isnan(limit), np.inf, limit)
+        given, slope = self.limit(zero), self.derivative(zero)
+        vertical = np.isinf(slope)
+        lines = np.where(vertical, np.inf, given), np.where(vertical, 0.0, slope)
+        return Envelope(*lines, None if np.isinf(cap).all() else cap)
+
+    @property
+    def ends_open(self) -> bool:
+        """Whether the bound of its envelope ends with a jump where contact opens."""
+        return False
+
+    @property
+    def unknown(self) -> str:
+        """Why its bound is not its envelope, so that nothing is proved of it but equilibrium; "": it is."""
+        return f"of the friction law {self.law} only the bound is known"
+
+    @property
+    def exceptions(self) -> dict[str, str]:
+        """What proofs about a bound F lambda do not know, by its name, each with the reason in words."""
+        return {f"the friction law {self.law}": self.unknown} if self.unknown else {}
+
+    @property
+    def has_derivative(self) -> bool:
+        """Whether Newton's method may follow the bound with the pressure."""
+        return True
+
+    @property
+    def given_bound(self) -> Any:
+        """The bound of a law that does not follow the pressure, stress, a value of the kinds of its parameters."""
+        return lambda x: self.sampled(x).limit(np.zeros(x.shape[1]))
+
+    @property
+    def bound_per_pressure(self) -> Any:
+        """What multiplies the pressure, for estimates of what meshes miss of it between nodes; ``given_bound`` of a law
+        that does not follow the pressure.
+        """
+        if not self.follows_pressure:
+            return self.given_bound
+        return lambda x: self.sampled(x).derivative(np.zeros(x.shape[1]))
+
+    @property
+    def acts(self) -> bool:
+        """Whether it can transmit shear."""
+        return True
+
+    # --- what follows ---
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+        """In Python its parameters may be given in their order."""
+        super().__pydantic_init_subclass__(**options)
+        cls.positional = tuple(key for key in cls.model_fields if key != "law")
+
+    @property
+    def of_a_user(self) -> bool:
+        """Whether it is none of the laws of this package."""
+        return not is_of_package(type(self))
+
+    @classmethod
+    def refusal(cls, problems: list[tuple[str, str]]) -> SceneError:
+        """See ``Table``: a law belongs to a scene or to a form."""
+        return FormError(problems, cls.__name__)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Those that are not None by their names."""
+        values = {key: getattr(self, key) for key in type(self).model_fields if key not in self.apart}
+        return {key: value for key, value in values.items() if value is not None}
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """The names of parameters without which there is no such law."""
+        return tuple(key for key in self.parameters if type(self).model_fields[key].is_required())
+
+    def with_values(self, of: Callable[[str, Any], Any]) -> Self:
+        """The same with other parameters, made from their names and values."""
+        return self.model_copy(update={key: of(key, value) for key, value in self.parameters.items()})
+
+    def at(self, points: Any) -> Self:
+        """A law whose parameters are arrays at some of their entries."""
+        return self.with_values(lambda _, values: values[points])
+
+    def sampled(self, x: Array) -> Self:
+        """The law at points, shape (3, n): its parameters are arrays."""
+        return self.with_values(lambda _, value: sample(value, x))
+
+    @property
+    def said(self) -> str:
+        """The law in words."""
+        listed = "".join(f", {key} = {text(value)}" for key, value in self.parameters.items())
+        return self.law + listed + ("" if self.acts else ": frictionless")
+
+    @property
+    def timed(self) -> bool:
+        """Whether it depends on the time."""
+        return any(getattr(value, "timed", False) for value in self.parameters.values())
+
+    def at_time(self, time: float) -> Self:
+        """See ``Effect``."""
+        return self.with_values(lambda _, value: value.at(time) if getattr(value, "timed", False) else value)
+
+    @property
+    def directed(self) -> bool:
+        """Whether it depends on the direction of slip, see ``directed``."""
+        return False
+
+    def directions(self, x: Array) -> tuple[Array, Array]:
+        """For the second opinion: a vector along which friction is ``limit``, shape (n, 3), and the ratio of that
+        across it, shape (n,), at points of shape (3, n).
+        """
+        return np.tile([1.0, 0.0, 0.0], (x.shape[1], 1)), np.ones(x.shape[1])
+
+    def axes(self, at: Any, path: str, dimension: int, comm: Any) -> Any:
+        """The axes of friction at nodes, see ``directed.FrictionAxes``; None: it has no direction; collective.
+
+        Args:
+            at: evaluates data at nodes, see ``body.values.NodalValues``.
+            path: of the law, for errors.
+            dimension: of space.
+            comm: the ranks.
+
+        Raises:
+            FormError: a value is wrong somewhere.
+        """
+        return None
+
+
+def acting(*values: Any) -> bool:
+    """Whether a value is there and not the number zero."""
+    return any(value is not None and not is_zero(value) for value in values)

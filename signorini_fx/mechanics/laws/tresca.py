@@ -1,0 +1,58 @@
+"""Tresca friction: the bound is given, and acts without a pressure too."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from signorini_fx.mechanics.laws.directed import DirectedLaw, Ratio, VectorField
+from signorini_fx.mechanics.laws.protocol import Array, Envelope, Parameter, acting
+
+
+class Tresca(DirectedLaw):
+    """Tresca friction: |mu| <= bound (2.3d').
+
+    Attributes:
+        law: its name.
+        bound: largest shear, stress.
+        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
+        along: a vector, whose part in the tangent plane counts; None: along x[0].
+    """
+
+    follows_pressure: ClassVar[bool] = False
+    law: Literal["tresca"] = "tresca"
+    bound: Parameter
+    ratio: Ratio | None = None
+    along: VectorField | None = None
+
+    def limit(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``."""
+        return np.asarray(self.bound + 0.0 * pressure)
+
+    def derivative(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``."""
+        return np.zeros_like(pressure)
+
+    def claimed(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``."""
+        return np.broadcast_to(self.bound, pressure.shape)
+
+    def envelope(self, zero: Array) -> Envelope:
+        """See ``FrictionLaw``."""
+        return Envelope(self.bound, zero)
+
+    @property
+    def given_bound(self) -> Any:
+        """See ``FrictionLaw``."""
+        return self.bound
+
+    @property
+    def unknown(self) -> str:
+        """See ``FrictionLaw``."""
+        return ""
+
+    @property
+    def acts(self) -> bool:
+        """See ``FrictionLaw``."""
+        return acting(self.bound)

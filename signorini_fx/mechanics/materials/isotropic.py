@@ -1,0 +1,252 @@
+"""Isotropic linear elasticity in two and three dimensions, and its forms."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position
+from signorini_fx.mechanics.kinematics.space import SPACE
+from signorini_fx.mechanics.materials.protocol import Array, Material
+from signorini_fx.mechanics.statement.effect import Contradictions, Features
+from signorini_fx.mechanics.statement.values import Positive, SampledValue
+from signorini_fx.mechanics.statement.volumetric import treatment_of
+from signorini_fx.tuned import LOCKING_POISSON
+
+
+class LinearElastic(Material):
+    """Isotropic linear elasticity.
+
+    Attributes:
+        young: Young's modulus E > 0, stress, which ``grading`` multiplies.
+        poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and with a pressure as an unknown.
+        poisson_grading: from 0 to 1, by which ``poisson``, the largest, is multiplied, likewise.
+        yield_stress: by von Mises, a stress, which gives ``utilisation`` and changes nothing else; None: not known.
+        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+    """
+
+    isotropic: ClassVar[bool] = True
+
+    young: Positive
+    poisson: Annotated[float, Field(gt=-1, le=0.5, allow_inf_nan=False, strict=True)]
+    poisson_grading: SampledValue | None = None
+    yield_stress: Positive | None = None
+
+    def stress(self, strain: Any) -> Any:
+        """See ``Material``."""
+        import ufl
+
+        lame, mu = self.lame_of(self.young, self.poisson, prevented=True)
+        return 2 * mu * strain + lame * ufl.tr(strain) * ufl.Identity(3)
+
+    def stress_at(self, strain: Array) -> Array:
+        """See ``Material``: what is the same in all directions, and the rest."""
+        mean = np.trace(strain, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3
+        bulk, shear = self.young / (1 - 2 * self.poisson), self.young / (1 + self.poisson)
+        return np.asarray(bulk * mean + shear * (strain - mean))
+
+    @property
+    def moduli(self) -> tuple[float, float]:
+        """See ``Material``."""
+        bulk = self.young / (1 - 2 * self.poisson) if self.poisson < 0.5 else math.inf
+        return min(bulk, self.young / (1 + self.poisson)), max(bulk, self.young / (1 + self.poisson))
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        graded = self.poisson_grading is not None
+        return (*super().features, *((("graded Poisson's ratio", ("poisson_grading",)),) if graded else ()))
+
+    @property
+    def yields_at(self) -> float:
+        """See ``Material``."""
+        return math.inf if self.yield_stress is None else self.yield_stress
+
+    @property
+    def varies(self) -> bool:
+        """See ``Material``."""
+        return self.grading is not None or self.poisson_grading is not None
+
+    @property
+    def natural_modulus(self) -> float:
+        """See ``Material``."""
+        return self.young
+
+    @property
+    def mean_poisson(self) -> float:
+        """See ``Material``."""
+        return self.poisson
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda is the reduced one for plane
+        stress, and infinite elsewhere for nu = 1/2.
+
+        Plane strain has those of three dimensions.
+        """
+        if self.poisson == 0.5 and self.hypothesis != "plane stress":
+            return math.inf, self.young / (2 * (1 + self.poisson))
+        return self.lame_of(self.young, self.poisson)
+
+    def lame_of(self, young: Any, poisson: Any, *, prevented: bool = False) -> tuple[Any, Any]:
+        """The same for other numbers, or arrays of them; ``prevented``: those of three dimensions anyway."""
+        mu = young / (2 * (1 + poisson))
+        if self.hypothesis == "plane stress" and not prevented:
+            return young * poisson / (1 - poisson**2), mu
+        return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
+
+    @property
+    def hooke(self) -> tuple[float, float]:
+        """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses, for the second opinion."""
+        squeezed = 1 - self.poisson if self.hypothesis == "plane stress" else 1 - 2 * self.poisson
+        return self.hooke_of(self.young, self.poisson) if squeezed > 0 else (self.young / (1 + self.poisson), math.inf)
+
+    def hooke_of(self, young: Any, poisson: Any) -> tuple[Any, Any]:
+        """The same for other numbers, or arrays of them."""
+        a = young / (1 + poisson)
+        squeezed = 1 - poisson if self.hypothesis == "plane stress" else 1 - 2 * poisson
+        return a, a * poisson / squeezed
+
+    def stiffest(self, *, pressed: bool) -> float:
+        """See ``Material``."""
+        return sum(self.hooke[: 1 if pressed else 2])
+
+    @property
+    def directions(self) -> int:
+        """In how many directions a strain that is the same in all of them meets the Lame parameters: in plane stress
+        it is free out of the plane.
+        """
+        return 2 if self.hypothesis == "plane stress" else 3
+
+    @property
+    def plane_modulus(self) -> float:
+        """See ``Material``: E / (1 - nu^2), in plane stress E."""
+        return self.young if self.hypothesis == "plane stress" else self.young / (1 - self.poisson**2)
+
+    @property
+    def locks(self) -> bool:
+        """See ``Material``."""
+        return self.poisson >= LOCKING_POISSON and self.hypothesis != "plane stress"
+
+    @property
+    def friction_indication(self) -> float:
+        """The friction coefficient above which several solutions are to be expected: sqrt(3 - 4 nu) / (2 - 2 nu).
+
+        This is an indication, not a theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential
+        displacement, and this the pressure; for every k, the fixed-point iteration contracts below this coefficient
+        (1 / sqrt(S_NN C_TT), with the stiffness S and the compliance C of the surface, does not depend on k).  A bound
+        for uniqueness that is both proved and independent of the mesh is not known: a solution exists for every
+        coefficient in two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound
+        that decreases to zero with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples
+        with several solutions are known.
+        """
+        nu = self.poisson / (1 + self.poisson) if self.hypothesis == "plane stress" else self.poisson
+        return math.sqrt(3 - 4 * nu) / (2 - 2 * nu)
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        yield from super().contradictions(statement, number)
+        apart = not all(material.isotropic for material in statement.material)
+        if apart and self.poisson_grading is not None:
+            reason = "is not possible yet where another material is anisotropic"
+            yield ("material", number, "poisson_grading"), reason
+        if treatment_of(statement).pressed:
+            setting = repr(statement.element.volumetric)
+            if not self.poisson > 0:
+                yield ("material", number, "poisson"), f"must be above 0 where element.volumetric = {setting}"
+            if number == 0 and statement.element.degree != 2:
+                yield ("element", "degree"), f"must be 2 for {setting}, whose pressure has one degree less"
+        elif self.poisson == 0.5 and (apart or self.hypothesis != "plane stress"):
+            cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'
+            yield ("material", number, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"
+
+
+# --- its form --------------------------------------------------------------------------------------------------------
+
+
+def elastic_degree(cell: str, degree: int, geometry: int) -> int:
+    """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``, which is
+    0 for quadrilaterals and hexahedra if their maps are affine (``body.quadrature``); see also
+    ``Kinematics.further_degrees``.
+
+    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices and along each axis of
+    parallelepipeds; on other quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
+    polynomials in it.  UFL estimates the same on these in the plane; it is stated here because the certificate
+    integrates without UFL.
+    """
+    if cell in ("triangle", "tetrahedron"):
+        return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)
+    return 2 * (degree + geometry)
+
+
+def elastic_forms(
+    y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None, *, kinematics: Kinematics = SPACE
+) -> tuple[Any, ...]:
+    """a(y, z) of section 2.1, as terms to be compiled one by one.
+
+    Args:
+        y: trial function.
+        z: test function.
+        lame: first Lame parameter.
+        mu: second Lame parameter.
+        degree: quadrature degree.
+        reduced: quadrature degree of the volumetric term lambda tr(epsilon y) tr(epsilon z); None: as exact as the
+            rest.
+        kinematics: give strain and measure.
+
+    Returns:
+        One term, or two if the volumetric one is reduced: FFCx 0.9 compiles a form wrongly that contains a one-point
+        rule and another rule on quadrilaterals.
+    """
+    import ufl
+
+    dx = ufl.dx(metadata={"quadrature_degree": degree})
+    trial_strain, test_strain = kinematics.strain(y), kinematics.strain(z)
+    around = kinematics.measure(position(z))
+    if reduced is None:
+        stress = lame * ufl.tr(trial_strain) * ufl.Identity(trial_strain.ufl_shape[0]) + 2 * mu * trial_strain
+        return (ufl.inner(stress, test_strain) * around * dx,)
+    shearing = ufl.inner(trial_strain, test_strain)
+    volumetric = lame * ufl.tr(trial_strain) * ufl.tr(test_strain)
+    return (
+        2 * mu * shearing * around * dx,
+        volumetric * around * ufl.dx(metadata={"quadrature_degree": reduced}),
+    )
+
+
+def initial_strain_forms(
+    z: Any,
+    strain: Any,
+    lame: Any,
+    mu: Any,
+    degree: int,
+    reduced: int | None = None,
+    *,
+    directions: int = 3,
+    kinematics: Kinematics = SPACE,
+) -> tuple[Any, ...]:
+    """The work of the stress of an initial strain, a(strain I, z), as terms to be compiled one by one.
+
+    Its stress is (2 mu + k lambda) strain I, with k directions; in plane strain the one out of the plane is among them.
+
+    Args:
+        z: test function.
+        strain: in each direction, a number.
+        lame: see ``elastic_forms``.
+        mu: see ``elastic_forms``.
+        degree: quadrature degree.
+        reduced: see ``elastic_forms``: free expansion is without stress only if both are integrated alike.
+        directions: see ``LinearElastic.directions``.
+        kinematics: see ``elastic_forms``.
+    """
+    import ufl
+
+    dilation, around = ufl.tr(kinematics.strain(z)), kinematics.measure(position(z))
+    dx = ufl.dx(metadata={"quadrature_degree": degree})
+    density = strain * dilation * around
+    if reduced is None:
+        return ((2 * mu + directions * lame) * density * dx,)
+    return 2 * mu * density * dx, directions * lame * density * ufl.dx(metadata={"quadrature_degree": reduced})

@@ -1,0 +1,269 @@
+"""What a material says.  All that assembles, judges and tells of one asks these methods and knows no kind.
+
+The fields of its class are its constants.  Strains and stresses are symmetric tensors along its axes, which are those
+of space unless it has others, see ``directed``.  The solver takes ``stress``, which is linear, as UFL; the certificate
+takes ``stress_at``, which is written without it, and judges ``moduli`` by it:
+
+    class Stiff(Material):
+        law: Literal["stiff"] = "stiff"
+        modulus: Positive
+
+        def stress(self, strain):
+            return self.modulus * strain
+
+        def stress_at(self, strain):
+            return strain * self.modulus
+
+        @property
+        def moduli(self):
+            return self.modulus, self.modulus
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from itertools import combinations
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
+from signorini_fx.mechanics.statement.values import Finite, NonNegative, SampledValue
+
+Array = npt.NDArray[np.float64]
+# The components of a symmetric tensor in space, in the order of ``Kinematics.pairs``.
+PAIRS = (*((k, k) for k in range(3)), *combinations(range(3), 2))
+
+
+_FULL = "must be 'full' with an anisotropic material"
+
+
+class Material(Effect):
+    """A linear elastic material.
+
+    Attributes:
+        hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions.  An axisymmetric mesh
+            is half of a section: x[0] >= 0 is the radius, x[1] is along the axis, forces are those of a revolution.
+        torsion: whether an axisymmetric body also moves around its axis; the components z are those around it, along
+            x[2], so that an angle about x[1] moves a point by -angle x[0].
+        grading: between 0 and 1, by which the moduli, the largest, are multiplied: its value in the middle of each
+            cell; None: 1 everywhere.
+        density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
+        expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs; None: not known.
+        region: name of the part of the body that is made of this material; None: all of it.
+    """
+
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "anisotropic material": {
+            "mixed element": f"{_FULL}: its pressure would not follow from the change of volume",
+            "reduced integration": f"{_FULL}: its mean stress does not follow from the change of volume",
+        },
+    }
+    # Whether the stress is a epsilon + b tr(epsilon) I, whose terms may be integrated apart or have a pressure.
+    isotropic: ClassVar[bool] = False
+    # How much it expands along its axes, relative to ``expansion``.
+    free_strain: ClassVar[tuple[float, float, float]] = (1.0, 1.0, 1.0)
+
+    grading: SampledValue | None = None
+    hypothesis: Literal["plane strain", "plane stress", "axisymmetric"] = "plane strain"
+    torsion: bool = False
+    density: NonNegative | None = None
+    expansion: Finite | None = None
+    region: str | None = None
+
+    # --- what a material must say ---
+
+    def stress(self, strain: Any) -> Any:
+        """The stress of a strain, UFL, both with shape (3, 3)."""
+        raise NotImplementedError
+
+    def stress_at(self, strain: Array) -> Array:
+        """The second opinion: the same as ``stress``, written without it, shape (..., 3, 3)."""
+        raise NotImplementedError
+
+    @property
+    def moduli(self) -> tuple[float, float]:
+        """Bounds of stress : strain over strain : strain, stresses; both are positive."""
+        raise NotImplementedError
+
+    # --- what it may say ---
+
+    def axes(self, x: Array) -> Array:
+        """The unit vectors along its axes at points ``x``, shape (3, n), as the columns of (n, 3, 3); not finite where
+        they have no direction.
+        """
+        return np.broadcast_to(np.eye(3), (x.shape[1], 3, 3))
+
+    @property
+    def varies(self) -> bool:
+        """Whether moduli or axes vary within the material."""
+        return self.grading is not None
+
+    @property
+    def yields_at(self) -> float:
+        """The von Mises stress at which it yields; infinite: it is not known."""
+        return math.inf
+
+    @property
+    def said(self) -> str:
+        """Its constants in words; "": ``check`` does not list it."""
+        return ""
+
+    def dimension_problems(self, dimension: int) -> Contradictions:
+        """What does not fit to a mesh of a dimension: the path of the key, and why."""
+        yield from ()
+
+    # --- what follows ---
+
+    @property
+    def label(self) -> str:
+        """See ``Effect``."""
+        return "material"
+
+    @property
+    def stiffness(self) -> Array:
+        """Stresses ``PAIRS`` from strains, of shear twice epsilon_ij, along the axes, shape (6, 6)."""
+        return stiffness_of(self)
+
+    @property
+    def compliance(self) -> Array:
+        """Its inverse."""
+        return np.asarray(np.linalg.inv(self.stiffness))
+
+    @property
+    def natural_modulus(self) -> float:
+        """The largest Young's modulus along its axes, which scales and settings follow, and what is below."""
+        return float(1 / self.compliance.diagonal()[:3].min())
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lame parameters of the isotropic material whose stiffness is the mean over all directions (W. Voigt,
+        Lehrbuch der Kristallphysik, Teubner, 1910).
+        """
+        c = self.stiffness
+        normal, lateral, shear = np.trace(c[:3, :3]), c[0, 1] + c[0, 2] + c[1, 2], np.trace(c[3:, 3:])
+        mu = float((normal - lateral + 3 * shear) / 15)
+        return float((normal + 2 * lateral) / 9) - 2 * mu / 3, mu
+
+    @property
+    def mean_poisson(self) -> float:
+        """A mean of Poisson's ratio."""
+        first, second = self.lame
+        return first / (2 * (first + second))
+
+    def stiffest(self, *, pressed: bool) -> float:
+        """The largest normal stress per strain, ``pressed``: without a pressure that is an unknown of its own."""
+        return float(self.stiffness.diagonal().max())
+
+    @property
+    def plane_modulus(self) -> float:
+        """Stress per strain along a line without lateral stress, or more."""
+        return self.stiffest(pressed=False)
+
+    @property
+    def locks(self) -> bool:
+        """Whether fully integrated elements lock visibly."""
+        return False
+
+    @property
+    def friction_indication(self) -> float:
+        """The friction coefficient above which several solutions are to be expected; infinite: it is not known."""
+        return math.inf
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (
+            *(() if self.isotropic else (("anisotropic material", ()),)),
+            *((("graded material", ()),) if self.varies else ()),
+        )
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """What two regions of the same material have in common."""
+        apart = ("region", "density", "expansion", "yield_stress")
+        return type(self), *(getattr(self, key) for key in type(self).model_fields if key not in apart)
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        if self.hypothesis != statement.material[0].hypothesis:
+            yield ("material", number), "all materials must have the same hypothesis"
+        if self.torsion and self.hypothesis != "axisymmetric":
+            yield ("material", number, "torsion"), 'needs hypothesis = "axisymmetric": other bodies have no axis'
+        if self.torsion != statement.material[0].torsion:
+            yield ("material", number, "torsion"), "must be the same in all materials"
+
+    @property
+    def words(self) -> str:
+        """What it is called."""
+        return f"the material {getattr(self, 'law', '')!r}"
+
+    # --- the second opinion ---
+
+    def free_strain_in_space(self, middle: Array) -> Array:
+        """``free_strain`` in the middle of f cells, shape (f, 3, 3)."""
+        axes = self.axes(middle)
+        return np.einsum("fia,a,fja->fij", axes, np.array(self.free_strain), axes)
+
+    def stress_in_space(self, middle: Array, strain: Array) -> Array:
+        """The stress by ``stress_at``, of strains that are turned into the axes and stresses that are turned back.
+
+        Args:
+            middle: of f cells, length, shape (3, f).
+            strain: shape (f, q, 3, 3); in plane stress that out of the plane does not count.
+
+        Returns:
+            Shape (f, q, 3, 3).
+        """
+        axes = self.axes(middle)
+        along = np.einsum("fia,fqij,fjb->fqab", axes, strain, axes, optimize=True)
+        stress = self.stress_at(along)
+        if self.hypothesis == "plane stress":  # a strain along axis 3 takes the stress there away
+            out = self.stress_at(np.diag([0.0, 0.0, 1.0]))
+            stress = stress - (stress[..., 2, 2] / out[2, 2])[..., None, None] * out
+        return np.asarray(np.einsum("fia,fqab,fjb->fqij", axes, stress, axes, optimize=True))
+
+    @property
+    def eigenvalues(self) -> tuple[float, float]:
+        """The least and the largest one of ``stress_at``, between which stress : strain is over strain : strain."""
+        matrix = self._products
+        least, *_, most = np.linalg.eigvalsh((matrix + matrix.T) / 2)
+        return float(least), float(most)
+
+    @property
+    def _products(self) -> Array:
+        """Those of unit strains ``PAIRS`` with the stresses of others, stresses, shape (6, 6)."""
+        unit = [np.zeros((3, 3)) for _ in PAIRS]
+        for strain, (i, j) in zip(unit, PAIRS, strict=True):
+            strain[i, j] = strain[j, i] = 1.0 if i == j else math.sqrt(0.5)
+        return np.array([[np.sum(strain * self.stress_at(other)) for other in unit] for strain in unit])
+
+    def missed(self) -> float:
+        """By how much ``stress_at`` leaves the bounds ``moduli``, and is not that of an energy, relative; infinite
+        where they bound nothing.
+        """
+        matrix, (least, most), (low, high) = self._products, self.eigenvalues, self.moduli
+        if not (least > 0 and 0 < low <= high):  # of what is no number, neither
+            return math.inf
+        return float(max(low / least - 1, most / high - 1, np.abs(matrix - matrix.T).max() / most, 0.0))
+
+
+@cache
+def stiffness_of(material: Material) -> Array:
+    """From ``Material.stress``, by one strain after the other."""
+    return np.column_stack([stress_of(material, strain) for strain in np.eye(len(PAIRS))])
+
+
+def stress_of(material: Material, components: Array) -> Array:
+    """The stresses ``PAIRS`` by ``Material.stress``, of strains that are twice epsilon_ij in shear, shape (6,)."""
+    import ufl
+    from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+
+    strain = np.zeros((3, 3))
+    for component, (i, j) in zip(components, PAIRS, strict=True):
+        strain[i, j] = strain[j, i] = component if i == j else component / 2
+    stress = apply_algebra_lowering(material.stress(ufl.as_matrix(strain.tolist())))
+    return np.array([float(stress[pair](())) for pair in PAIRS])

@@ -1,0 +1,43 @@
+"""Materials by their keys: those of this folder, and those of other packages, by entry points.
+
+A package that says in its pyproject.toml
+
+    [project.entry-points."signorini_fx.materials"]
+    "transversely isotropic" = "its.module:TransverselyIsotropic"
+
+has scenes with [material] law = "transversely isotropic" and the keys of this class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import TypeAdapter, WrapValidator
+
+from signorini_fx.extensions import MATERIALS, load, names_of
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
+from signorini_fx.mechanics.materials.protocol import Material
+
+
+def _named(entry: Any, kinds: Any) -> Any:
+    """A material from a table; itself if it is one.
+
+    Raises:
+        ValueError: there is no such material, or that of another package is none.
+    """
+    if isinstance(entry, Material) or not isinstance(entry, Mapping):
+        return entry if isinstance(entry, Material) else kinds(entry)
+    material: Any = OrthotropicElastic if "orthotropic" in entry else LinearElastic
+    if (name := entry.get("law")) is not None:
+        if name not in (known := names_of(MATERIALS)):
+            added = f", those of other packages: {', '.join(known)}" if known else ""
+            raise ValueError(f"there is no material {name!r}: leave law out, or take another one{added}")
+        material = load(MATERIALS, name)
+        if not (isinstance(material, type) and issubclass(material, Material)):
+            raise ValueError(f"{name!r}, which another package adds, is no Material")
+    return TypeAdapter(material).validate_python(entry)
+
+
+OneMaterial = Annotated[LinearElastic | OrthotropicElastic, WrapValidator(_named)]

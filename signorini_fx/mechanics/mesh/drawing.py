@@ -1,0 +1,379 @@
+"""Outlines and solids that several generators draw and mesh; they get the initialised module gmsh."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.statement.generators import refuse
+from signorini_fx.tuned import DIGITS_OF_FILES, HEXAHEDRON_VOLUME, TETRAHEDRON_VOLUME
+
+# Of a body around the axis x[2]: all of it, x[1] >= 0, or x[0] >= 0 as well.
+Part = Literal["whole", "half", "quarter"]
+# A function of points of shape (3, n) that says which of them are on a surface.
+Surface = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
+# More facets than this along the zone of small cells, or along the body, are a mistake in the input.
+_MOST_FACETS = 5000
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A corner of an outline.
+
+    Attributes:
+        x: position along x[0].
+        y: position along x[1].
+        side: name of the straight side from here to the next corner; "" leaves it without a name.
+        radius: of the arc that rounds the corner, 0: sharp.
+        arc: name of that arc.
+    """
+
+    x: float
+    y: float
+    side: str = ""
+    radius: float = 0.0
+    arc: str = ""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A scaled gmsh model: the tolerances of gmsh are absolute, so the numbers should be the same in all units.
+
+    Attributes:
+        gmsh: the initialised module.
+        unit: length of the model's unit.
+        upright: points are drawn in the plane of x[0] and x[2], as for the section of a body in space.
+    """
+
+    gmsh: Any
+    unit: float
+    upright: bool = False
+
+    def length(self, length: float) -> float:
+        """A length in the model's unit, the same number in all units of the scene: a mesh depends on every last bit."""
+        return float(f"{length / self.unit:.12g}")
+
+    def point(self, x: float, y: float) -> int:
+        """A point at a position in units of the scene."""
+        across, up = x / self.unit, y / self.unit
+        position = (across, 0.0, up) if self.upright else (across, up, 0.0)
+        tag: int = self.gmsh.model.geo.addPoint(*position)
+        return tag
+
+
+def draw_outline(drawing: Drawing, corners: list[Corner]) -> tuple[int, dict[str, list[int]]]:
+    """A surface with straight sides and rounded corners, anticlockwise; no side may be shorter than its arcs need.
+
+    Returns:
+        The surface, and name -> its curves.
+    """
+    geo = drawing.gmsh.model.geo
+    named: dict[str, list[int]] = {}
+    loop: list[int] = []
+    ends: list[tuple[int, int]] = []  # for each corner: the end of the side before it, the start of the next
+    arcs: list[int | None] = []
+    for previous, corner, following in zip(
+        corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True
+    ):
+        if corner.radius == 0.0:
+            point = drawing.point(corner.x, corner.y)
+            ends.append((point, point))
+            arcs.append(None)
+            continue
+        first, last = (_direction(corner, neighbour) for neighbour in (previous, following))
+        half = math.acos(max(-1.0, min(1.0, first[0] * last[0] + first[1] * last[1]))) / 2
+        along, away = corner.radius / math.tan(half), corner.radius / math.sin(half)
+        bisector = _unit(first[0] + last[0], first[1] + last[1])
+        centre = drawing.point(corner.x + away * bisector[0], corner.y + away * bisector[1])
+        begin, end = (drawing.point(corner.x + along * d[0], corner.y + along * d[1]) for d in (first, last))
+        ends.append((begin, end))
+        arcs.append(geo.addCircleArc(begin, centre, end))
+    for index, corner in enumerate(corners):
+        arc = arcs[index]
+        if arc is not None:
+            loop.append(arc)
+            named.setdefault(corner.arc, []).append(arc)
+        line = geo.addLine(ends[index][1], ends[(index + 1) % len(corners)][0])
+        loop.append(line)
+        named.setdefault(corner.side, []).append(line)
+    named.pop("", None)
+    return geo.addPlaneSurface([geo.addCurveLoop(loop)]), named
+
+
+def _unit(x: float, y: float) -> tuple[float, float]:
+    length = math.hypot(x, y)
+    return x / length, y / length
+
+
+def _direction(corner: Corner, neighbour: Corner) -> tuple[float, float]:
+    return _unit(neighbour.x - corner.x, neighbour.y - corner.y)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The length of facets: ``near`` up to the distance ``zone`` from the places, growing to ``far`` at ``reach``."""
+
+    near: float
+    far: float
+    zone: float
+    reach: float
+
+    def at(self, distance: Any) -> Any:
+        """Length at distances from the places."""
+        ends = [self.zone, max(self.reach, self.zone * (1 + 1e-9))]
+        return np.interp(distance, ends, [min(self.near, self.far), self.far])
+
+
+def _refuse_short(sizes: Sizes, fine: float) -> None:
+    """Refuse facets that are too short for the zone where they are fine, or for the body."""
+    for name, short, long in (("contact_size", sizes.near, fine), ("size", sizes.far, sizes.reach)):
+        if long / short > _MOST_FACETS:
+            refuse(name, f"{short:g} is too short: {long / short:.2g} facets along {long:g}")
+
+
+# The dimension of a cell, and its area or volume for edges of length 1.
+_CELLS = {
+    "triangle": (2, math.sqrt(3) / 4),
+    "quadrilateral": (2, math.sqrt(3) / 2),
+    "tetrahedron": (3, TETRAHEDRON_VOLUME),
+    "hexahedron": (3, HEXAHEDRON_VOLUME),
+}
+
+
+def approximate_cells(
+    sizes: Sizes, within: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]], cell: str
+) -> float:
+    """The approximate number of cells of these sizes in a body.
+
+    Args:
+        sizes: lengths of their edges.
+        within: the area or volume of the body up to distances from the places where they are small.
+        cell: their kind.
+    """
+    _refuse_short(sizes, sizes.zone)
+    far = max(sizes.reach, sizes.zone)
+    r = np.concatenate([[0.0, sizes.zone], sizes.zone + np.geomspace(1e-9, 1.0, 400) * (far - sizes.zone)])
+    h = sizes.at(r)
+    dimension, content = _CELLS[cell]
+    with np.errstate(over="ignore", divide="ignore"):
+        return float((np.diff(within(r)) / (content * (0.5 * (h[1:] + h[:-1])) ** dimension)).sum())
+
+
+def mesh_surface(
+    drawing: Drawing,
+    bodies: Iterable[int],
+    boundaries: Mapping[str, Sequence[int]],
+    sizes: Sizes,
+    *,
+    points: Sequence[int] = (),
+    curves: Sequence[int] = (),
+    cell: str = "triangle",
+    order: int = 1,
+) -> None:
+    """Mesh surfaces, fine near some points and curves, and name their parts: the body is ``body``.
+
+    Args:
+        drawing: the model, not yet synchronised.
+        bodies: surfaces.
+        boundaries: name -> curves.
+        sizes: lengths of the facets.
+        points: where they are small.
+        curves: where they are small.
+        cell: ``triangle`` or ``quadrilateral``.
+        order: degree of the geometry; 2: facets and cells have nodes between, which are on the arcs.
+
+    Raises:
+        SceneError: the facets are so short that no machine could mesh the body.
+    """
+    _refuse_short(sizes, max(sizes.reach, sizes.zone) if curves else sizes.zone)
+    gmsh, unit = drawing.gmsh, drawing.unit
+    geo, fields = gmsh.model.geo, gmsh.model.mesh.field
+    surfaces = list(bodies)
+    if cell == "quadrilateral":
+        for body in surfaces:
+            geo.mesh.setRecombine(2, body)
+    geo.synchronize()
+    # A subdivision of all cells makes a pure quadrilateral mesh of facets half as long.
+    stretch = 2.0 if cell == "quadrilateral" else 1.0
+    distance, threshold = fields.add("Distance"), fields.add("Threshold")
+    if points:
+        fields.setNumbers(distance, "PointsList", list(points))
+    if curves:
+        fields.setNumbers(distance, "CurvesList", list(curves))
+        fields.setNumber(distance, "Sampling", 200)
+    settings = {
+        "InField": distance,
+        "SizeMin": stretch * min(sizes.near, sizes.far) / unit,
+        "SizeMax": stretch * sizes.far / unit,
+        "DistMin": sizes.zone / unit,
+        "DistMax": max(sizes.reach, sizes.zone) / unit,
+    }
+    for name, value in settings.items():
+        fields.setNumber(threshold, name, value)
+    fields.setAsBackgroundMesh(threshold)
+    for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints", "MeshSizeFromCurvature"):
+        gmsh.option.setNumber(f"Mesh.{option}", 0)
+    if cell == "quadrilateral":
+        gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1)
+        # Triangles stay until then where the quadrilateral would be flat, as in the rounding of a fillet.
+        gmsh.option.setNumber("Mesh.RecombineMinimumQuality", 0.3)
+    gmsh.model.addPhysicalGroup(2, surfaces, name="body")
+    for name, tags in boundaries.items():
+        gmsh.model.addPhysicalGroup(1, list(tags), name=name)
+    gmsh.model.mesh.generate(2)
+    if order > 1:
+        gmsh.model.mesh.setOrder(order)
+
+
+# --- bodies in space -------------------------------------------------------------------------------------------------
+
+
+def cut_to_part(drawing: Drawing, body: int, part: Part, extent: float) -> dict[str, Surface]:
+    """Cut a solid of OpenCASCADE around the axis x[2] down to the given part.
+
+    Args:
+        drawing: the model, in its own units.
+        body: the solid.
+        part: the part that is kept.
+        extent: no point of the solid is farther from the origin.
+
+    Returns:
+        The names of the planes of symmetry, ``symmetry_y`` at x[1] = 0 and ``symmetry_x`` at x[0] = 0.
+    """
+    if part == "whole":
+        return {}
+    low = 0.0 if part == "quarter" else -2 * extent
+    box = drawing.gmsh.model.occ.addBox(low, 0.0, -2 * extent, 2 * extent - low, 2 * extent, 4 * extent)
+    drawing.gmsh.model.occ.intersect([(3, body)], [(3, box)])
+    planes: dict[str, Surface] = {"symmetry_y": plane(1, 0.0)}
+    return planes | ({"symmetry_x": plane(0, 0.0)} if part == "quarter" else {})
+
+
+def plane(axis: int, at: float) -> Surface:
+    """The points where x[axis] is ``at``, in units of the drawing."""
+    return lambda x: np.abs(x[axis] - at) < DIGITS_OF_FILES
+
+
+def mesh_solid(
+    drawing: Drawing,
+    boundaries: Mapping[str, Surface],
+    sizes: Sizes,
+    distance: Callable[[float, float, float], float],
+    *,
+    cell: str = "tetrahedron",
+    order: int = 1,
+) -> None:
+    """Mesh the solids of OpenCASCADE, fine near some places, and name their surfaces.
+
+    Args:
+        drawing: the model, not yet synchronised.
+        boundaries: name -> which points are on it, in units of the drawing; of several the first counts.
+        sizes: lengths of the edges, in units of the scene.
+        distance: distance of a position from the places where they are small, in units of the drawing.
+        cell: ``tetrahedron``, or ``hexahedron``: tetrahedra of twice the size, each divided into four hexahedra.
+        order: degree of the geometry; 2: edges have nodes between, which are on the surfaces.
+    """
+    gmsh, stretch = drawing.gmsh, 2.0 if cell == "hexahedron" else 1.0
+    gmsh.model.occ.synchronize()
+    drawn = Sizes(*(drawing.length(value) for value in (sizes.near, sizes.far, sizes.zone, sizes.reach)))
+
+    def size(_dim: int, _tag: int, x: float, y: float, z: float, wanted: float) -> float:
+        return min(wanted, stretch * float(drawn.at(distance(x, y, z))))
+
+    for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints"):
+        gmsh.option.setNumber(f"Mesh.{option}", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 10)
+    if cell == "hexahedron":
+        gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 2)
+    gmsh.model.mesh.setSizeCallback(size)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.removeSizeCallback()
+    if order > 1:
+        _curve(gmsh, order)
+    named: dict[str, list[int]] = {}
+    for _, tag in gmsh.model.getEntities(2):
+        _, x, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)
+        points = np.asarray(x).reshape(-1, 3).T
+        names = [name for name, holds in boundaries.items() if holds(points).all()]
+        if names:
+            named.setdefault(names[0], []).append(tag)
+    _name_solids(gmsh, named)
+
+
+def mesh_extruded(
+    drawing: Drawing,
+    sections: Sequence[int],
+    sides: Mapping[str, Sequence[int]],
+    along: tuple[float, float, float],
+    layers: int,
+    ends: tuple[str, str],
+    *,
+    cell: str = "hexahedron",
+    order: int = 1,
+) -> None:
+    """Mesh the extrusion of plane sections in layers, and name its surfaces.
+
+    Args:
+        drawing: the model, not yet synchronised, with transfinite sections.
+        sections: plane surfaces.
+        sides: name -> curves of the sections; the surfaces that they sweep have it.
+        along: the vector of the extrusion, in units of the scene.
+        layers: cells along it.
+        ends: names of the surfaces where the sections begin and end.
+        cell: ``hexahedron`` or ``tetrahedron``.
+        order: degree of the geometry.
+    """
+    gmsh, geo = drawing.gmsh, drawing.gmsh.model.geo
+    if cell == "hexahedron":
+        for section in sections:
+            geo.mesh.setRecombine(2, section)
+    vector = [value / drawing.unit for value in along]
+    extruded = geo.extrude([(2, section) for section in sections], *vector, [layers], recombine=cell == "hexahedron")
+    geo.synchronize()
+    # Centres of arcs would become nodes without a cell, which dolfinx cannot distribute.
+    points = gmsh.model.getEntities(0)
+    gmsh.model.removeEntities([point for point in points if not len(gmsh.model.getAdjacencies(*point)[0])])
+    named = {ends[0]: list(sections), ends[1]: []}
+    for previous, (dim, _) in pairwise(extruded):
+        if dim == 3:  # the end of the section comes before its solid
+            named[ends[1]].append(previous[1])
+    swept = {frozenset(_curves(gmsh, tag)): tag for _, tag in gmsh.model.getEntities(2)}
+    for name, curves in sides.items():
+        swept_curves = {abs(curve) for curve in curves}
+        named[name] = [tag for around, tag in swept.items() if around & swept_curves and tag not in sections]
+    gmsh.model.mesh.generate(3)
+    if order > 1:
+        _curve(gmsh, order)
+    _name_solids(gmsh, named)
+
+
+def _curve(gmsh: Any, order: int) -> None:
+    """Add nodes between the corners of solids, on the surfaces, and check that no cell is inverted.
+
+    Raises:
+        MeshError: the cells are too large for the arcs.
+    """
+    mesh = gmsh.model.mesh
+    mesh.setOrder(order)
+    # gmsh could move the nodes, but ends the whole process if it finds no place for them.
+    cells = [mesh.getElementsByType(kind)[0] for kind in mesh.getElementTypes(3)]
+    if not all((mesh.getElementQualities(tags, "minDetJac") > 0).all() for tags in cells):
+        raise MeshError("cells that follow the arcs would be turned inside out: use more of them, or order = 1")
+
+
+def _curves(gmsh: Any, surface: int) -> list[int]:
+    return [abs(tag) for _, tag in gmsh.model.getBoundary([(2, surface)], oriented=False)]
+
+
+def _name_solids(gmsh: Any, named: Mapping[str, Sequence[int]]) -> None:
+    """Name surfaces, and all solids together ``body``."""
+    gmsh.model.addPhysicalGroup(3, [tag for _, tag in gmsh.model.getEntities(3)], name="body")
+    for name, tags in named.items():
+        gmsh.model.addPhysicalGroup(2, list(tags), name=name)

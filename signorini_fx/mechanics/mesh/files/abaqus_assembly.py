@@ -1,0 +1,223 @@
+"""An assembly of parts as one model: the instances of an Abaqus input file get numbers and names of their own.
+
+A name that several instances have, or that the assembly has too, becomes INSTANCE.NAME; one that is unique stays as it
+is.  Nodes of the second instance, and of the assembly, get higher numbers.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
+from signorini_fx.mechanics.mesh.files.arrays import plain
+from signorini_fx.mechanics.mesh.files.shape import Floats
+
+# Parameters whose values are sets, surfaces, orientations or nodes.
+_NAMING = (
+    *("NSET", "ELSET", "SURFACE", "ORIENTATION", "REFNODE", "ROTNODE", "NODE", "ANALYTICALSURFACE"),
+    *("TIENSET", "PINNSET"),
+)
+# Keywords whose rows begin with a node, an element or a set of them, and how many such words there are; None: all.
+_REFERRING: dict[str, int | None] = {
+    **dict.fromkeys(("NSET", "ELSET", "ELEMENT", "TIE", "CONTACTPAIR"), None),
+    **dict.fromkeys(("NODE", "SURFACE", "BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS"), 1),
+}
+_LEVELS = {"PART", "ENDPART", "INSTANCE", "ENDINSTANCE", "ASSEMBLY", "ENDASSEMBLY"}
+# Copies of parts may not fill the memory.
+_MOST_ROWS = 20_000_000
+
+
+@dataclass
+class _Scope:
+    """An instance, or the assembly with all else.
+
+    Attributes:
+        name: as it is written; empty: that of the assembly.
+        blocks: its keywords.
+        move: from its coordinates to those of the assembly, positions of shape (n, 3); None: they are the same.
+        turn: the same for directions.
+        first: what is added to its numbers.
+        names: of its sets, surfaces and orientations, in capitals.
+    """
+
+    name: str
+    blocks: list[DeckBlock] = field(default_factory=list)
+    move: Callable[[Floats], Floats] | None = None
+    turn: Callable[[Floats], Floats] | None = None
+    first: int = 0
+    names: set[str] = field(default_factory=set)
+
+
+def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
+    """The keywords without parts and instances; those of a file without instances as they are.
+
+    Raises:
+        DeckError: a part is missing, or what positions an instance is no number; or everything is too large.
+    """
+    if not any(block.keyword == "INSTANCE" for block in blocks):
+        return blocks
+    assembly = _Scope("")
+    parts: dict[str, list[DeckBlock]] = {}
+    instances: dict[str, _Scope] = {}
+    order: list[DeckBlock | _Scope] = []
+    scope: list[DeckBlock] | None = None
+    for block in blocks:
+        if block.keyword == "PART":
+            scope = parts.setdefault(_required(block, "NAME").upper(), [])
+        elif block.keyword == "INSTANCE":
+            instance = _instance(block, parts)
+            if instance.name.upper() in instances:
+                raise DeckError(block, f"there are two instances {instance.name!r}")
+            instances[instance.name.upper()] = instance
+            order.append(instance)
+            scope = instance.blocks
+        elif block.keyword in _LEVELS:
+            scope = None
+        elif scope is None:
+            order.append(block)
+            assembly.blocks.append(block)
+        else:
+            scope.append(block)
+    if sum(len(block.rows) for part_scope in instances.values() for block in part_scope.blocks) > _MOST_ROWS:
+        raise DeckError(blocks[0], f"all instances together have more than {_MOST_ROWS:,} rows")
+    first = 0
+    for part_scope in (*instances.values(), assembly):
+        part_scope.names = {name.upper() for block in part_scope.blocks for name in _defined(block)}
+        part_scope.first, first = first, first + max(map(_largest_number, part_scope.blocks), default=0)
+    if not any(block.keyword in ("NODE", "ELEMENT") for block in assembly.blocks):
+        assembly.first = 0  # numbers are those of the only instance, in files that say so without its name
+    counts = Counter(name for part_scope in (*instances.values(), assembly) for name in part_scope.names)
+    names = _Names(assembly, instances, counts)
+    joined: list[DeckBlock] = []
+    for entry in order:
+        joined += (
+            [names.written(block, entry) for block in entry.blocks]
+            if isinstance(entry, _Scope)
+            else [names.written(entry, assembly)]
+        )
+    return joined
+
+
+def _required(block: DeckBlock, key: str) -> str:
+    if key not in block.parameters:
+        raise DeckError(block, f"{key} is missing")
+    return block.parameters[key]
+
+
+def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
+    """An instance of a part, which the rows may shift and then turn about an axis."""
+    part = _required(block, "PART")
+    if part.upper() not in parts:
+        raise DeckError(block, f"there is no part {part!r} before it")
+    instance = _Scope(_required(block, "NAME"), list(parts[part.upper()]))
+    try:
+        rows = [np.array([real(word) for word in row]) for row in block.rows]
+        lengths = [len(row) for row in rows]
+        if lengths not in ([], [3], [3, 7]):
+            raise ValueError("a shift of three numbers is expected, then perhaps two points of an axis and an angle")
+        if rows:
+            turn = _rotation(rows[1][3:6] - rows[1][:3], rows[1][6]) if len(rows) > 1 else np.eye(3)
+            pivot = rows[1][:3] if len(rows) > 1 else np.zeros(3)
+            instance.move = lambda x: np.asarray((x + rows[0] - pivot) @ turn.T + pivot)
+            instance.turn = lambda x: np.asarray(x @ turn.T)
+    except ValueError as error:
+        raise DeckError(block, str(error)) from None
+    return instance
+
+
+def _rotation(axis: Floats, degrees: float) -> Floats:
+    """The matrix of a rotation about an axis (Rodrigues)."""
+    if not (size := float(np.linalg.norm(axis))) > 0:
+        raise ValueError("the axis of the rotation has no length")
+    x, y, z = axis / size
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = np.radians(degrees)
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+
+
+def _defined(block: DeckBlock) -> list[str]:
+    """The names that a keyword defines."""
+    key = {"NODE": "NSET", "NSET": "NSET", "ELEMENT": "ELSET", "ELSET": "ELSET"}.get(block.keyword, "NAME")
+    named = block.keyword in ("NODE", "NSET", "ELEMENT", "ELSET", "SURFACE", "ORIENTATION")
+    return [block.parameters[key]] if named and key in block.parameters else []
+
+
+def _largest_number(block: DeckBlock) -> int:
+    """Of the nodes or elements that a keyword defines; those of its nodes count too."""
+    rows = block.rows if block.keyword in ("NODE", "ELEMENT") else []
+    words = (word for row in rows for word in (row[:1] if block.keyword == "NODE" else row))
+    return max((int(word) for word in words if word.isdigit()), default=0)
+
+
+@dataclass(frozen=True)
+class _Names:
+    """How names and numbers of instances are written in the whole; how many of them have a name."""
+
+    whole: _Scope
+    instances: dict[str, _Scope]
+    counts: Counter[str]
+
+    def word(self, word: str, scope: _Scope, *, numbered: bool) -> str:
+        """A set, a surface, a node or an element as it is called in the whole.
+
+        Args:
+            word: as it is in the file.
+            scope: where it is.
+            numbered: whether a whole number is that of a node or element.
+        """
+        prefix, dot, suffix = word.partition(".")
+        if dot and (candidate := self.instances.get(prefix.strip().upper())) is not None:
+            return self.word(suffix.strip(), candidate, numbered=True)
+        if word.isdigit():
+            return str(int(word) + scope.first) if numbered else word
+        if scope is self.whole or word.upper() not in scope.names:
+            return word
+        return word if self.counts[word.upper()] == 1 else f"{scope.name}.{word}"
+
+    def written(self, block: DeckBlock, scope: _Scope) -> DeckBlock:
+        """A keyword of a scope as one of the whole."""
+        inside = self.instances.get(block.parameters.get("INSTANCE", "").upper(), scope)
+        defined_names = _defined(block)
+        parameters = {
+            key: self.word(value, scope, numbered=True) if key in _NAMING or [value] == defined_names else value
+            for key, value in block.parameters.items()
+        }
+        rows = block.rows
+        if block.keyword in ("NSET", "ELSET") and "GENERATE" in block.parameters:
+            rows = [[*(self.word(word, inside, numbered=True) for word in row[:2]), *row[2:]] for row in rows]
+        elif block.parameters.get("TYPE", "").upper() not in ("SEGMENTS", "CYLINDER", "REVOLUTION"):
+            count = _REFERRING.get(block.keyword, 0)
+            rows = [
+                [self.word(word, inside, numbered=True) for word in row[:count]] + row[len(row[:count]) :]
+                for row in rows
+            ]
+        if scope.move is not None and scope.turn is not None:
+            try:
+                rows = _moved(replace(block, rows=rows), scope.move, scope.turn)
+            except ValueError as error:
+                raise DeckError(block, str(error)) from None
+        return replace(block, parameters=parameters, rows=rows)
+
+
+def _moved(block: DeckBlock, move: Callable[[Floats], Floats], turn: Callable[[Floats], Floats]) -> list[list[str]]:
+    """The rows of a keyword of a part where its instance is."""
+    rows = block.rows
+    if block.keyword == "NODE" and rows:
+        coordinates = [[real(word) for word in row[1:4]] for row in rows]
+        x = move(np.array([node + [0.0] * (3 - len(node)) for node in coordinates]))
+        flat = max(map(len, coordinates)) < 3 and not x[:, 2].any()
+        places = plain(x[:, : 2 if flat else 3])
+        return [[row[0], *map(repr, point)] for row, point in zip(rows, places, strict=True)]
+    if block.keyword == "SURFACE" and block.parameters.get("TYPE", "").upper() == "SEGMENTS":
+        pairs = [np.array([real(word) for word in row[1:]]).reshape(-1, 2) for row in rows]
+        moved = [move(np.pad(pair, ((0, 0), (0, 1))))[:, :2] for pair in pairs]
+        return [[row[0], *map(repr, x.ravel().tolist())] for row, x in zip(rows, moved, strict=True)]
+    if block.keyword in ("ORIENTATION", "TRANSFORM") and rows:
+        round_ = block.parameters.get("SYSTEM", block.parameters.get("TYPE", "R")).upper().startswith(("C", "S"))
+        x = np.array([real(word) for word in rows[0]]).reshape(-1, 3)
+        return [[*map(repr, (move if round_ else turn)(x).ravel().tolist())], *rows[1:]]
+    return rows

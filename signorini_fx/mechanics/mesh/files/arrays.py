@@ -1,0 +1,401 @@
+"""A mesh in the plane or in space as plain arrays on one rank, the result of reading a file.  No dolfinx here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed
+from signorini_fx.mechanics.mesh.files.cutting import cut
+from signorini_fx.mechanics.mesh.files.one_order import complete, of_one_order
+from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.tuned import LARGEST_NUMBER
+
+# A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function of the position.
+Selection = int | tuple[int, ...] | Callable[[Floats], Floats]
+
+# Elements of one and two dimensions; all others are treated as cells of a body in space.
+_LINES = ("line", "line3", "line4")
+_SURFACES = ("triangle", "triangle6", "triangle7", "quad", "quad8", "quad9")
+
+
+def plain(values: npt.NDArray[Any]) -> Any:
+    """An array as lists of Python numbers."""
+    return values.tolist()
+
+
+@dataclass(frozen=True)
+class MeshArrays:
+    """A mesh of one kind of cell in the plane or in space, with the names of its boundaries and regions.
+
+    Attributes:
+        points: positions of the nodes, each of which belongs to a cell, shape (n, d).
+        kind: a kind of cell of ``CELLS``, of d dimensions.
+        cells: nodes of each cell in the order of its kind, shape (m, k).
+        facets: nodes of each exterior facet in the order of its kind, shape (f, l); after them facets inside the body
+            that belong to sections.
+        boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
+        regions: name -> rows of ``cells``, sorted; regions may overlap.
+        note: what was made of the cells of the file; empty if they are as they were.
+    """
+
+    points: Floats
+    kind: str
+    cells: Ints
+    facets: Ints
+    boundaries: Mapping[str, Ints]
+    regions: Mapping[str, Ints]
+    note: str = ""
+
+    @property
+    def cell(self) -> Cell:
+        """The kind of the cells."""
+        return CELLS[self.kind]
+
+    @property
+    def facet(self) -> Cell:
+        """The kind of the facets."""
+        return CELLS[self.cell.facet]
+
+    @property
+    def dim(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.cell.dim
+
+    @property
+    def corners(self) -> Ints:
+        """Corners of each cell, shape (m, c)."""
+        return self.cells[:, : len(self.cell.corners)]
+
+    @property
+    def facet_corners(self) -> Ints:
+        """Corners of each exterior facet along its perimeter, shape (f, c)."""
+        return self.facets[:, : len(self.facet.corners)]
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree of the geometry."""
+        return self.cell.degree
+
+
+def from_raw(
+    raw: RawMesh,
+    name: str,
+    boundaries: Mapping[str, Selection] | None = None,
+    regions: Mapping[str, Selection] | None = None,
+    data: str | None = None,
+    sections: Collection[str] = (),
+) -> MeshArrays:
+    """The cells of a raw mesh with their exterior facets and all names.
+
+    The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.  Some
+    kinds of cells are cut into simplices: ``cutting``.
+
+    Args:
+        raw: the mesh as read from its file.
+        name: name of the mesh in messages.
+        boundaries: names of the scene; they replace those of the file.  A rule selects the exterior facets all of whose
+            vertices satisfy it (true or positive).
+        regions: the same for cells and all their vertices.
+        data: the cell data that numbers refer to; None: the only one that has any.
+        sections: names of sets of the file whose facets inside the body are wanted, too.
+
+    Raises:
+        MeshError: there are no cells, or cells of several kinds; they are a surface in space, folded or flat; or a node
+            is missing.
+        SceneError: a selection is empty.
+    """
+    raw, raised = of_one_order(raw)
+    raw, note = cut(raw, name)
+    kind, body = _body(raw, name)
+    if (full_cell := completed(kind)) is not None:
+        count = sum(len(raw.blocks[n][1]) for n in body)
+        raw, kind = complete(raw, body, *full_cell)
+        note = f"{count} {full_cell[0].word} get nodes in the middle of their faces, and are {kind}"
+    note = "; ".join(filter(None, (raised, note)))
+    cell = CELLS[kind]
+    points, cells, renumber = _points_of(raw, body, cell.dim, name)
+    corners = cells[:, : len(cell.corners)]
+    check_shape(points, cells, cell, name)
+    _check_twice(corners, name)
+    width = len(CELLS[cell.facet].corners)
+    facets = _exterior(cells, cell, name)
+    if any(label in raw.sets for label in sections):
+        facets = np.concatenate((facets, _inside(raw, sections, renumber, sides_of(cells, cell), facets, width)))
+    named = [n for n, (k, nodes) in enumerate(raw.blocks) if _corners_of(k) == width and n not in body]
+    facet_tables = [renumber[raw.blocks[n][1][:, :width]] for n in named]
+    ends = np.cumsum([len(rows) for rows in facet_tables])[:-1]
+    named_facets = np.concatenate([np.empty((0, width), dtype=np.int64), *facet_tables])
+    rows = np.split(rows_of(named_facets, facets[:, :width]), ends) if named else []
+    sides = _Entities("boundaries", "exterior facet", dict(zip(named, rows, strict=True)), facets[:, :width])
+    first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
+    cell_rows = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
+    parts = _Entities("regions", "cell", cell_rows, corners)
+    # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
+    names = _from_nodes(raw, renumber, len(points), sides.nodes) | _names(raw, sides, data, name)
+    names_of_parts = _names(raw, parts, data, name)
+    problems: list[tuple[str, str]] = []
+    for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
+        for label, selection in (chosen or {}).items():
+            if isinstance(selection, int | tuple):
+                numbers = selection if isinstance(selection, tuple) else (selection,)
+                numbered = [_numbered(raw, entities, number, data, name) for number in numbers]
+                missing = [message for selected, message in numbered if not selected.size]
+                selected = np.unique(
+                    np.concatenate([selected if not missing else selected[:0] for selected, _ in numbered])
+                )
+                message = missing[0] if missing else ""
+            elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
+                selected, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is plane: there is no x[2]"
+            else:
+                selected = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
+                extents = ", ".join(
+                    f"x[{k}] {low:.6g} to {high:.6g}"
+                    for k, (low, high) in enumerate(zip(points.min(axis=0), points.max(axis=0), strict=True))
+                )
+                message = f"{name}: selects no {entities.word}; the body is {extents}"
+            result[label] = selected
+            if not selected.size:
+                problems.append((f"mesh.{entities.key}.{label}", message))
+    if problems:
+        raise SceneError(problems)
+    return MeshArrays(points, kind, cells, facets, names, names_of_parts, note)
+
+
+def _corners_of(kind: str) -> int:
+    """How many corners an element of one or two dimensions has; 0: another one, or unknown."""
+    if kind in _LINES:
+        return 2
+    return (3 if kind.startswith("triangle") else 4) if kind in _SURFACES else 0
+
+
+@dataclass(frozen=True)
+class _Entities:
+    """Entities that can have names: the exterior facets, or the cells.
+
+    Attributes:
+        key: the key of the scene for their names.
+        word: the word for them in messages.
+        rows: block of the raw mesh -> which of them each element is, -1: none.
+        nodes: corners of each.
+    """
+
+    key: str
+    word: str
+    rows: Mapping[int, Ints]
+    nodes: Ints
+
+    def take(self, members: Callable[[int], Ints]) -> Ints:
+        """The entities that are elements ``members(block)``."""
+        parts = [rows[members(block)] for block, rows in self.rows.items()]
+        numbers = np.concatenate([np.empty(0, dtype=np.int64), *parts])
+        return np.unique(numbers[numbers >= 0])
+
+    def values(self, numbers: list[Ints]) -> list[int]:
+        """The numbers that elements have; below 0 is none."""
+        return sorted({int(v) for block in self.rows for v in np.unique(numbers[block]) if v >= 0})
+
+    def with_number(self, numbers: list[Ints], value: int) -> Ints:
+        """The entities whose elements have this number."""
+        return self.take(lambda block: np.unique(np.nonzero(numbers[block] == value)[0]))
+
+
+def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> dict[str, Ints]:
+    """The names of the sets or, if there are none, names made from the numbers."""
+    named = {
+        label: entities.take(members.__getitem__)
+        for label, members in raw.sets.items()
+        if any(members[block].size for block in entities.rows)
+    }
+    numbers = _numbers(raw, entities, data, name)
+    if named or numbers is None:
+        return named
+    word = "boundary" if entities.key == "boundaries" else "region"
+    return {f"{word}_{value}": entities.with_number(numbers, value) for value in entities.values(numbers)}
+
+
+def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict[str, Ints]:
+    """Boundaries that are sets of nodes: the exterior facets with all corners in it."""
+    named: dict[str, Ints] = {}
+    for label, nodes in raw.node_sets.items():
+        marked = np.zeros(count + 1, dtype=bool)  # the last one is for points that no cell uses
+        marked[renumber[nodes]] = True
+        marked[-1] = False
+        facets = np.flatnonzero(marked[corners].all(axis=1))
+        if facets.size:
+            named[label] = facets
+    return named
+
+
+def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, name: str) -> tuple[Ints, str]:
+    """The entities with a number, and the message if there are none."""
+    numbers = _numbers(raw, entities, data, name)
+    if numbers is None:
+        possible = [repr(label) for label, columns in raw.data.items() if entities.values(columns)]
+        cure = (
+            f"set mesh.data to the cell data that is meant; there are: {', '.join(possible)}"
+            if possible
+            else f"no {entities.word} has a number: give a condition instead, such as 'x[1] < 1e-9', or name them in "
+            "the file (in gmsh: physical groups)"
+        )
+        return np.empty(0, dtype=np.int64), f"{name}: {cure}"
+    known_numbers = ", ".join(map(str, entities.values(numbers))) or "none"
+    selected = entities.with_number(numbers, value)
+    return selected, f"{name}: number {value} selects no {entities.word}; the numbers there are: {known_numbers}"
+
+
+def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
+    """The kind of the cells and the blocks that hold them.
+
+    Raises:
+        MeshError: no cells, cells of several kinds, or of a kind without an element.
+    """
+    sizes: dict[str, int] = {}
+    for kind, nodes in raw.blocks:
+        if len(nodes) and kind not in (*_LINES, "vertex"):
+            sizes[kind] = sizes.get(kind, 0) + len(nodes)
+    solid = {kind: n for kind, n in sizes.items() if kind not in _SURFACES and not kind.startswith("polygon")}
+    sizes = solid or sizes  # the surfaces of a body in space are facets
+    if not sizes:
+        raise MeshError(
+            f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of dimension 2, or 3 in space"
+        )
+    if len(sizes) > 1:
+        counts = ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items()))
+        hint = "; only bodies without common nodes may differ"
+        hint += ": a boundary between tetrahedra and hexahedra would not be conforming" if solid else ""
+        raise MeshError(f"{name}: the mesh mixes cell types or orders ({counts}); use one{hint}")
+    (kind,) = sizes
+    if kind not in CELLS and completed(kind) is None:
+        known_kinds = ", ".join(k for k, cell in CELLS.items() if cell.dim == (3 if solid else 2))
+        raise MeshError(f"{name}: no element for cells of kind {kind}; use one of: {known_kinds}")
+    return kind, [n for n, (k, _) in enumerate(raw.blocks) if k == kind]
+
+
+def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floats, Ints, Ints]:
+    """Points that cells use, the cells in their numbers, and the new number of every point (-1: dropped)."""
+    cells = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64)
+    count = len(raw.points)
+    if any(nodes.size and not 0 <= nodes.min() <= nodes.max() < count for _, nodes in raw.blocks):
+        raise MeshError(f"{name}: an element has a node that does not exist")
+    used = np.zeros(count, dtype=bool)
+    used[cells] = True
+    renumber = np.where(used, np.cumsum(used) - 1, -1)
+    points = np.asarray(raw.points, dtype=np.float64)[used]
+    if not (np.abs(points) <= LARGEST_NUMBER).all():
+        raise MeshError(f"{name}: a node has coordinates that are not finite, or larger than {LARGEST_NUMBER:g}")
+    if points.shape[1] < dim:
+        raise MeshError(f"{name}: the cells are those of a body in space, but the nodes have no third coordinate")
+    if dim == 2 and points.shape[1] > 2:
+        _check_plane(points, name)
+    return np.ascontiguousarray(points[:, :dim]), renumber[cells], renumber
+
+
+def _check_plane(points: Floats, name: str) -> None:
+    """Refuse cells of two dimensions that are not in a plane x[2] = constant."""
+    spread = np.ptp(points, axis=0)
+    if spread[2] <= 1e-9 * max(spread[:2]):
+        return
+    _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    if len(extents) < 3 or extents[2] <= 1e-9 * extents[0]:
+        normal = ", ".join(f"{value + 0.0:.3g}" for value in np.round(axes[2], 12))
+        where = f"it is in one with the normal ({normal}): turn it"
+    else:
+        where = (
+            "it is a surface in space (a shell); a body in space has tetrahedra or hexahedra: in gmsh, put the volume "
+            "into a physical group of dimension 3"
+        )
+    raise MeshError(f"{name}: the mesh is not in a plane x[2] = constant, x[2] varies by {spread[2]:g}; {where}")
+
+
+def _check_twice(corners: Ints, name: str) -> None:
+    twice = len(corners) - len(np.unique(np.sort(corners, axis=1), axis=0))
+    if twice:
+        hint = "gmsh's format 2.2 has them so where physical groups overlap: write 4.1"
+        raise MeshError(f"{name}: {twice} cells occur twice ({hint})")
+
+
+def sides_of(cells: Ints, cell: Cell) -> Ints:
+    """Nodes of all facets of all cells, cell by cell, shape (facets of each * m, nodes of a facet)."""
+    return cells[:, np.array(cell.facet_nodes)].reshape(-1, len(cell.facet_nodes[0]))
+
+
+def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
+    """The facets that belong to one cell only, in the order of the cells."""
+    sides = sides_of(cells, cell)
+    keys = row_keys(sides[:, : len(CELLS[cell.facet].corners)])
+    _, first, counts = np.unique(keys, return_index=True, return_counts=True)
+    if counts.max() > 2:
+        raise MeshError(f"{name}: a facet belongs to {counts.max()} cells")
+    if counts.min() > 1:
+        raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells")
+    return sides[np.sort(first[counts == 1])]
+
+
+def _inside(raw: RawMesh, sections: Collection[str], renumber: Ints, sides: Ints, facets: Ints, width: int) -> Ints:
+    """The facets inside the body that some sets of a raw mesh have, each once.
+
+    Args:
+        raw: the mesh.
+        sections: names of the sets.
+        renumber: the number of each of its points here.
+        sides: see ``sides_of``.
+        facets: the exterior facets.
+        width: how many corners each has.
+    """
+    members = [
+        renumber[raw.blocks[block][1][rows][:, :width]]
+        for label in sections
+        for block, rows in enumerate(raw.sets.get(label, ()))
+        if _corners_of(raw.blocks[block][0]) == width
+    ]
+    wanted = np.concatenate([np.empty((0, width), dtype=np.int64), *members])
+    wanted = wanted[rows_of(wanted, facets[:, :width]) < 0]
+    side_rows = rows_of(wanted, sides[:, :width])
+    return sides[np.unique(side_rows[side_rows >= 0])]
+
+
+def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:
+    """The cell data that numbers refer to; None if there is none, or more than one."""
+    if data is not None:
+        if data not in raw.data:
+            labels = ", ".join(map(repr, raw.data)) or "none"
+            raise SceneError([("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {labels}")])
+        return raw.data[data]
+    possible = [numbers for numbers in raw.data.values() if entities.values(numbers)]
+    return possible[0] if len(possible) == 1 else None
+
+
+def _holds(rule: Callable[[Floats], Floats], points: Floats) -> npt.NDArray[np.bool_]:
+    x = np.zeros((3, len(points)))
+    x[: points.shape[1]] = points.T
+    values = np.asarray(rule(x))
+    with np.errstate(invalid="ignore"):
+        return np.broadcast_to(values > 0, (len(points),))
+
+
+def combinations(groups: Mapping[str, Ints], count: int) -> tuple[Ints, dict[str, tuple[int, ...]]]:
+    """One tag for each combination of groups that overlap.
+
+    Args:
+        groups: name -> members, numbers below ``count``.
+        count: how many may be members.
+
+    Returns:
+        Tag of each, from 1 on, 0 where it is in no group, shape (count,); and name -> its tags.
+    """
+    tags = np.zeros(count, dtype=np.int64)
+    for members in groups.values():
+        member = np.zeros(count, dtype=np.int64)
+        member[members] = 1
+        kinds, tags = np.unique(2 * tags + member, return_inverse=True)
+        # Entities in no group have 0; if there are none, the numbers begin at 1.
+        tags = tags.reshape(-1) + int(kinds.size > 0 and kinds[0] != 0)
+    return tags, {name: tuple(plain(np.unique(tags[members]))) for name, members in groups.items()}

@@ -1,0 +1,142 @@
+"""A description of a mesh file for writing a scene: names, counts, quality, size, and what has no name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain, sides_of
+from signorini_fx.mechanics.mesh.files.raw import row_keys
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, measures, quality
+from signorini_fx.tuned import COINCIDENT_POINTS
+
+# The names of the size of the body, of its surface and of a boundary, by dimension.
+_MEASURES = {2: ("area", "perimeter", "length"), 3: ("volume", "surface", "area")}
+
+
+def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
+    """A summary that JSON can hold.
+
+    Returns:
+        ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
+        each), ``area`` and ``perimeter``, in space ``volume`` and ``surface``, with curved sides where they are;
+        ``quality`` with ``min``, ``mean`` and ``worst`` (where the worst cell is);
+        ``pieces`` (parts of the body that share no facet), ``coincident`` (points at the place of another one);
+        ``note``, if the cells are not those of the file;
+        ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``bounds`` and
+        ``length``, in space ``area``; ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``, in
+        space ``volume``.
+    """
+    shape = quality(mesh.points, mesh.corners)
+    size, outside = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
+    measure, around, of_facets = _MEASURES[mesh.dim]
+    diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
+
+    def facets(rows: Ints) -> dict[str, Any]:
+        figures: dict[str, Any] = {"facets": len(rows), of_facets: float(outside[rows].sum())}
+        return figures | ({"bounds": _bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
+
+    def cells(rows: Ints) -> dict[str, Any]:
+        return {"cells": len(rows), measure: float(size[rows].sum())}
+
+    return {
+        "cells": len(mesh.cells),
+        "kind": mesh.cell.word,
+        "degree": mesh.degree,
+        "points": len(mesh.points),
+        "bounds": _bounds(mesh.points),
+        measure: float(size.sum()),
+        around: float(outside.sum()),
+        "quality": {
+            "min": float(shape.min()),
+            "mean": float(shape.mean()),
+            "worst": plain(mesh.points[mesh.corners[np.argmin(shape)]].mean(axis=0)),
+        },
+        "pieces": _pieces(mesh),
+        "coincident": _coincident(mesh.points, COINCIDENT_POINTS * diagonal),
+        **({"note": mesh.note} if mesh.note else {}),
+        "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
+        "unnamed": facets(_without(mesh.boundaries, len(mesh.facets))),
+        "regions": {name: cells(rows) for name, rows in mesh.regions.items()},
+        "rest": cells(_without(mesh.regions, len(mesh.cells))),
+    }
+
+
+def _bounds(points: Floats) -> list[list[float]]:
+    bounds: list[list[float]] = plain(np.stack((points.min(axis=0), points.max(axis=0))))
+    return bounds
+
+
+def _without(named: Mapping[str, Ints], count: int) -> Ints:
+    return np.setdiff1d(np.arange(count), np.concatenate([np.empty(0, dtype=np.int64), *named.values()]))
+
+
+def _pieces(mesh: MeshArrays) -> int:
+    """Number of parts that share no facet, so that they transmit no forces to each other."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    sides = row_keys(sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
+    cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facets))
+    count = len(mesh.cells) + int(sides.max()) + 1
+    links = coo_array((np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count))
+    return int(connected_components(links, directed=False)[0])
+
+
+def _coincident(points: Floats, near: float) -> int:
+    """Number of points that have another one at the same place."""
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
+    return int(np.unique(pairs).size)
+
+
+def render(info: Mapping[str, Any], name: str) -> str:
+    """The summary for a terminal."""
+    shape, lines = info["quality"], []
+
+    def row(title: str, text: str) -> None:
+        lines.append(f"  {title:14s}{text}")
+
+    degree = f", geometry of degree {info['degree']}" if info["degree"] > 1 else ""
+    lines.append(f"{name}: {info['cells']} {info['kind']}, {info['points']} points{degree}")
+    measure = "volume" if "volume" in info else "area"
+    row("extent", f"{_extent(info['bounds'])}; {measure} {info[measure]:g}")
+    row("quality", f"min {shape['min']:.3f}, mean {shape['mean']:.3f} (best 1), worst at ({_point(shape['worst'])})")
+    if info["pieces"] > 1:
+        shared = "face" if "volume" in info else "side"
+        row("pieces", f"{info['pieces']} parts of the body share no {shared}: each must be held by itself")
+    if "note" in info:
+        row("note", info["note"])
+    if info["coincident"]:
+        row("warning", f"{info['coincident']} points coincide with another one: the cells there are not connected")
+    for title, entries in (("boundaries", info["boundaries"]), ("regions", info["regions"])):
+        for label, entry in entries.items():
+            row(title, f"{label:16s} {_amount(entry)}")
+            title = ""
+        if not entries:
+            row(title, "none")
+    if info["unnamed"]["facets"]:
+        row("unnamed", f"{'exterior facets':16s} {_amount(info['unnamed'])}")
+    if info["rest"]["cells"] and info["regions"]:
+        row("unnamed", f"{'cells':16s} {_amount(info['rest'])}")
+    return "\n".join(lines)
+
+
+def _point(x: list[float]) -> str:
+    return ", ".join(f"{value:.4g}" for value in x)
+
+
+def _amount(entry: Mapping[str, Any]) -> str:
+    size = next(f"{word} {entry[word]:g}" for word in ("volume", "area", "length") if word in entry)
+    if "cells" in entry:
+        return f"{entry['cells']} cells, {size}"
+    if not entry["facets"]:
+        return "no exterior facets"
+    return f"{entry['facets']} facets, {size}, {_extent(entry['bounds'])}"
+
+
+def _extent(bounds: list[list[float]]) -> str:
+    return ", ".join(f"x[{k}] {low:g} to {high:g}" for k, (low, high) in enumerate(zip(*bounds, strict=True)))

@@ -1,0 +1,198 @@
+"""Points in the cells of a mesh, or next to them: which cell, where in it, and what another rank knows there.
+
+Meshes of one body need not be nested: points of one lie in cells of another, or beside them where the boundary is
+curved.  Cells are chosen by their bounding boxes and by Newton's method for the place in the reference cell, so that
+curved cells are taken as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import basix
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
+import numpy as np
+import numpy.typing as npt
+from dolfinx import geometry
+from dolfinx import mesh as dmesh
+
+from signorini_fx.machine import compat, parallel
+from signorini_fx.tuned import LAST_STEP_IN_CELL, REFERENCE_BOUNDS, STEPS_IN_CELL
+
+Array = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.int32]
+_SIMPLICES = (basix.CellType.triangle, basix.CellType.tetrahedron)
+# So many pairs of a point and a cell are treated at once: they and their shape functions fit into 100 megabytes.
+_PAIRS = 100_000
+
+
+def at_points(
+    mesh: dmesh.Mesh,
+    x: Array,
+    outside: float,
+    evaluate: Callable[[Cells, Array], Array],
+    pieces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None,
+) -> Array | None:
+    """What the ranks that have the nearest cells of points know there; collective.
+
+    Args:
+        mesh: the mesh.
+        x: the points that this rank asks for, shape (n, 3), length.
+        outside: how far outside a cell a point may be, in sizes of the cell.
+        evaluate: gives a row for each of m owned cells, shape (m,), and place in the reference cell, shape (m, d); rows
+            have the same length on all ranks.  Not called where there are no cells.
+        pieces: the pieces that the points, shape (n,), and the cells of this rank, shape (cells,), are of, which must
+            be the same; None: any cell will do.
+
+    Returns:
+        The rows, shape (n, length of a row), or (0, 0) without points; None on all ranks: some point of some rank is
+        outside of all cells.
+
+    Raises:
+        Exception: what ``evaluate`` raised on any rank, on all ranks.
+    """
+    comm, dim = mesh.comm, mesh.topology.dim
+    nodes = _nodes(mesh)
+    reach = outside * parallel.local_max(_sizes(nodes))
+    low, high = nodes.min(axis=(0, 1), initial=np.inf) - reach, nodes.max(axis=(0, 1), initial=-np.inf) + reach
+    asked = [
+        np.flatnonzero(((x[:, :dim] >= low) & (x[:, :dim] <= high)).all(axis=1))
+        for low, high in comm.allgather((low, high))
+    ]
+    received = comm.alltoall([x[points] for points in asked])
+    of = None if pieces is None else (np.concatenate(comm.alltoall([pieces[0][points] for points in asked])), pieces[1])
+    answers: list[Any] = []
+    failure: Exception | None = None
+    try:
+        cells, reference, gap = cells_of_points(mesh, np.concatenate(received), outside, of)
+        hits = np.flatnonzero(cells >= 0)
+        values = evaluate(cells[hits], reference[hits]) if hits.size else np.empty((0, 0))
+        ends = np.cumsum([0, *(len(points) for points in received)])
+        for begin, end in pairwise(ends):
+            share = slice(*np.searchsorted(hits, (begin, end)))
+            answers.append((hits[share] - begin, gap[hits[share]], values[share]))
+    except Exception as error:
+        failure = error
+    parallel.raise_together(comm, failure)
+    replies = comm.alltoall(answers)
+    least, rows = np.full(len(x), np.inf), np.empty((len(x), max(values.shape[1] for *_, values in replies)))
+    for points, (hits, gap, values) in zip(asked, replies, strict=True):
+        numbers = points[hits]
+        nearer = gap < least[numbers]
+        if nearer.any():
+            least[numbers[nearer]], rows[numbers[nearer]] = gap[nearer], values[nearer]
+    return None if parallel.any_rank(comm, bool(np.isinf(least).any())) else rows
+
+
+def cells_of_points(
+    mesh: dmesh.Mesh,
+    x: Array,
+    outside: float,
+    pieces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None,
+) -> tuple[Cells, Array, Array]:
+    """The cell of this rank that each point is in, or else least outside.
+
+    Args:
+        mesh: the mesh.
+        x: the points, shape (n, 3), length.
+        outside: how far outside a cell a point may be, in sizes of the cell.
+        pieces: as for ``at_points``.
+
+    Returns:
+        The owned cells, -1 for none, shape (n,); the places in the reference cell, which cells continue outside
+        themselves, shape (n, d); how far outside the points are, a length that is zero but for round-off inside and
+        infinite without a cell, shape (n,).
+    """
+    dim, nodes = mesh.topology.dim, _nodes(mesh)
+    element, size = compat.geometry_element(mesh), _sizes(nodes)
+    middle = basix.geometry(element.cell_type).mean(axis=0)
+    table = element.tabulate(1, middle[None])[:, 0, :, 0]
+    # How the place moves with the point, in sizes of the cell, where cells are taken for straight simplices.
+    turned = _inverse(np.einsum("dk,nkc->ncd", table[1:], nodes / size[:, None, None]))
+    straight = element.degree == 1 and element.cell_type in _SIMPLICES
+    cells, reference, gap = np.full(len(x), -1, dtype=np.int32), np.zeros((len(x), dim)), np.full(len(x), np.inf)
+    # Cells that differ much in size are apart from each other, because a tree pads all its boxes alike.
+    groups = np.floor(np.log2(size))
+    for share in (LAST_STEP_IN_CELL, outside):
+        open_points = np.flatnonzero((cells < 0) | (gap > LAST_STEP_IN_CELL * size[cells])) if len(size) else cells[:0]
+        for group in np.unique(groups) if len(open_points) else ():
+            entities = np.flatnonzero(groups == group).astype(np.int32)
+            if len(entities) == 1:  # of a tree with one box dolfinx 0.9 reads children, which are not there
+                entities = np.repeat(entities, 2)
+            tree = geometry.bb_tree(mesh, dim, entities=entities, padding=float(share * 2 ** (group + 1)))
+            near: Any = geometry.compute_collisions_points(tree, np.ascontiguousarray(x[open_points]))
+            point_numbers = np.repeat(open_points, np.diff(near.offsets))
+            for begin in range(0, len(point_numbers), _PAIRS):
+                point, cell = point_numbers[begin : begin + _PAIRS], near.array[begin : begin + _PAIRS]
+                if pieces is not None:
+                    same_piece = pieces[0][point] == pieces[1][cell]
+                    point, cell = point[same_piece], cell[same_piece]
+                    if not len(point):  # of no points basix's tables of hexahedra end the process
+                        continue
+                # Lengths of the cell, so that no unit matters.
+                corners = (nodes[cell] - x[point, None, :dim]) / size[cell, None, None]
+                away = np.einsum("k,nkc->nc", table[0], corners)
+                trial = np.clip(middle - np.einsum("ncd,nd->nc", turned[cell], away), *REFERENCE_BOUNDS)
+                if not straight:
+                    trial = _pull_back(element, corners, trial)
+                distance = _distances(element, corners, trial)
+                far = distance * size[cell]
+                order = np.lexsort((far, point))
+                order = order[(distance <= outside)[order]]
+                best = order[np.unique(point[order], return_index=True)[1]]
+                best = best[far[best] < gap[point[best]]]
+                best_points = point[best]
+                cells[best_points], reference[best_points], gap[best_points] = cell[best], trial[best], far[best]
+    return cells, reference, gap
+
+
+def _nodes(mesh: dmesh.Mesh) -> Array:
+    """The geometry nodes of the owned cells, shape (cells, nodes of each, d)."""
+    count, dim = mesh.topology.index_map(mesh.topology.dim).size_local, mesh.topology.dim
+    return np.asarray(mesh.geometry.x[:, :dim][compat.geometry_cells(mesh)[:count]], dtype=np.float64)
+
+
+def _sizes(nodes: Array) -> Array:
+    """The diagonals of the bounding boxes of cells."""
+    return np.asarray(np.linalg.norm(np.ptp(nodes, axis=1), axis=1))
+
+
+def _inverse(slope: Array) -> Array:
+    """The inverse matrices, of singular ones the unit matrix; shape (n, d, d)."""
+    regular = np.linalg.det(slope) != 0
+    return np.linalg.inv(np.where(regular[:, None, None], slope, np.eye(slope.shape[2])))
+
+
+def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
+    """The places in the reference cell that cells map to the origin, by Newton's method.
+
+    Args:
+        element: of the geometry.
+        corners: the nodes of each cell relative to the point, in sizes of the cell, shape (n, nodes, d).
+        reference: where to begin, shape (n, d); changed.
+
+    Returns:
+        Shape (n, d); for a point far outside its cell somewhere at the bounds.
+    """
+    moving = np.arange(len(corners))
+    for _ in range(STEPS_IN_CELL):
+        if not moving.size:
+            break
+        table = element.tabulate(1, reference[moving])[..., 0]
+        away = np.einsum("nk,nkc->nc", table[0], corners[moving])
+        turned = _inverse(np.einsum("dnk,nkc->ncd", table[1:], corners[moving]))
+        previous = reference[moving]
+        reference[moving] = np.clip(previous - np.einsum("ncd,nd->nc", turned, away), *REFERENCE_BOUNDS)
+        moving = moving[np.abs(reference[moving] - previous).max(axis=1) >= LAST_STEP_IN_CELL]
+    return reference
+
+
+def _distances(element: Any, corners: Array, reference: Array) -> Array:
+    """How far cells are from the origin, at most: by the point of the cell next to a place in the reference cell."""
+    inside = np.clip(reference, 0.0, None)
+    if element.cell_type in _SIMPLICES:
+        inside /= np.maximum(inside.sum(axis=1, keepdims=True), 1.0)
+    inside = np.minimum(inside, 1.0)
+    return np.asarray(np.linalg.norm(np.einsum("nk,nkc->nc", element.tabulate(0, inside)[0, :, :, 0], corners), axis=1))

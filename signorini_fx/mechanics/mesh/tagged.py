@@ -1,0 +1,444 @@
+"""Distributed meshes with named boundaries: from a generator in ``meshes/``, from a file, or from the caller."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import basix
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from pydantic import TypeAdapter, ValidationError
+
+from signorini_fx.errors import MeshError, SceneError, SignoriniError
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.mesh.distribution import from_root
+from signorini_fx.mechanics.mesh.extent import diameter, extremes
+from signorini_fx.mechanics.mesh.files import formats
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations
+from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
+from signorini_fx.mechanics.mesh.files.raw import rows_of
+from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.mechanics.mesh.section import is_section
+from signorini_fx.mechanics.statement.dimension import dimension_problems
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.generators import known_generators
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile, TaggedMeshBase
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.mechanics.statement.validation import plain_message
+from signorini_fx.mechanics.statement.values import kind_of
+from signorini_fx.tuned import SAME_LENGTH
+
+
+@dataclass(frozen=True, repr=False)
+class TaggedMesh(TaggedMeshBase):
+    """A mesh and the names of its boundaries.
+
+    Attributes:
+        mesh: the distributed mesh.
+        facet_tags: tags on facets.
+        boundaries: name of a boundary -> its tag, or all its tags if boundaries overlap.
+        cell_tags: tags on cells; None if the body is one region.
+        regions: name of a part of the body -> its tag, or all its tags.
+        origin: what a scene calls the file or the generator that it was made from; empty if the caller made it.
+        note: what was made of the cells of its file; empty if they are as they were.
+    """
+
+    mesh: dmesh.Mesh
+    facet_tags: dmesh.MeshTags
+    boundaries: Mapping[str, int | tuple[int, ...]]
+    cell_tags: dmesh.MeshTags | None = None
+    regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
+    origin: Mapping[str, Any] = field(default_factory=dict)
+    note: str = ""
+
+    def __repr__(self) -> str:
+        cells = self.mesh.topology.index_map(self.dimension).size_global
+        names = ", ".join(self.boundaries) or "none"
+        return f"<TaggedMesh: {cells:,} cells ({self.mesh.topology.cell_name()}), boundaries {names}>"
+
+    @cached_property
+    def dimension(self) -> int:
+        """D, 2 or 3, the dimension of the points and of the cells."""
+        return int(self.mesh.topology.dim)
+
+    def cells(self, region: str) -> npt.NDArray[np.int32]:
+        """Cells of the part ``region`` on this rank, ghosts included (local numbers)."""
+        if self.cell_tags is None or region not in self.regions:
+            raise MeshError(f"the mesh has no region {region!r}; its regions are: {', '.join(self.regions) or 'none'}")
+        return _tagged(self.cell_tags, self.regions[region])
+
+    def facets(self, name: str) -> npt.NDArray[np.int32]:
+        """Exterior facets of the boundary ``name`` whose cell this rank owns (local numbers, sorted).
+
+        Raises:
+            MeshError: there is no such name; the message lists the known ones.
+        """
+        if name not in self.boundaries:
+            names = ", ".join(sorted(self.boundaries)) or "none"
+            raise MeshError(f"the mesh has no boundary {name!r}; its boundaries are: {names}")
+        # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept, on every version.
+        tagged = _tagged(self.facet_tags, self.boundaries[name])
+        return np.asarray(tagged[np.isin(tagged, self._exterior)], dtype=np.int32)
+
+    @cached_property
+    def _exterior(self) -> npt.NDArray[np.int32]:
+        """All exterior facets whose cell this rank owns; a topology does not change."""
+        topology = self.mesh.topology
+        topology.create_connectivity(topology.dim - 1, topology.dim)
+        return np.asarray(dmesh.exterior_facet_indices(topology))
+
+    @cached_property
+    def size(self) -> float:
+        """Diameter of the body, the largest distance of two of its points, a length; the same on all ranks.
+
+        For a rectangle this is the diagonal in any orientation, so that scales that depend on it, such as gamma = auto,
+        do not depend on the axes.
+        """
+        return diameter_of(self.mesh)
+
+
+def diameter_of(mesh: dmesh.Mesh) -> float:
+    """The largest distance of two points of a mesh, a length; the same on all ranks; collective."""
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    mesh.topology.create_connectivity(dim, dim - 1)
+    facets = dmesh.exterior_facet_indices(mesh.topology)
+    # dolfinx divides by the number of facets, and a rank may have none.
+    nodes = np.unique(dmesh.entities_to_geometry(mesh, dim - 1, facets)) if facets.size else facets
+    corners = extremes(mesh.geometry.x[nodes, :dim].astype(np.float64))
+    x = parallel.rows_on_root(mesh.comm, corners)
+    return parallel.on_root(mesh.comm, lambda: diameter(x))
+
+
+def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:
+    """Entities with any of the tags, sorted."""
+    tags_wanted = (values,) if isinstance(values, int) else values
+    return np.sort(np.concatenate([np.empty(0, dtype=np.int32), *map(tags.find, tags_wanted)]))
+
+
+def check_fits(statement: Statement, tagged: TaggedMesh) -> None:
+    """Check the scene against dimension and shape of its mesh; collective.
+
+    Raises:
+        SceneError: keys of another dimension than that of the mesh; linear elements on curved cells; a negative radius.
+    """
+    problems = dimension_problems(statement, tagged.dimension)
+    least_x = -parallel.largest(tagged.mesh.comm, -tagged.mesh.geometry.x[:, 0])
+    if least_x < statement.kinematics.least_x - SAME_LENGTH * tagged.size:
+        problems.append(("mesh", f"has points with x[0] = {least_x:g}: it is the radius of a body of revolution"))
+    if statement.element.degree == 1 and curvature(tagged) > SAME_LENGTH * tagged.size:
+        # Such elements cannot even represent a rotation without strain: no refinement would help.
+        message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
+        problems.append(("element.degree", message))
+    if problems:
+        raise SceneError(problems)
+
+
+def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
+    """Check that positions are finite, and that cells and points have the same dimension, 2 or 3; collective.
+
+    Args:
+        tagged: the mesh.
+        section: whether it may be a plane section whose points move out of it, as that of a body with torsion.
+
+    Raises:
+        MeshError: they are not; the message says what the mesh is.
+    """
+    if parallel.any_rank(tagged.mesh.comm, not np.isfinite(tagged.mesh.geometry.x).all()):
+        raise MeshError("a node of the mesh has coordinates that are not finite")
+    cells, points = int(tagged.mesh.topology.dim), int(tagged.mesh.geometry.dim)
+    if (cells == points and cells in (2, 3)) or (section and is_section(tagged.mesh)):
+        return
+    if (cells, points) != (2, 3):
+        raise MeshError(f"the mesh has cells of dimension {cells} and points of dimension {points}: a body has 2 or 3")
+    extent = np.ptp(parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64)), axis=0)
+    flat = np.flatnonzero(extent <= SAME_LENGTH * extent.max())
+    if flat.size and flat[-1] == 2:
+        raise MeshError("the mesh is planar, but its points have three coordinates: give them two (gdim = 2)")
+    if flat.size:
+        axes = " and ".join(f"x[{axis}]" for axis in range(3) if axis != flat[0])
+        raise MeshError(f"the mesh is planar, but in the plane of {axes}: turn it into that of x[0] and x[1]")
+    raise MeshError("the mesh is a shell, a surface in space: a body in space has tetrahedra or hexahedra")
+
+
+def load_file(
+    mesh: MeshFile,
+    comm: MPI.Comm,
+    halvings: int = 0,
+    degree: int | None = None,
+    sections: Collection[str] = (),
+    touching: Collection[str] = (),
+) -> TaggedMesh:
+    """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
+    names = (mesh.boundaries, mesh.regions, mesh.data)
+    tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sections, touching)
+    return replace(tagged, origin={"file": mesh.file.name})
+
+
+def curvature(tagged: TaggedMesh) -> float:
+    """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
+    mesh = tagged.mesh
+    if compat.geometry_degree(mesh) != 2:  # higher ones come from the caller
+        return 0.0
+    cell = getattr(basix.CellType, mesh.topology.cell_name())
+    ends, corners = basix.topology(cell)[1], len(basix.geometry(cell))
+    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, : tagged.dimension]
+    away = [x[:, corners + side] - (x[:, a] + x[:, b]) / 2 for side, (a, b) in enumerate(ends)]
+    return parallel.largest(mesh.comm, np.linalg.norm(away, axis=2))
+
+
+def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> TaggedMesh:
+    """Run the generator ``name``, see ``signorini_fx.meshes``.
+
+    Raises:
+        SceneError: unknown generator, or parameters that it refuses.
+    """
+    tagged = _generator(name, parameters)(comm, **parameters)
+    if not isinstance(tagged, TaggedMesh):
+        raise SceneError([("mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected")])
+    return replace(tagged, origin={"generator": name, "parameters": dict(parameters)})
+
+
+def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
+    """The parameters with which the generator ``name`` makes elements ``factor`` times as large.
+
+    Raises:
+        SceneError: the generator does not say how.
+    """
+    coarser = getattr(_generator(name, parameters), "coarser", None)
+    if coarser is None:
+        raise SceneError([("solver.levels", f"the generator {name!r} makes no coarser meshes: use levels = 1")])
+    result: dict[str, Any] = coarser(parameters, factor)
+    return result
+
+
+def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The parameters with which the generator ``name`` makes triangles or tetrahedra that can be divided.
+
+    None if it cannot.
+
+    Raises:
+        SceneError: unknown generator.
+    """
+    cell = getattr(_generator(name, parameters), "simplices", None)
+    return None if cell is None else {**parameters, "cell": cell}
+
+
+def generated_cell(name: str, parameters: Mapping[str, Any]) -> str | None:
+    """The kind of cells that the generator ``name`` makes, such as "triangle"; None if no parameter says so."""
+    accepted = inspect.signature(_generator(name, parameters)).parameters
+    return parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
+
+
+def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The parameters with which the generator ``name`` uses cells of degree 2 on its arcs; None if it has no arcs.
+
+    Raises:
+        SceneError: unknown generator.
+    """
+    accepted = inspect.signature(_generator(name, parameters)).parameters
+    return {**parameters, "order": 2} if "order" in accepted else None
+
+
+def read_mesh(
+    file: Path,
+    comm: MPI.Comm,
+    boundaries: Mapping[str, Selection] | None = None,
+    regions: Mapping[str, Selection] | None = None,
+    data: str | None = None,
+    halvings: int = 0,
+    degree: int | None = None,
+    size: float | None = None,
+    sections: Collection[str] = (),
+    touching: Collection[str] = (),
+) -> TaggedMesh:
+    """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
+
+    Args:
+        file: the file.
+        comm: the ranks that share the mesh.
+        boundaries: name -> a number in the cell data of the file, or a function of points of shape (3, n) that is
+            positive at all vertices of the exterior facets of the boundary.
+        regions: the same for cells and all their vertices.
+        data: the cell data that numbers refer to; None: there is only one.
+        halvings: how often the sides of all cells are halved, for a drawing on the true shape.
+        degree: degree of the geometry, as in ``formats.read_file``.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
+        sections: names of the file whose facets inside the body are wanted, too.
+        touching: the boundaries with which bodies in the file touch each other; see ``mesh/cuts.py``.
+
+    Raises:
+        MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
+        SceneError: a number or a condition selects nothing.
+    """
+    arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
+
+    def read() -> tuple[str, formats.Tags, formats.Tags, str]:
+        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sections)
+        if not any(rows.size for rows in arrays.boundaries.values()):
+            raise MeshError(
+                f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
+                f"or in the file (in gmsh: physical groups of dimension {arrays.dim - 1})"
+            )
+        of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
+        of_cell, parts = combinations(arrays.regions, len(arrays.cells))
+        arrays_on_root.append((arrays, of_side, of_cell))
+        return arrays.kind, sides, parts, arrays.note
+
+    kind, sides, parts, note = parallel.on_root(comm, read)
+    held = arrays_on_root.pop() if arrays_on_root else None
+    mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held, touching)
+    return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), note=note)
+
+
+def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
+    """The generator of this name, which takes these parameters.
+
+    Raises:
+        SceneError: there is none of this name, it cannot be imported, or parameters are wrong: all of them are
+            reported.
+    """
+    generators = known_generators(name)
+    if name not in generators:
+        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(generators) or 'none'}")])
+    try:
+        generate: Callable[..., Any] = generators[name]()
+        _types(generate)
+    except Exception as error:  # of the code of the user
+        message = f"{name!r} cannot be imported: {type(error).__name__}: {error}"
+        raise SceneError([("mesh.generator", message)]) from error
+    names = [key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY]
+    problems: list[tuple[str, str]] = []
+    for key, value in parameters.items():
+        path = f"mesh.parameters.{key}"
+        if key not in names:
+            problems.append((path, f"unknown key; there are: {', '.join(names)}"))
+            continue
+        try:
+            _adapter(generate, key).validate_python(value)
+        except ValidationError as error:
+            problems += [(path, plain_message(detail)) for detail in error.errors()]
+    if problems:
+        raise SceneError(problems)
+    return generate
+
+
+@cache
+def _types(generate: Callable[..., Any]) -> dict[str, Any]:
+    """The annotations of a generator."""
+    return get_type_hints(inspect.unwrap(generate), include_extras=True)
+
+
+@cache
+def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
+    """What checks a parameter of a generator; pydantic takes longer to make it than gmsh to make a small mesh."""
+    return TypeAdapter(_types(generate).get(key, Any))
+
+
+def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:
+    """Let ``draw(gmsh)`` make a meshed gmsh model on the first rank, and distribute it.
+
+    Args:
+        comm: the ranks that share the mesh.
+        draw: called on the first rank only; makes a meshed model with physical groups, of two or three dimensions.
+        name: name of the mesh in messages.
+        unit: length of the model's unit.  The tolerances of gmsh are absolute: its geometry should be neither large
+            nor small, and have the same numbers in all units.
+
+    Raises:
+        MeshError: the model has no cells, no physical group for the body, or no named boundary.
+    """
+
+    def build(gmsh: Any) -> tuple[int, formats.Tags, formats.Tags]:
+        try:
+            draw(gmsh)
+        except SignoriniError:
+            raise
+        except Exception as error:  # gmsh has no exceptions of its own
+            raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
+        top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
+        if top < 2:
+            raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
+        regions, boundaries = disjoint_groups(gmsh, top, "region"), disjoint_groups(gmsh, top - 1, "boundary")
+        kinds = kinds_of_cells(gmsh, top)
+        if not kinds:
+            raise MeshError(f"{name}: the body has no cells")
+        if len(kinds) > 1:
+            raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
+        if not boundaries:
+            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
+        return top, boundaries, regions
+
+    with gmsh_session() if parallel.is_root(comm) else contextlib.nullcontext() as gmsh:
+        dim, boundaries, regions = parallel.on_root(comm, lambda: build(gmsh))
+        model = None if gmsh is None else gmsh.model
+        mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, dim)
+    mesh.geometry.x[:] *= unit
+    return TaggedMesh(mesh, facet_tags, _plain(boundaries), cell_tags, _plain(regions))
+
+
+def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, ...]]:
+    """One tag stands for itself."""
+    return {name: tags[0] if len(tags) == 1 else tags for name, tags in names.items()}
+
+
+def _rule(text: str) -> Callable[[npt.NDArray[np.float64]], Any]:
+    """An expression that is true or positive, as a marker."""
+    expression = Expression(text)
+    return lambda x: expression(x) > 0
+
+
+def tag_boundaries(
+    mesh: dmesh.Mesh, markers: Mapping[str, str | Callable[[npt.NDArray[np.float64]], Any]]
+) -> TaggedMesh:
+    """Name the exterior facets whose vertices all satisfy a marker; collective.
+
+    A facet that satisfies several markers belongs to all of these boundaries.
+
+    Args:
+        mesh: the mesh.
+        markers: name -> rule: a function of points of shape (3, n) that gives truth values of shape (n,), or an
+            expression of the position such as "x[0] < 1e-9".
+
+    Raises:
+        TypeError: an argument is of another kind.
+    """
+    if not isinstance(mesh, dmesh.Mesh):
+        raise TypeError(f"a mesh of dolfinx is expected, not {kind_of(mesh)}")
+    rules = {name: _rule(rule) if isinstance(rule, str) else rule for name, rule in markers.items()}
+    for name, rule in rules.items():
+        if not callable(rule):
+            raise TypeError(
+                f"boundary {name!r}: a function of points or an expression is expected, not {kind_of(rule)}"
+            )
+    dim = mesh.topology.dim - 1
+    facets_of = [dmesh.locate_entities_boundary(mesh, dim, rule).astype(np.int32) for rule in rules.values()]
+    facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *facets_of]))
+    # A row for each facet: which markers hold there.  Each combination of several has a tag of its own.
+    holds = np.zeros((len(facets), len(rules)), dtype=bool)
+    for marker, marked in enumerate(facets_of):
+        holds[np.searchsorted(facets, marked), marker] = True
+    shared = np.unique(parallel.gather_rows(mesh.comm, np.unique(holds[holds.sum(axis=1) > 1], axis=0)), axis=0)
+    patterns = np.concatenate([np.eye(len(rules), dtype=bool), shared])
+    tags = rows_of(_places(holds), _places(patterns)) + 1
+    facet_tags = dmesh.meshtags(mesh, dim, facets, tags.astype(np.int32))
+    return TaggedMesh(
+        mesh,
+        facet_tags,
+        _plain({name: tuple(map(int, np.flatnonzero(patterns[:, marker]) + 1)) for marker, name in enumerate(rules)}),
+    )
+
+
+def _places(holds: npt.NDArray[np.bool_]) -> Ints:
+    """The numbers of the columns that are true in each row, with -1 for the others, shape (n, columns + 1)."""
+    return np.pad(np.where(holds, np.arange(holds.shape[1]), -1), ((0, 0), (0, 1)), constant_values=-1)

@@ -1,0 +1,94 @@
+"""What is to be solved on one mesh: the record that scenes and forms make, and that everything after them reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import RegularisedData
+from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.algebra.linalg.elasticity import LoadCase
+from signorini_fx.mechanics.body.cellwise_stiffness import CellwiseStiffness
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
+from signorini_fx.mechanics.body.shared_values import shared_in
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.statement import Statement
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.body.loads import AppliedLoad, FormCoefficients
+    from signorini_fx.mechanics.body.paired_points import PairedSides
+    from signorini_fx.mechanics.body.supports import Conditions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model(ElasticBody):
+    """An elastic body on its mesh with the names of its parts, its contact and all that acts on it.
+
+    Attributes:
+        statement: what is known of contact, loads and supports by name, and the settings; of forms of a user's own this
+            is less than all that acts.
+        tagged: the mesh; where displacements have a component out of it a section in space.
+        lame: Lame parameters as coefficients of the forms; None: they are not known.
+        moduli: stiffness of each cell where a material is not isotropic; None: all are.
+        law: the friction law; None where no law can act.
+        pairs: both sides of each contact of two bodies, by its place in ``statement.contact``.
+        rigid: the rigid bodies whose motion is an unknown.
+        supports: the prescribed displacements, one component each; ``bcs`` with their effects.
+        applied: the loads, by their load factors.
+        data: the regularised problem at the contact points, without shifts; None without contact.
+        resisting: name of the form ``resists``; empty without.
+        coefficients: of the forms of loads and resistances; None: forms of a user's own keep theirs.
+    """
+
+    statement: Statement
+    tagged: TaggedMesh
+    lame: tuple[Any, Any]
+    moduli: CellwiseStiffness | None
+    law: PointFriction | None
+    pairs: Mapping[int, PairedSides]
+    rigid: RigidBodies
+    supports: Conditions = field(default_factory=list)
+    applied: tuple[AppliedLoad, ...] = ()
+    data: RegularisedData | None = None
+    resisting: str = ""
+    coefficients: FormCoefficients | None = None
+
+    @property
+    def scales(self) -> Scales:
+        """What its lengths and stresses are compared with."""
+        tagged = self.tagged
+        return Scales(tagged.dimension, self.statement.young, tagged.size, self.kinematics.depth(tagged.size))
+
+    def factors(self, step: float) -> npt.NDArray[np.float64]:
+        """The factors of the applied loads at a place in the lists of factors, see ``statement.load_steps``."""
+        return np.array([load.factor(step) for load in self.applied])
+
+    def applied_at(self, step: float) -> list[tuple[float, AppliedLoad]]:
+        """The applied loads at a place with their factors; collective."""
+        return [(load.factor(step), load.at(step)) for load in self.applied]
+
+    @shared_in("of_body")
+    def cases(self) -> tuple[LoadCase, ...]:
+        """The right-hand sides of the applied loads, in their order; those of the first load step; collective."""
+        return tuple(map(self._case, self.applied))
+
+    def _case(self, load: AppliedLoad) -> LoadCase:
+        return self.case(load.forces, load.prescribed, load.driven, load.pushing, load.swelling)
+
+    def load(self, system: ElasticSystem, step: float) -> npt.NDArray[np.float64]:
+        """Give a system the loads that depend on the time as they are at a place; collective.
+
+        Returns:
+            The factors of all loads, for ``system.set_load``.
+        """
+        for number, load in enumerate(self.applied):
+            if load.again is not None:
+                system.set_case(number, self._case(load.at(step)))
+        return self.factors(step)

@@ -1,0 +1,377 @@
+"""The map of a pair: relative displacement at the contact points from the displacements of both sides.
+
+For the function psi_i of a point and its weight w_i = int psi_i over the covered part of the slave,
+
+    D_ij = int psi_i N_j / w_i,   M_il = int psi_i (N_l o P) / w_i,   d_i = int psi_i (x_m - x_s) / w_i,
+    n_i = sum_j D_ij n_j - sum_l M_il n_l, of length one,   with the normals n_j, n_l of both sides at their nodes,
+    u_rel,i = sum_j D_ij u_j - sum_l M_il u_l + (omega_i(u_s) + omega_i(u_m)) x d_i / 2,
+    omega_i(u) = J_i^-1 sum_l a_il r_l x u_l,   r_l = x_l - xbar_i,   J_i = sum_l a_il (|r_l|^2 I - r_l r_l^T),
+
+where a_il of the master is the area over which the slave facets around the point see the master facets around the node,
+and of the slave the area of those of these facets that are around the node.  All areas are multiplied by the measure of
+the slave, 2 pi r of a body of revolution: rings of both sides that meet have one area, and opposite forces.  With the
+rotation omega the map is zero on every joint rigid motion, so that forces and moments of both sides balance; they act
+half-way between both.
+
+The frame is half-way between both sides, too: with the normal or the rotation of one side alone, bodies that are mirror
+images of each other would show shear, of the order a / (2 F R) of friction over a contact of width 2 a.  P projects
+along the mean normals as well, which a first projection along those of the slave finds.  Where sides are nominally in
+contact, or tied, what is between them is due to their meshes alone.  There the frame is that of the slave, and the
+rotation that of the master, omega_i(u_m) x d_i: with D = 1 a ring of facets turns freely in another one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.pairs.functions import carried, dual_coefficients, extended, hats
+from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap, turned_in_plane
+from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
+from signorini_fx.mechanics.pairs.search import default_reach
+from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.tuned import COVERED_TWICE, DEEPEST_OVERLAP, NO_ARM, PARALLEL, SAME_PLACE_IN_CELL, ZERO_COMPONENT
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+class PairingError(ValueError):
+    """Two sides do not fit together; the message says why and where."""
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """The contact points of a pair on this rank, n of them.
+
+    Attributes:
+        nodes: the slave node of each, shape (n,).
+        weight: w_i, area (in the plane: length) times the measure, shape (n,).
+        normal: n_i, from the slave to the master, of length one, shape (n, d).
+        distance: d_i, length, shape (n, d).
+        slave: D, sparse, shape (n, nodes of the slave).
+        master: M, sparse, shape (n, nodes of the master).
+        slave_turning: omega_i(u_s) x d_i / 2, sparse, shape (n d, d nodes of the slave); zero of sides that are
+            nominally in contact.
+        master_turning: omega_i(u_m) x d_i / 2, of those without the half, sparse, shape (n d, d nodes of the master).
+        centre: where forces act: at the same place on both sides, length, shape (n, d).
+        overlap: where both sides meet, as far as this rank has found it.
+        covered: area (in the plane: length) of the slave where they meet, times the measure, of all ranks.
+        alone: points that have taken over no function of another node, shape (n,).
+        hats: whether the functions are hats, not dual ones.
+        reach: distance beyond which facets were no partners, length.
+        directions: of projection at the nodes of the slave with test functions, of length one, shape (N, d); None: the
+            normals of the slave, as sides are nominally in contact.
+    """
+
+    nodes: Indices
+    weight: Array
+    normal: Array
+    distance: Array
+    slave: sp.csr_array
+    master: sp.csr_array
+    slave_turning: sp.csr_array
+    master_turning: sp.csr_array
+    centre: Array
+    overlap: Overlap
+    covered: float
+    alone: npt.NDArray[np.bool_]
+    hats: bool
+    reach: float
+    directions: Array | None
+
+    def lift(self, slave: PairSurface) -> sp.csr_array:
+        """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
+        one, but for hats.  Sparse, shape (nodes of the slave, n).
+        """
+        # A test function meets the function of its own node, on quadratic triangles the hat, and no other one.
+        count = len(slave.tests.places)
+        values = slave.tests.values(slave.functions.places)
+        rows, columns = (np.repeat(slave.nodes, count, axis=1), np.tile(slave.points, (1, slave.nodes.shape[1])))
+        shape = (len(slave.x), len(slave.x))
+        entries = np.tile(values.ravel(), len(slave.nodes)), (rows.ravel(), columns.ravel())
+        met = sp.csr_array(sp.coo_array(entries, shape=shape))
+        met.data /= np.asarray(sp.csr_array(sp.coo_array((np.ones(rows.size), entries[1]), shape=shape)).data)
+        points = sp.csr_array(met[:, self.nodes])
+        diagonal = np.asarray((self.slave @ points).diagonal())
+        return sp.csr_array(points @ sp.diags_array(1.0 / diagonal))
+
+    @property
+    def gap(self) -> Array:
+        """n_i . d_i, length, shape (n,)."""
+        return np.einsum("nd,nd->n", self.normal, self.distance)
+
+    def adjusted(self, limit: float | None) -> Array:
+        """See ``closed_within``."""
+        return closed_within(self.gap, limit)
+
+
+def closed_within(gap: Array, limit: float | None) -> Array:
+    """A gap, zero where it is at most a limit; None: there is no such limit."""
+    return gap if limit is None else np.where(gap <= (1.0 + SAME_PLACE_IN_CELL) * limit, 0.0, gap)
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """An overlap, as far as this rank has found it, with the functions of the points.
+
+    Attributes:
+        overlap: the overlap.
+        area: of each facet of the slave that is covered, of all ranks, shape (f,).
+        weighted: the functions times areas at its points, shape (p, q, t).
+        hats: whether the functions are hats.
+    """
+
+    overlap: Overlap
+    area: Array
+    weighted: Array
+    hats: bool
+
+    @classmethod
+    def of(cls, slave: PairSurface, master: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> _Tested:
+        """With the functions on what is covered; collective."""
+        local_area = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
+        area: Array = parallel.global_sum(comm, local_area.astype(np.float64))
+        uses_hats = bonded and len(slave.tests.places) < len(slave.functions.places)
+        coefficients = hats(slave) if uses_hats else dual_coefficients(slave, overlap)
+        psi = np.einsum("pij,pqj->pqi", coefficients[overlap.slave], slave.tests.values(overlap.at))
+        return cls(overlap, area, psi * overlap.weight[..., None], uses_hats)
+
+    @property
+    def covered(self) -> Indices:
+        """The facets of the slave that meet the other side."""
+        return np.flatnonzero(self.area)
+
+    def moments(self, slave: PairSurface, values: Array, comm: MPI.Comm) -> Array:
+        """Integrals of functions times values at the points, shape (p, q, k), by nodes, shape (N, k); collective."""
+        integrals = np.zeros((len(slave.x), values.shape[2]))
+        np.add.at(integrals, slave.points[self.overlap.slave], np.einsum("pqi,pqk->pik", self.weighted, values))
+        return parallel.global_sum(comm, integrals)
+
+
+def couple(
+    slave: PairSurface,
+    master: PairSurface,
+    unable: npt.NDArray[np.bool_],
+    *,
+    bonded: bool = False,
+    nominal: bool = False,
+    reach: float | None = None,
+    comm: MPI.Comm = MPI.COMM_SELF,
+    mine: npt.NDArray[np.bool_] | None = None,
+) -> Coupling:
+    """The map of a pair; collective.
+
+    Args:
+        slave: the side with the points.
+        master: the other one.
+        unable: nodes of the slave that cannot carry a point, because supports or another contact own them.
+        bonded: whether the sides are tied, which on quadratic triangles takes the hats of the vertices.
+        nominal: whether the sides are nominally in contact, so that their normals are the same but for their meshes.
+        reach: distance beyond which facets are no partners, length; None: a default.
+        comm: the ranks that share the work; the other arguments are the same on all of them.
+        mine: nodes of the slave whose points this rank takes; None: all.
+
+    Raises:
+        PairingError: no facet finds a partner, one finds two sheets of them, or the bodies lie inside each other.
+    """
+    used = [side.x[np.unique(side.nodes)] for side in (slave, master)]
+    if reach is None:
+        reach = default_reach(*used)
+    ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
+    facets = np.arange(*ends)
+    project, turned = (plane_overlap, turned_in_plane) if slave.dimension == 2 else (space_overlap, turned_in_space)
+    overlap = project(slave, master, reach, facets, None).measured(slave).within(reach, slave, master)
+    tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
+    _check(slave, master, tested.area, reach)
+    directions = None if nominal else _mean_normals(slave, master, tested, comm)
+    if directions is not None and turned(slave, directions) > PARALLEL:
+        overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
+        tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
+        _check(slave, master, tested.area, reach)
+
+    points, weighted = slave.points[overlap.slave], tested.weighted
+    count = len(slave.x)
+    weight = tested.moments(slave, np.ones((*weighted.shape[:2], 1)), comm)[:, 0]
+    seen = slave.nodes[overlap.slave], master.nodes[overlap.master]
+    shapes = slave.functions.values(overlap.at), master.functions.values(overlap.over)
+    sizes = count, len(master.x)
+    sums = [
+        _sparse(points, nodes, np.einsum("pqi,pqj->pij", weighted, shape), count, size)
+        for nodes, shape, size in zip(seen, shapes, sizes, strict=True)
+    ]
+    distance = tested.moments(slave, overlap.distance(slave, master), comm)
+    areas = overlap.weight.sum(axis=1)[:, None, None]
+    arms = [
+        _sparse(points, nodes, np.broadcast_to(areas, (*points.shape, nodes.shape[1])), count, size)
+        for nodes, size in zip(seen, sizes, strict=True)
+    ]
+    sums, arms = ([_over_ranks(comm, matrix) for matrix in matrices] for matrices in (sums, arms))
+
+    nodes, shares = carried(slave, tested.covered, weight, unable)
+    if not nodes.size:
+        raise PairingError("supports or other contacts own all nodes of its covered part")
+    if mine is not None:
+        nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
+    weight = shares @ weight
+    scale = sp.diags_array(1.0 / weight)
+    distance = (shares @ distance) / weight[:, None]
+    slave_shares, master_shares = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in sums)
+    half = 0.0 if nominal else 0.5
+    turnings = [
+        _turning(sp.csr_array(shares @ matrix), side.x, part * distance)
+        for matrix, side, part in zip(arms, (slave, master), (half, 1.0 - half), strict=True)
+    ]
+    normal = slave.nodal_normals[nodes]
+    if not nominal:
+        normal = slave.in_planes(slave_shares @ slave.directions - master_shares @ master.directions, nodes)
+    coupling = Coupling(
+        nodes=nodes,
+        weight=weight,
+        normal=normal,
+        distance=distance,
+        slave=slave_shares,
+        master=master_shares,
+        slave_turning=turnings[0],
+        master_turning=turnings[1],
+        centre=slave_shares @ slave.x + half * distance,
+        overlap=overlap,
+        covered=float(tested.area.sum()),
+        alone=np.diff(shares.indptr) == 1,
+        hats=tested.hats,
+        reach=reach,
+        directions=directions,
+    )
+    size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
+    if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
+        raise PairingError(
+            f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
+            "facets, and that the bodies do not lie inside each other"
+        )
+    return coupling
+
+
+def _mean_normals(slave: PairSurface, master: PairSurface, tested: _Tested, comm: MPI.Comm) -> Array:
+    """N_i of the nodes of the slave, as if each could carry a point, shape (N, d); collective.
+
+    Where a node has no point, the normal of the master is the mean of those beside it.
+    """
+    overlap = tested.overlap
+    ones = np.ones((*overlap.weight.shape, 1))
+    slave_normals = slave.functions.values(overlap.at) @ slave.directions[slave.nodes[overlap.slave]]
+    master_normals = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]
+    moments = tested.moments(slave, np.concatenate((ones, slave_normals, master_normals), axis=2), comm)
+    nodes, shares = carried(slave, tested.covered, moments[:, 0], np.zeros(len(slave.x), dtype=bool))
+    means = shares @ moments
+    means = means[:, 1:] / means[:, :1]
+    dim = slave.dimension
+    directions = slave.nodal_normals - extended(slave, nodes, means[:, dim:])
+    directions[nodes] = means[:, :dim] - means[:, dim:]
+    return slave.in_planes(directions, np.arange(len(directions)))
+
+
+def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float) -> None:
+    """Whether both sides meet, and every facet has one partner at most at each of its points.
+
+    Args:
+        slave: the side with the points.
+        master: the other side.
+        covered: area (in the plane: length) of each facet that is under the other side, shape (f,).
+        reach: length.
+    """
+    if not covered.any():
+        raise PairingError(
+            f"none of its facets finds one of the other side that faces it within {reach:.3g}; "
+            f"{_nearest(slave, master)}: check the facets, and that the bodies do not lie inside each other"
+        )
+    twice = np.flatnonzero(covered > (1.0 + COVERED_TWICE) * slave.facet_areas)
+    if twice.size:
+        point = ", ".join(f"{c:g}" for c in slave.corners[twice[0]].mean(axis=0))
+        raise PairingError(
+            f"{twice.size} of its facets see more than one sheet of the other side within {reach:.3g}, such as that at "
+            f"({point}): give a smaller reach"
+        )
+
+
+def _nearest(slave: PairSurface, master: PairSurface) -> str:
+    """Where both sides are nearest to each other, how far apart, and which way they face there, in words."""
+    middles = [side.corners.mean(axis=1) for side in (slave, master)]
+    away, partners = cKDTree(middles[1]).query(middles[0])
+    nearest = int(away.argmin())
+    center = np.full((1, 1, slave.dimension - 1), 1.0 / 3.0)
+    normals = [
+        side.normals(np.array([facet]), center)[0, 0]
+        for side, facet in ((slave, nearest), (master, int(partners[nearest])))
+    ]
+    cosine = normals[0] @ normals[1] / np.prod([np.linalg.norm(normal) for normal in normals])
+    size = float(np.abs(middles[0]).max())
+    point = ", ".join(f"{c:.4g}" for c in size * np.round(middles[0][nearest] / size, 9))
+    angle = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return (
+        f"both are nearest at ({point}), {away[nearest]:.3g} apart, where their normals enclose {angle:.0f} degrees, "
+        "of sides that face each other about 180"
+    )
+
+
+def _sparse(points: Indices, nodes: Indices, values: Array, rows: int, columns: int) -> sp.csr_array:
+    row_numbers, column_numbers = (np.broadcast_to(at, values.shape) for at in (points[:, :, None], nodes[:, None]))
+    return sp.csr_array(
+        sp.coo_array((values.ravel(), (row_numbers.ravel(), column_numbers.ravel())), shape=(rows, columns))
+    )
+
+
+def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
+    """The sum of the matrices of all ranks, on every rank."""
+    if comm.size == 1:
+        return matrix
+    part = matrix.tocoo()
+    at = parallel.gather_rows(comm, np.column_stack((part.row, part.col)))
+    return sp.csr_array(sp.coo_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape))
+
+
+def _clean(matrix: sp.csr_array) -> sp.csr_array:
+    """Without the round-off of what is zero; entries have no unit."""
+    matrix.data[np.abs(matrix.data) < ZERO_COMPONENT] = 0.0
+    matrix.eliminate_zeros()
+    return matrix
+
+
+def _turning(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
+    """Omega_i(u) x d_i as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, nodes), ``distance``: d_i."""
+    arms.sort_indices()
+    count, dim = distance.shape
+    row = np.repeat(np.arange(count), np.diff(arms.indptr))
+    a, seen = arms.data, x[arms.indices]
+    middle = np.zeros((count, dim))
+    np.add.at(middle, row, a[:, None] * seen)
+    middle /= np.bincount(row, a, minlength=count)[:, None]
+    r, d = seen - middle[row], distance[row]
+    if dim == 2:
+        polar = np.bincount(row, a * np.einsum("ld,ld->l", r, r), minlength=count)[row]
+        omega = (a / polar)[:, None] * np.stack((-r[:, 1], r[:, 0]), axis=1)
+        blocks = np.stack((-d[:, 1], d[:, 0]), axis=1)[:, :, None] * omega[:, None, :]
+    else:
+        inertia: Array = np.zeros((count, 3, 3))
+        squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
+        np.add.at(inertia, row, a[:, None, None] * squares)
+        inverse = np.asarray(np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True), dtype=np.float64)
+        blocks = -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
+    of_rows = row[:, None, None] * dim + np.arange(dim)[:, None]
+    of_columns = arms.indices[:, None, None] * dim + np.arange(dim)
+    at = tuple(np.broadcast_to(places, blocks.shape).ravel() for places in (of_rows, of_columns))
+    return _clean(sp.csr_array(sp.coo_array((blocks.ravel(), at), shape=(count * dim, len(x) * dim))))
+
+
+def _crossing(vectors: Array) -> Array:
+    """The matrices of v x ., shape (n, 3, 3)."""
+    matrices = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
+    return matrices - matrices.transpose(0, 2, 1)

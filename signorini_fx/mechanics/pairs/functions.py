@@ -1,0 +1,118 @@
+"""Test functions of the contact points on the covered part of the slave side.
+
+Dual functions psi = A_e N with A_e = diag(int N) (int N N^T)^-1 on the covered part of each facet: (psi_i, N_k) =
+delta_ik (1, N_k), and they sum to one (Wohlmuth 2000; of partly covered facets Popp et al. 2013).  Integrals of
+quadratic functions over a part of a facet may be negative: functions that keep too little of their weight, or that
+belong to nodes that cannot carry a point, are added to their neighbours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+
+from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.tuned import KEPT_WEIGHT, SINGULAR
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
+    """A_e of each facet, shape (f, t, t); zero where it is not covered."""
+    tests = side.tests.values(overlap.at)
+    products = np.einsum("pq,pqi,pqj->pij", overlap.weight, tests, tests)
+    mass = np.zeros((len(side.nodes), *products.shape[1:]))
+    np.add.at(mass, overlap.slave, products)
+    covered = np.zeros(len(mass), dtype=bool)
+    covered[overlap.slave] = True
+    coefficients = np.zeros_like(mass)
+    inverse = np.linalg.pinv(mass[covered], rcond=SINGULAR, hermitian=True)
+    coefficients[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
+    return coefficients
+
+
+def hats(side: PairSurface) -> Array:
+    """The functions themselves, as coefficients for each facet, shape (f, t, t)."""
+    count = len(side.tests.places)
+    return np.tile(np.eye(count), (len(side.nodes), 1, 1))
+
+
+def carried(
+    side: PairSurface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
+) -> tuple[Indices, sp.csr_array]:
+    """Which nodes carry a point, and how these take over the functions of the others.
+
+    Args:
+        side: the slave.
+        covered: its facets that meet the other side.
+        weight: the integral of the function of each node, shape (N,).
+        unable: nodes that cannot carry a point, shape (N,).
+
+    Returns:
+        The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one,
+        sparse, shape (n, N).
+    """
+    tested_nodes, beside = _beside(side, covered)
+    unable = unable | side.without_area
+    for threshold in (KEPT_WEIGHT, 0.0):
+        able = tested_nodes & ~unable & (weight > threshold * side.area)
+        while able.any():
+            nodes, shares = _taken_over(beside, tested_nodes, able)
+            # What a point takes over may have a negative weight.
+            weak = shares @ weight <= threshold * side.area[nodes]
+            if not weak.any():
+                return nodes, shares
+            able[nodes[weak]] = False
+    return np.zeros(0, dtype=np.int64), sp.csr_array((0, len(weight)))
+
+
+def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
+    """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
+    them, ring by ring, shape (N, k); zero where no ring arrives.
+    """
+    tested_nodes, beside = _beside(side, np.arange(len(side.nodes)))
+    able = np.zeros(len(tested_nodes), dtype=bool)
+    able[nodes] = True
+    _, shares = _taken_over(beside, tested_nodes, able)
+    return np.asarray(shares.T @ values)
+
+
+def _beside(side: PairSurface, facets: Indices) -> tuple[npt.NDArray[np.bool_], sp.csr_array]:
+    """Which nodes have test functions on some facets, shape (N,), and which of them are on a facet together."""
+    tests, count = side.points[facets], len(side.area)
+    tested_nodes = np.zeros(count, dtype=bool)
+    tested_nodes[tests] = True
+    rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
+    columns = np.tile(tests, (1, tests.shape[1])).ravel()
+    beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
+    beside.data[:] = 1.0
+    return tested_nodes, beside
+
+
+def _taken_over(
+    beside: sp.csr_array, tested_nodes: npt.NDArray[np.bool_], able: npt.NDArray[np.bool_]
+) -> tuple[Indices, sp.csr_array]:
+    """Nodes that carry a point, and how they take over the functions of others, ring by ring.
+
+    Args:
+        beside: which nodes are on a facet together, shape (N, N).
+        tested_nodes: nodes of the covered part, shape (N,).
+        able: those of them that carry a point, shape (N,).
+    """
+    nodes, count = np.flatnonzero(able), tested_nodes.size
+    shares = sp.csr_array((np.ones(nodes.size), (np.arange(nodes.size), nodes)), shape=(nodes.size, count))
+    done, remaining = able.copy(), tested_nodes & ~able
+    while remaining.any():
+        done_diagonal = sp.diags_array(done.astype(np.float64))
+        known_beside = sp.csr_array(done_diagonal @ beside @ sp.diags_array(remaining.astype(np.float64)))
+        number = np.asarray(known_beside.sum(axis=0)).ravel()
+        reached = remaining & (number > 0)
+        if not reached.any():
+            break
+        mean = sp.diags_array(np.divide(1.0, number, out=np.zeros(count), where=reached))
+        shares = sp.csr_array(shares + shares @ known_beside @ mean)
+        done, remaining = done | reached, remaining & ~reached
+    return nodes, shares

@@ -1,0 +1,127 @@
+"""The overlap of two sides in the plane: projection along a continuous direction on the slave side.
+
+The direction n(s) interpolates those at the nodes.  The slave point under a master point x has (x - x_s(s)) x n(s) = 0.
+Between the images of the ends of a master facet all integrands are smooth.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.search import Patches, candidates
+from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.tuned import NO_PART, TURNED_DIRECTION
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+# Points of a segment of the overlap: integrands are rational where the normal turns.
+_POINTS = 8
+# Bisections, then steps of Newton's method that polish the root.
+_BISECTIONS, _STEPS = 30, 3
+
+
+def plane_overlap(
+    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None = None
+) -> Overlap:
+    """The overlap, one piece for each pair of facets that meet.
+
+    Args:
+        slave: the side with the points, d = 2.
+        master: the other one.
+        reach: distance beyond which points are no partners, length.
+        facets: the facets of the slave that are paired, shape (m,).
+        directions: of projection at the nodes of the slave, shape (N, 2); None: its normals.
+    """
+    slave_facets, master_facets = candidates(
+        patches(slave, facets), patches(master, np.arange(len(master.nodes))), reach, TURNED_DIRECTION
+    )
+    slave_facets = facets[slave_facets]
+    normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[slave_facets]]
+    corners = slave.corners[slave_facets]
+    ends = np.stack(
+        [_under(slave, corners, normals, _end(master, master_facets, parameter)) for parameter in (0.0, 1.0)], axis=1
+    )  # of each pair: the images of both ends
+    ends.sort(axis=1)
+    meets = ends[:, 1] - ends[:, 0] > NO_PART
+    slave_facets, master_facets = slave_facets[meets], master_facets[meets]
+    ends, normals, corners = ends[meets], normals[meets], corners[meets]
+    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    width = ends[:, 1] - ends[:, 0]
+    at = ends[:, :1] + width[:, None] * (points + 1) / 2
+    shape = slave.functions.values(at[..., None])
+    x, normal = np.einsum("mqk,mkd->mqd", shape, corners), np.einsum("mqk,mkd->mqd", shape, normals)
+    over = _over(master, master.corners[master_facets], x, normal)
+    size = np.linalg.norm(slave.normals(slave_facets, at[..., None]), axis=2)
+    weight = size * weights / 2 * width[:, None]
+    return Overlap(slave_facets, master_facets, at[..., None], over[..., None], weight)
+
+
+def turned_in_plane(slave: PairSurface, directions: Array) -> float:
+    """The largest distance of directions of projection from those that a first projection takes, of length one."""
+    return float(np.abs(directions - slave.nodal_normals)[slave.points].max())
+
+
+def patches(side: PairSurface, facets: Indices) -> Patches:
+    """Facets of a side as straight patches."""
+    middle = side.normals(facets, np.full((len(facets), 1, 1), 0.5))[:, 0]
+    return Patches(side.corners[facets], middle / np.linalg.norm(middle, axis=1, keepdims=True))
+
+
+def _end(side: PairSurface, facets: Indices, parameter: float) -> Array:
+    return side.positions(facets, np.full((len(facets), 1, 1), parameter))[:, 0]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _at(shape: Array, values: Array) -> Array:
+    """Nodal values of each pair, shape (m, k, d), at one point of each with functions of shape (m, k)."""
+    return np.einsum("mk,mkd->md", shape, values)
+
+
+def _under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array:
+    """The place s in [0, 1] of the slave point under each point of shape (m, d), or the end beyond which it is."""
+
+    def miss(s: Array) -> Array:
+        shape = side.functions.values(s[:, None])
+        return _cross(x - _at(shape, corners), _at(shape, normals))
+
+    def slope(s: Array) -> Array:
+        shape, along = side.functions.values(s[:, None]), side.functions.slopes(s[:, None])[0]
+        moved = _cross(_at(along, corners), _at(shape, normals))
+        return _cross(x - _at(shape, corners), _at(along, normals)) - moved
+
+    low: Array = np.zeros(len(x))
+    high: Array = np.ones(len(x))
+    first, last = (_at(side.functions.values(s[:, None]), corners) for s in (low, high))
+    # Along the facet the misses fall or rise, as its normal is on its right or left.
+    way = np.sign(_cross(last - first, normals.mean(axis=1)))
+    above_low, below_high = way * miss(low) > 0, way * miss(high) < 0
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        right = way * miss(middle) > 0
+        low, high = np.where(right, middle, low), np.where(right, high, middle)
+    root: Array = (low + high) / 2
+    for _ in range(_STEPS):
+        gradient = slope(root)
+        step = np.divide(miss(root), gradient, out=np.zeros(len(x)), where=gradient != 0)
+        root = np.clip(root - step, 0.0, 1.0)
+    return np.where(above_low & below_high, root, np.where(above_low, 1.0, 0.0))
+
+
+def _over(side: PairSurface, corners: Array, x: Array, normal: Array) -> Array:
+    """The place of the master point over each point of shape (m, q, d) along its normal, in [0, 1]."""
+    at = np.full(x.shape[:2], 0.5)
+    for _ in range(_BISECTIONS):
+        shape, along = side.functions.values(at[..., None]), side.functions.slopes(at[..., None])[0]
+        miss = _cross(np.einsum("mqk,mkd->mqd", shape, corners) - x, normal)
+        slope = _cross(np.einsum("mqk,mkd->mqd", along, corners), normal)
+        step = np.divide(miss, slope, out=np.zeros_like(miss), where=slope != 0)
+        at = np.clip(at - step, 0.0, 1.0)
+        if np.abs(step).max(initial=0.0) < 1e-15:
+            break
+    return at

@@ -1,0 +1,268 @@
+"""The overlap of two sides in space (Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629).
+
+Each linear part of a slave facet has a plane through its centroid, across the direction of projection there.  Both
+parts are projected onto it, the polygon that they share is found by clipping, and a fan of triangles around its centre
+carries the quadrature.  Points are mapped back into both facets; weights are areas of the true slave surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.search import Patches, candidates
+from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
+from signorini_fx.tuned import LAST_STEP_BUT_ONE, LAST_STEP_IN_FACET, NO_PART, SAME_LENGTH
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+# Degrees of the quadrature on each triangle, by the degree of the functions; on quadrilaterals and on curved triangles
+# integrands are no polynomials, but bilinear functions on parallelograms are.
+_DEGREES = {1: 2, 2: 4}
+_RATIONAL = 12
+_PARALLELOGRAMS = 4
+# Steps of Newton's method that invert a map, at most.
+_STEPS = 12
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The linear parts of a side, p of them.
+
+    Attributes:
+        facet: of which facet, shape (p,).
+        reference: their corners in its reference facet, shape (p, c, 2).
+        patches: where they are.
+    """
+
+    facet: Indices
+    reference: Array
+    patches: Patches
+
+    @classmethod
+    def of(cls, side: PairSurface, facets: Indices) -> Parts:
+        """Those of some facets."""
+        parts = side.functions.parts
+        facet = np.repeat(facets, len(parts))
+        reference = np.tile(parts, (len(facets), 1, 1))
+        corners = side.positions(facet, reference)
+        first, last = corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]
+        if corners.shape[1] == 4:  # both diagonals
+            first, last = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+        normal = np.asarray(np.cross(first, last), dtype=np.float64)
+        normal *= side.sign[facet][:, None] / np.linalg.norm(normal, axis=1, keepdims=True)
+        return cls(facet, reference, Patches(corners, normal))
+
+
+def space_overlap(
+    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None = None
+) -> Overlap:
+    """The overlap, some triangles for each pair of parts that meet.
+
+    Args:
+        slave: the side with the points, d = 3.
+        master: the other one.
+        reach: distance beyond which parts are no partners, length.
+        facets: the facets of the slave that are paired, shape (m,).
+        directions: of projection at the nodes of the slave with test functions, shape (N, 3); None: the normals of the
+            parts of the slave.
+    """
+    slave_parts, master_parts = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
+    along, turning = slave_parts.patches.normal, np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64)
+    if directions is not None:
+        along, turning = _along(slave, slave_parts, directions)
+    slave_numbers, master_numbers = candidates(slave_parts.patches, master_parts.patches, reach, turning)
+    centre, axes = slave_parts.patches.centre[slave_numbers], _axes(along[slave_numbers])
+    flat, flat_master = (
+        np.einsum("mcd,mkd->mck", corners - centre[:, None], axes)
+        for corners in (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers])
+    )
+    polygon, count = clip(_counterclockwise(flat_master), _counterclockwise(flat))
+    nonempty = _areas(polygon, count) > NO_PART * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
+    slave_numbers, master_numbers, count = slave_numbers[nonempty], master_numbers[nonempty], count[nonempty]
+    flat, flat_master, polygon, centre, axes = (entry[nonempty] for entry in (flat, flat_master, polygon, centre, axes))
+    triangles, pair = _fan(polygon, count)
+    functions = slave.functions, master.functions
+    curved = _curved(slave, slave_parts.facet[slave_numbers]) or _curved(master, master_parts.facet[master_numbers])
+    degree = _degree(
+        functions,
+        (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers]),
+        curved=curved,
+    )
+    points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
+    first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
+    p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
+    area = np.abs(_cross(first, second))[:, None] * weights
+    slave_numbers, master_numbers = slave_numbers[pair], master_numbers[pair]
+    at, projected = _back(flat[pair], slave_parts.reference[slave_numbers], p)
+    over, _ = _back(flat_master[pair], master_parts.reference[master_numbers], p)
+    true = np.linalg.norm(slave.normals(slave_parts.facet[slave_numbers], at), axis=2)
+    if max(entry.degree for entry in functions) > 1:
+        p = np.einsum(
+            "mqd,mkd->mqk", slave.positions(slave_parts.facet[slave_numbers], at) - centre[pair][:, None], axes[pair]
+        )
+        over = _projected(master, master_parts.facet[master_numbers], over, p, centre[pair], axes[pair])
+    return Overlap(
+        slave_parts.facet[slave_numbers], master_parts.facet[master_numbers], at, over, area * true / projected
+    )
+
+
+def turned_in_space(slave: PairSurface, directions: Array) -> float:
+    """The largest tangent of the angles between directions of projection and those that a first projection takes."""
+    return float(np.max(_along(slave, Parts.of(slave, np.arange(len(slave.nodes))), directions)[1]))
+
+
+def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, Array]:
+    """The direction of projection at the middle of each part, of length one, shape (p, 3), and the tangent of its angle
+    to the normal there, shape (p,); ``directions``: at the nodes.
+    """
+    shape = side.tests.values(parts.reference.mean(axis=1))
+    along = np.einsum("pt,ptd->pd", shape, directions[side.points[parts.facet]])
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    normal = parts.patches.normal
+    cosine, sine = np.sum(along * normal, axis=1), np.linalg.norm(np.cross(along, normal), axis=1)
+    return along, sine / cosine
+
+
+def _curved(side: PairSurface, facets: Indices) -> bool:
+    """Whether some of these facets are triangles whose edges are arcs."""
+    if side.functions.degree == 1 or not side.functions.simplex:
+        return False
+    corners, places = side.corners[np.unique(facets)], side.functions.places
+    away = np.linalg.norm(corners - Lagrange(places[:3]).values(places) @ corners[:, :3], axis=2)
+    return bool((away > SAME_LENGTH * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).any())
+
+
+def _degree(functions: tuple[Lagrange, Lagrange], corners: tuple[Array, Array], *, curved: bool) -> int:
+    """Of the quadrature on each triangle; ``corners``: of the parts of both sides, shape (m, c, 3)."""
+    highest = max(lagrange.degree for lagrange in functions)
+    if all(lagrange.simplex for lagrange in functions) and not curved:
+        return _DEGREES[highest]
+    return _PARALLELOGRAMS if highest == 1 and all(map(_parallelograms, corners)) else _RATIONAL
+
+
+def _parallelograms(corners: Array) -> bool:
+    """Whether maps from the reference part are affine; ``corners``: shape (m, c, 3)."""
+    if corners.shape[1] == 3:
+        return True
+    twist = np.linalg.norm(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3], axis=1)
+    return bool((twist <= SAME_LENGTH * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all())
+
+
+def _projected(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
+    """The places on curved facets whose projections are the points p of the planes, by Newton's method from ``at``."""
+    for _ in range(_STEPS):
+        residual = p - np.einsum("mqd,mkd->mqk", side.positions(facets, at) - centre[:, None], axes)
+        along = np.einsum("smqk,mkd->smqd", side.functions.slopes(at), side.corners[facets])
+        first, second = np.einsum("smqd,mkd->smqk", along, axes)
+        step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / _cross(first, second)[..., None]
+        at = at + step
+        if np.abs(step).max(initial=0.0) < LAST_STEP_IN_FACET:
+            break
+    return at
+
+
+def _axes(normal: Array) -> Array:
+    """Two unit vectors across each normal, shape (m, 2, 3), a right-handed frame with it."""
+    least = np.abs(normal).argmin(axis=1)
+    first = np.cross(normal, np.eye(3)[least])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack((first, np.cross(normal, first)), axis=1)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _areas(polygon: Array, count: Indices) -> Array:
+    """Signed areas of polygons of shape (m, v, 2), of which the first ``count`` corners are there, shape (m,)."""
+    valid = np.arange(polygon.shape[1]) < count[:, None]
+    arms = np.where(valid[..., None], polygon - polygon[:, :1], 0.0)
+    return np.asarray(_cross(arms[:, :-1], arms[:, 1:]).sum(axis=1) / 2)
+
+
+def _counterclockwise(polygon: Array) -> Array:
+    area = _areas(polygon, np.full(len(polygon), polygon.shape[1]))
+    return np.where((area < 0)[:, None, None], polygon[:, ::-1], polygon)
+
+
+def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
+    """Convex polygons cut by convex windows (Sutherland and Hodgman), both counterclockwise.
+
+    Args:
+        subject: shape (m, a, 2).
+        window: shape (m, b, 2).
+
+    Returns:
+        Corners of what is left, shape (m, v, 2), and how many of them are there, shape (m,).
+    """
+    polygon, count = subject, np.full(len(subject), subject.shape[1])
+    for edge in range(window.shape[1]):
+        start = window[:, edge, None]
+        along = window[:, (edge + 1) % window.shape[1], None] - start
+        size = polygon.shape[1]
+        valid = np.arange(size) < count[:, None]
+        following = (np.arange(size) + 1)[None] % np.maximum(count, 1)[:, None]
+        next_corners = np.take_along_axis(polygon, following[..., None], axis=1)
+        height, height_after = _cross(along, polygon - start), _cross(along, next_corners - start)
+        inside, crosses = valid & (height >= 0), valid & ((height >= 0) != (height_after >= 0))
+        share = np.divide(height, height - height_after, out=np.zeros_like(height), where=crosses)
+        cut = polygon + share[..., None] * (next_corners - polygon)
+        # Of each side first the corner that stays, then where it crosses the edge.
+        corners = np.stack((polygon, cut), axis=2).reshape(len(polygon), 2 * size, 2)
+        stays = np.stack((inside, crosses), axis=2).reshape(len(polygon), 2 * size)
+        # One more than before; where corners are on the edge but for round-off the cut may go to and fro along it.
+        count = stays.sum(axis=1)
+        order = np.argsort(~stays, axis=1, kind="stable")[:, : count.max(initial=1)]
+        polygon = np.take_along_axis(corners, order[..., None], axis=1)
+    return polygon, count
+
+
+def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
+    """Triangles around the centre of each polygon, shape (t, 3, 2), and which polygon each is of, shape (t,)."""
+    size = polygon.shape[1]
+    valid = np.arange(size) < count[:, None]
+    centre = np.where(valid[..., None], polygon, 0.0).sum(axis=1) / np.maximum(count, 1)[:, None]
+    following = (np.arange(size) + 1)[None] % np.maximum(count, 1)[:, None]
+    next_corners = np.take_along_axis(polygon, following[..., None], axis=1)
+    middle = np.broadcast_to(centre[:, None], polygon.shape)
+    triangles = np.stack((middle, polygon, next_corners), axis=2)
+    return triangles[valid], np.nonzero(valid)[0]
+
+
+def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
+    """Where points of the plane are in the reference facet.
+
+    Args:
+        flat: corners of the projected parts, shape (m, c, 2).
+        reference: their corners in the reference facet, shape (m, c, 2).
+        p: the points, shape (m, q, 2).
+
+    Returns:
+        Places, shape (m, q, 2), and the projected area of a unit of the reference facet there, shape (m, q).
+    """
+    s = np.full(p.shape, 0.5)
+
+    def maps(corners: Array) -> tuple[Array, Array, Array]:
+        first, second = corners[:, None, 1] - corners[:, None, 0], corners[:, None, -1] - corners[:, None, 0]
+        twist = np.zeros_like(first)
+        if corners.shape[1] == 4:
+            twist = corners[:, None, 2] - corners[:, None, 1] - second
+        a, b = s[..., :1], s[..., 1:]
+        return corners[:, None, 0] + a * first + b * second + a * b * twist, first + b * twist, second + a * twist
+
+    for _ in range(_STEPS if flat.shape[1] == 4 else 1):
+        image, first, second = maps(flat)
+        residual, determinant = p - image, _cross(first, second)
+        step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / determinant[..., None]
+        s = s + step
+        if np.abs(step).max(initial=0.0) < LAST_STEP_BUT_ONE:
+            break
+    _, first, second = maps(flat)
+    inside, own_first, own_second = maps(reference)
+    return inside, np.abs(_cross(first, second) / _cross(own_first, own_second))

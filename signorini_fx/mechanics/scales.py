@@ -1,0 +1,66 @@
+"""What lengths, stresses, stiffnesses and energies of a body are compared with: every formula of dimension is here.
+
+In space a force is a stress times an area, in the plane, per thickness, a stress times a length.  So the power of a
+length in a scale depends on the dimension d, and a formula that is right for d = 2 is easily wrong for d = 3.
+
+The solver and the certificate share these formulas, and nothing else: each of them evaluates them with its own data.
+``tests/scenes/test_units.py`` checks the formulas themselves, since no result may depend on the units of length and
+force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """The scales of a body.
+
+    Attributes:
+        dimension: d.
+        modulus: of the stiffest material, stress.
+        size: diameter of the body, length.
+        depth: of a body in the plane, what its areas and lengths of the boundary are multiplied by: 1 per thickness, of
+            a body of revolution a typical length of the circumference, see ``Kinematics.depth``.
+    """
+
+    dimension: int
+    modulus: float
+    size: float
+    depth: float = 1.0
+
+    @property
+    def surface(self) -> float:
+        """Area, in the plane length, of a surface as large as the body."""
+        return float(self.depth * self.size ** (self.dimension - 1))
+
+    @property
+    def gamma(self) -> float:
+        """The natural unit of gamma, stress per length."""
+        return self.modulus / self.size
+
+    def spacing(self, nodes: int) -> float:
+        """Length between neighbours of so many nodes in a body of this size."""
+        return float(self.size / nodes ** (1.0 / self.dimension))
+
+    def side(self, area: Array) -> Array:
+        """Lengths of the sides of pieces of the surface with these areas (in the plane: lengths)."""
+        return np.asarray((area / self.depth) ** (1.0 / (self.dimension - 1)))
+
+    def stiffness(self, spacing: float) -> float:
+        """Force at a node that is moved by a unit of length, at this distance from its neighbours."""
+        return float(self.modulus * self.depth * spacing ** (self.dimension - 2))
+
+    def stress(self, strain_energy: float) -> float:
+        """Mean stress of a body with this strain energy."""
+        return float(np.sqrt(2 * self.modulus * strain_energy / (self.depth * self.size**self.dimension)))
+
+    def deflection(self, stress: float) -> float:
+        """Length by which this stress deforms the body."""
+        return stress / self.modulus * self.size

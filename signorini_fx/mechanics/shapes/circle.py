@@ -1,0 +1,49 @@
+"""A circle in the plane: a cylinder across it."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from signorini_fx.mechanics.statement.rigid_shape import Array, Shape, normalised
+from signorini_fx.mechanics.statement.values import Positive, Vector
+
+
+class Ball(Shape):
+    """All points that are closer to a centre than a radius, in the plane or in space.
+
+    Attributes:
+        centre: its centre, length.
+        radius: length.
+    """
+
+    centre: Vector
+    radius: Positive
+
+    @property
+    def inradius(self) -> float:
+        """See ``Shape``."""
+        return math.inf if self.hollow else self.radius
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``."""
+        size, normal = normalised(x - np.array(self.centre), np.eye(x.shape[1])[0])
+        return size - self.radius, normal
+
+
+class Circle(Ball):
+    """A circle.
+
+    Attributes:
+        centre: its centre, length.
+        radius: length.
+    """
+
+    exists_in = (2,)
+
+    shape: Literal["circle"] = "circle"
+
+
+Entry = Circle

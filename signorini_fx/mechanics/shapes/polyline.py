@@ -1,0 +1,195 @@
+"""A line of straight pieces in the plane."""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from signorini_fx.mechanics.statement.rigid_shape import Array, Shape
+from signorini_fx.mechanics.statement.values import Finite
+from signorini_fx.tuned import SAME_LENGTH
+
+# Products of points and pieces that are compared at a time, and pieces that are so few that all are.
+_AT_A_TIME, _FEW = 1_000_000, 256
+
+Rows = npt.NDArray[np.int64]
+
+Points = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2, max_length=100_000)]
+
+
+class LineShape(Shape):
+    """A line through points: the body is on its left, or outside where the last point is the first one.
+
+    Attributes:
+        points: in order, lengths; beyond the first and the last one the line goes straight on.
+    """
+
+    exists_in = (2,)
+
+    points: Points
+
+    @model_validator(mode="after")
+    def _goes_on(self) -> Self:
+        x = np.array(self.points)
+        still = np.flatnonzero((np.diff(x, axis=0) == 0).all(axis=1))
+        if still.size:
+            raise ValueError(f"points: numbers {still[0] + 1} and {still[0] + 2} are the same")
+        if self.closed and len(x) < 4:
+            raise ValueError("points: a closed line needs three, and the first one again")
+        return self
+
+    @property
+    def closed(self) -> bool:
+        """Whether it ends where it begins."""
+        return self.points[0] == self.points[-1]
+
+    @property
+    def inradius(self) -> float:
+        """See ``Shape``: of a closed line its area over its perimeter, which no inradius is below."""
+        if self.hollow or not self.closed:
+            return np.inf
+        x = np.array(self.points)
+        x = x - x[0]
+        area = abs(float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1])) / 2
+        return area / float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+
+    @property
+    def walked(self) -> Array:
+        """Its points in the order in which the body is on the left, shape (m, 2)."""
+        x = np.array(self.points)
+        turning = float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1])
+        return x[::-1] if self.closed and turning > 0 else x
+
+
+class Polyline(LineShape):
+    """A line of straight pieces.
+
+    Attributes:
+        points: in order, lengths; beyond the first and the last one the line goes straight on.
+    """
+
+    shape: Literal["polyline"] = "polyline"
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``."""
+        walked = self.walked
+        count = len(walked) - 1
+        pieces = np.column_stack((np.arange(count), np.arange(1, count + 1)))
+        if self.closed:
+            pieces[-1, 1] = 0
+        return StraightPieces(walked, pieces)(x)
+
+
+class NearestPiece:
+    """Which of many straight pieces is the closest one.
+
+    Args:
+        begin: where the pieces begin, shape (m, 2).
+        along: their unit vectors, shape (m, 2).
+        first: the lowest place on each, length, shape (m,); minus infinity where it goes straight on.
+        last: the highest one.
+    """
+
+    def __init__(self, begin: Array, along: Array, first: Array, last: Array) -> None:
+        self._begin, self._along, self._first, self._last = begin, along, first, last
+        self._tree: Any = None
+        # All are compared where they are few, and always those that have no end.
+        searched = np.isfinite(first) & np.isfinite(last) & (len(begin) > _FEW)
+        self._compared = np.flatnonzero(~searched)
+        if searched.any():
+            self._search(np.flatnonzero(searched))
+
+    def _search(self, pieces: Rows) -> None:
+        """Put the middles of equal parts of pieces, about as many as these, into a tree."""
+        from scipy.spatial import cKDTree
+
+        length = self._last[pieces] - self._first[pieces]
+        self._part = float(length.mean())
+        parts = np.maximum(np.ceil(length / self._part), 1).astype(np.int64)
+        self._owner = np.repeat(pieces, parts)
+        number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+        parameter = self._first[self._owner] + (number + 0.5) * np.repeat(length / parts, parts)
+        self._tree = cKDTree(self._begin[self._owner] + parameter[:, None] * self._along[self._owner])
+
+    def __call__(self, x: Array) -> tuple[Rows, Array]:
+        """The closest piece of each point, the first one of several, and the place of the closest point on it.
+
+        Args:
+            x: points, shape (n, 2).
+
+        Returns:
+            Shapes (n,) and (n,).
+        """
+        chosen = np.zeros(len(x), dtype=np.int64)
+        counts, within = np.full(len(x), self._compared.size), np.zeros(len(x))
+        if self._tree is not None:
+            # The closest point is in a part, half of whose length is the most that it is away from its middle.
+            within = (self._tree.query(x)[0] + self._part / 2) * (1 + SAME_LENGTH)
+            counts += self._tree.query_ball_point(x, within, return_length=True)
+        for batch in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_A_TIME)) + 1):
+            rows, pieces = np.repeat(batch, self._compared.size), np.tile(self._compared, batch.size)
+            if self._tree is not None:
+                near = self._tree.query_ball_point(x[batch], within[batch])
+                rows = np.concatenate((rows, np.repeat(batch, [len(neighbours) for neighbours in near])))
+                parts = np.fromiter(chain.from_iterable(near), np.int64)
+                pieces = np.concatenate((pieces, self._owner[parts]))
+                order = np.argsort(rows, kind="stable")
+                rows, pieces = rows[order], pieces[order]
+            away = (
+                x[rows] - self._begin[pieces] - self._share_of_closest(x[rows], pieces)[:, None] * self._along[pieces]
+            )
+            distance = np.linalg.norm(away, axis=1)
+            starts = np.flatnonzero(np.diff(rows, prepend=-1))
+            least = np.repeat(np.minimum.reduceat(distance, starts), np.diff(starts, append=len(rows)))
+            chosen[batch] = np.minimum.reduceat(np.where(distance == least, pieces, len(self._begin)), starts)
+        return chosen, self._share_of_closest(x, chosen)
+
+    def _share_of_closest(self, x: Array, pieces: Rows) -> Array:
+        """The place of the closest point on the piece of each point, shape (n,)."""
+        foot = np.einsum("nd,nd->n", x - self._begin[pieces], self._along[pieces])
+        return np.clip(foot, self._first[pieces], self._last[pieces])
+
+
+class StraightPieces:
+    """Signed distances from straight pieces, positive on their left, and the normals at the closest points.
+
+    Args:
+        corners: ends of the pieces, shape (c, 2).
+        pieces: the corner at which each begins, and that at which it ends, shape (m, 2); one at a free end goes on.
+    """
+
+    def __init__(self, corners: Array, pieces: Rows) -> None:
+        self._pieces, self._begin = pieces, corners[pieces[:, 0]]
+        along = corners[pieces[:, 1]] - self._begin
+        length = np.linalg.norm(along, axis=1)
+        self._along = along / length[:, None]
+        self._normals = np.column_stack((-self._along[:, 1], self._along[:, 0]))
+        self._at_corner = np.zeros_like(corners)
+        for column in (0, 1):
+            np.add.at(self._at_corner, pieces[:, column], self._normals)
+        self._first = np.where(np.isin(pieces[:, 0], pieces[:, 1]), 0.0, -np.inf)
+        self._last = np.where(np.isin(pieces[:, 1], pieces[:, 0]), length, np.inf)
+        self._nearest = NearestPiece(self._begin, self._along, self._first, self._last)
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Shapes (n,) and (n, 2), for points of shape (n, 2)."""
+        chosen, parameter = self._nearest(x)
+        away = x - self._begin[chosen] - parameter[:, None] * self._along[chosen]
+        normal = self._normals[chosen].copy()
+        signed = np.einsum("nd,nd->n", away, normal)
+        # At a corner the sign is that of the mean of both normals (Baerentzen and Aanaes, IEEE Trans. Vis. Comput.
+        # Graph. 11 (2005) 243-253), and the normal that of the distance.
+        for end, column in ((self._first[chosen], 0), (self._last[chosen], 1)):
+            size = np.linalg.norm(away, axis=1)
+            at_end = (parameter == end) & (size > 0)
+            mean = self._at_corner[self._pieces[chosen[at_end], column]]
+            size = size[at_end] * np.where(np.einsum("nd,nd->n", away[at_end], mean) < 0, -1.0, 1.0)
+            signed[at_end], normal[at_end] = size, away[at_end] / size[:, None]
+        return signed, normal
+
+
+Entry = Polyline

@@ -1,0 +1,247 @@
+"""The surface of a solid from a file: STL, a drawing of a CAD program, or a mesh; in the plane the rim of a mesh."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mechanics.shapes.polyline import Rows, StraightPieces
+from signorini_fx.mechanics.statement.rigid_shape import Array, Shape
+from signorini_fx.mechanics.statement.values import Positive
+from signorini_fx.tuned import INRADIUS_GRID, SAME_NUMBER
+
+
+class ClosedSurface(Shape):
+    """A closed surface of flat triangles; in the plane a closed line of straight pieces.
+
+    Attributes:
+        file: .stl, or the drawing or mesh of a solid, in the plane of an area, in any format that a mesh may have.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the solid.
+        scale: by which the lengths of the file are multiplied.
+    """
+
+    shape: Literal["surface"] = "surface"
+    file: Path
+    size: Positive | None = None
+    scale: Positive = 1.0
+
+    def contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
+        """See ``Shape``; the file is read."""
+        yield from super().contradictions(dimension)
+        try:
+            file_dimension = self._surface.dimension
+        except (MeshError, SceneError) as error:
+            yield "file", str(error)
+            return
+        if file_dimension != dimension:
+            words = {2: "plane", 3: "in space"}
+            yield "file", f"{self.file}: it is {words[file_dimension]}, and the mesh of the body {words[dimension]}"
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``."""
+        signed, normal = self._surface(x / self.scale)
+        return self.scale * signed, normal
+
+    @property
+    def inradius(self) -> float:
+        """See ``Shape``."""
+        return math.inf if self.hollow else self.scale * self._surface.inradius
+
+    @property
+    def _surface(self) -> Any:
+        """The surface, which is read once.
+
+        Raises:
+            MeshError: the file cannot be read, its surface is not closed, or VTK is missing.
+        """
+        changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
+        return surface_of(self.file, self.size, changed)
+
+
+Entry = ClosedSurface
+
+
+@lru_cache(maxsize=8)
+def surface_of(file: Path, size: float | None, _changed: int) -> Any:
+    """The surface in a file, once for each state of the file."""
+    return CachedSurface(_read(file, size))
+
+
+class CachedSurface:
+    """A surface that keeps the last distances: of the same points gap, direction and certificate ask for them."""
+
+    def __init__(self, surface: Any) -> None:
+        self._surface, self.dimension = surface, surface.dimension
+        self._last: dict[bytes, tuple[Array, Array]] = {}
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Signed distances and normals, shapes (n,) and (n, d)."""
+        points = x.tobytes()
+        if points not in self._last:
+            self._last = {points: self._surface(x)}
+        signed, normal = self._last[points]
+        return signed.copy(), normal.copy()
+
+    @cached_property
+    def inradius(self) -> float:
+        """Of the largest ball inside whose middle is on a grid; or volume over area, in the plane area over perimeter,
+        which is that of a thin solid, and below that of one without many small cavities, length.
+        """
+        bounds, thickness = self._surface.extent
+        axes = [np.linspace(low, high, INRADIUS_GRID) for low, high in bounds.T]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, self.dimension)
+        return max(thickness, -float(self._surface(grid)[0].min()))
+
+
+def _read(file: Path, size: float | None) -> Any:
+    """The surface in a file.
+
+    Raises:
+        MeshError: see ``ClosedSurface``.
+    """
+    if not file.is_file():
+        raise MeshError(f"{file}: no such file")
+    if file.suffix.lower() == ".stl":
+        return InSpace(file, *_stl(file))
+    from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD
+
+    if file.suffix.lower() in CAD:
+        from signorini_fx.mechanics.mesh.files.gmsh_files import read_gmsh
+
+        raw = read_gmsh(file, size=size, skin=True)
+        skin = np.concatenate([nodes for _, nodes in raw.blocks])
+        return InSpace(file, raw.points, skin) if skin.shape[1] == 3 else InThePlane(raw.points[:, :2], skin)
+    from signorini_fx.mechanics.mesh.files.formats import read_file
+
+    mesh = read_file(file, degree=1, size=size)
+    if mesh.dim == 2:
+        return InThePlane(mesh.points, _rim(mesh.points, mesh.corners))
+    faces = mesh.facet_corners
+    return InSpace(file, mesh.points, faces if faces.shape[1] == 3 else np.vstack((faces[:, :3], faces[:, [0, 2, 3]])))
+
+
+def _stl(file: Path) -> tuple[Array, Rows]:
+    """Points and triangles of an STL file, points that are the same joined."""
+    from signorini_fx.mechanics.mesh.files.reading import read_separately
+
+    raw = read_separately(file, "meshio", {"kind": "stl"})
+    blocks = [nodes for kind, nodes in raw.blocks if kind == "triangle" and len(nodes)]
+    if not blocks or not np.isfinite(raw.points).all():
+        raise MeshError(f"{file}: it has no triangles, or points that are not finite")
+    points, joined = np.unique(raw.points, axis=0, return_inverse=True)
+    triangles = joined.reshape(-1)[np.concatenate(blocks)]
+    flat = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)  # two corners are one: no area
+    return points, triangles[~flat]
+
+
+def _rim(points: Array, cells: Rows) -> Rows:
+    """The sides of cells counterclockwise; ``cells``: their corners along their perimeters, shape (m, 3 or 4)."""
+    x, y = points[cells].transpose(2, 0, 1)
+    turning = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
+    cells = np.where((turning < 0)[:, None], cells[:, ::-1], cells)
+    return np.stack((cells, np.roll(cells, -1, axis=1)), axis=2).reshape(-1, 2)
+
+
+class InThePlane:
+    """The rim of an area.
+
+    Attributes:
+        extent: the least and the greatest coordinates, length, shape (2, 2), and the area over the perimeter.
+
+    Args:
+        points: shape (n, 2).
+        sides: ends of the sides of areas, counterclockwise around each of them, shape (m, 2).
+    """
+
+    dimension = 2
+
+    def __init__(self, points: Array, sides: Rows) -> None:
+        outer = ~np.isin(sides[:, 0] * len(points) + sides[:, 1], sides[:, 1] * len(points) + sides[:, 0])
+        # Clockwise: outside is on the left.
+        self._pieces = StraightPieces(points, sides[outer][:, ::-1])
+        ends = points[sides[outer]]
+        area = float(np.linalg.det(ends - ends.mean(axis=(0, 1))).sum()) / 2
+        perimeter = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+        self.extent = np.stack((ends.min(axis=(0, 1)), ends.max(axis=(0, 1)))), area / perimeter
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Signed distances and normals, shapes (n,) and (n, 2)."""
+        return self._pieces(x)
+
+
+class InSpace:
+    """A closed surface of triangles, with VTK's signed distance.
+
+    Attributes:
+        extent: the least and the greatest coordinates, length, shape (2, 3), and the volume over the area.
+
+    Args:
+        file: where it is from, for messages.
+        points: shape (n, 3).
+        triangles: shape (m, 3), with any order of their corners.
+
+    Raises:
+        MeshError: it is not closed, has no inside, or VTK is missing.
+    """
+
+    dimension = 3
+
+    def __init__(self, file: Path, points: Array, triangles: Rows) -> None:
+        sides = np.sort(np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
+        _, counts = np.unique(sides[:, 0] * len(points) + sides[:, 1], return_counts=True)
+        if (counts != 2).any():
+            raise MeshError(
+                f"{file}: the surface is not closed: {np.count_nonzero(counts == 1)} sides of its {len(triangles)} "
+                f"triangles belong to one alone, {np.count_nonzero(counts > 2)} to more than two"
+            )
+        try:
+            from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+            from vtkmodules.vtkCommonCore import vtkPoints
+            from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+            from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance, vtkPolyDataNormals
+        except ModuleNotFoundError as error:
+            raise MeshError(f"{file}: a surface in space needs the Python package {error.name}: see pyvista") from None
+        data, places, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
+        places.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
+        cells.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(triangles.ravel()), deep=True))
+        data.SetPoints(places)
+        data.SetPolys(cells)
+        outwards = vtkPolyDataNormals()
+        outwards.SetInputData(data)
+        outwards.SplittingOff()
+        outwards.ConsistencyOn()
+        outwards.AutoOrientNormalsOn()
+        outwards.Update()
+        faced = outwards.GetOutput()
+        order = vtk_to_numpy(faced.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+        directed = order * len(points) + np.roll(order, -1, axis=1)
+        if np.unique(directed).size < directed.size:
+            raise MeshError(f"{file}: the surface has no inside and outside: its triangles cannot be oriented alike")
+        self._distance = vtkImplicitPolyDataDistance()
+        self._distance.SetInput(faced)
+        self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
+        corners = vtk_to_numpy(faced.GetPoints().GetData())[order]
+        corners = corners - (middle := corners.mean(axis=(0, 1)))
+        volume = abs(float(np.linalg.det(corners).sum())) / 6
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = float(np.linalg.norm(across, axis=1).sum()) / 2
+        bounds = np.stack((corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))) + middle
+        self.extent = bounds, volume / area
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Signed distances and normals, shapes (n,) and (n, 3)."""
+        closest, signed = np.zeros_like(x), np.zeros(len(x))
+        for k, point in enumerate(x):
+            signed[k] = self._distance.EvaluateFunctionAndGetClosestPoint(point, closest[k])
+        far = np.abs(signed) > SAME_NUMBER * self._size
+        normal = np.zeros_like(x)
+        normal[far] = (x - closest)[far] / signed[far, None]
+        for k in np.flatnonzero(~far):
+            self._distance.EvaluateGradient(x[k], normal[k])
+        return signed, normal / np.linalg.norm(normal, axis=1)[:, None]

@@ -1,0 +1,436 @@
+"""What the effects of a scene have in common, and how they are found: by the names of the files in ``effects/``.
+
+An effect is a ``Force`` (a load in the body or on a boundary), an ``InitialStrain`` (a strain without stress), a
+``Resistance`` (forces that grow with the displacement), another ``Load`` (something that load steps multiply), or none
+of these.  All that assembles, judges and tells of a scene asks the methods of these classes, and nowhere for a
+particular effect.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Iterator, Mapping
+from functools import cache, cached_property
+from importlib import import_module
+from inspect import cleandoc
+from types import GenericAlias
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, TypeVar, get_origin
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo, create_model
+
+from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.values import Finite, TimedValue
+
+Array = npt.NDArray[np.float64]
+Keys = tuple[str | int, ...]
+Contradictions = Iterator[tuple[Keys, str]]
+Features = tuple[tuple[str, Keys], ...]
+
+
+class Coefficients(Protocol):
+    """Values of a scene in the body or on a boundary: as UFL, or at q points of quadrature in each of f cells.
+
+    Vectors have the shape (d,) as UFL and (f, q, d) at points, values () and (f, q).
+    """
+
+    @property
+    def normal(self) -> Any:
+        """Outward unit normal."""
+
+    @property
+    def position(self) -> Any:
+        """X, length; a vector."""
+
+    @property
+    def density(self) -> Any:
+        """Of the material, mass per volume."""
+
+    def total(self, effect: Effect) -> Any:
+        """The integral of ``effect.weighting`` over the boundary of the effect, a number."""
+
+    def value(self, value: Any) -> Any:
+        """A value."""
+
+    def vector(self, values: tuple[Any, ...]) -> Any:
+        """Values along x[0], x[1] and x[2], which is not used in the plane."""
+
+
+class Points(Coefficients, Protocol):
+    """Points of quadrature."""
+
+    @property
+    def displacement(self) -> Any:
+        """The displacement y, length."""
+
+
+class BodyCoefficients(Coefficients, Protocol):
+    """Values in the body."""
+
+    @property
+    def expansion(self) -> Any:
+        """Of the material, coefficient of thermal expansion, 1 / temperature."""
+
+    def value_in(self, region: str | None, value: Any) -> Any:
+        """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at nodes of the region
+        alone.
+        """
+
+
+class BodyPoints(Points, BodyCoefficients, Protocol):
+    """Points of quadrature in the body."""
+
+
+def is_zero(*values: Any) -> bool:
+    """Whether all values are the number zero."""
+    return all(isinstance(value, float) and value == 0.0 for value in values)
+
+
+def text(value: Any) -> str:
+    """A value in a table, shortened if it is long."""
+    if isinstance(value, float):
+        return f"{value:g}"
+    words = str(getattr(value, "text", f"<{type(value).__name__}>"))
+    return words if len(words) <= 30 else words[:27] + "..."
+
+
+class Effect(Table):
+    """An entry of a scene.
+
+    Attributes:
+        refuses: of its features, by their names, those that do not go together with each, and why.
+    """
+
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {}
+
+    # Whether it changes the strain that the stress follows from.
+    strains: ClassVar[bool] = False
+
+    @property
+    def label(self) -> str:
+        """What it is, in words: the name of its file."""
+        return type(self).__module__.rpartition(".")[2].replace("_", " ")
+
+    @cached_property
+    def where(self) -> str | None:
+        """The boundary that it acts on; None: it acts in the body."""
+        return getattr(self, "boundary", None)
+
+    @property
+    def name(self) -> str:
+        """What it is and where."""
+        return self.label if self.where is None else f"{self.label} {self.where}"
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Its values by their keys; those that are None or left out do not act."""
+        return {}
+
+    @property
+    def acts(self) -> bool:
+        """Whether it does anything; numbers that are zero do not."""
+        return not is_zero(*self.given.values())
+
+    @cached_property
+    def varies(self) -> bool:
+        """Whether it is more than constants."""
+        return not all(isinstance(value, float) for value in self.given.values())
+
+    @cached_property
+    def timed(self) -> bool:
+        """Whether it depends on the time t in an expression."""
+        return any(getattr(value, "timed", False) for value in self.given.values())
+
+    def at_time(self, time: float) -> Self:
+        """The same with the values of its expressions at a time; itself if none depends on it."""
+        if not self.timed:
+            return self
+        fields = {key: getattr(self, key) for key in type(self).model_fields}
+        return self.model_copy(
+            update={key: value.at(time) for key, value in fields.items() if getattr(value, "timed", False)}
+        )
+
+    @property
+    def weighting(self) -> Any:
+        """The value that its forces are proportional to, where their sum is given; None: they are given themselves."""
+        return None
+
+    @property
+    def vectors(self) -> tuple[str, ...]:
+        """The keys of points and directions, which have as many numbers as the mesh has dimensions."""
+        return ()
+
+    @property
+    def said(self) -> str:
+        """Its values in words, as ``check`` lists them."""
+        return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items() if not is_zero(value))
+
+    @property
+    def remarks(self) -> Iterator[tuple[Literal["note", "warning"], str, str]]:
+        """What ``check`` says of it beside its values: how grave it is, the key, and the words."""
+        yield from ()
+
+    @property
+    def interface(self) -> str:
+        """The file of ``interfaces`` that has what it contributes beside forms and contact points; "": none does."""
+        return ""
+
+    @property
+    def features(self) -> Features:
+        """The names by which other objects refuse it, see ``statement.features``, with the keys that ask for them."""
+        return ((self.label, ()),)
+
+    @property
+    def inner_facets(self) -> tuple[str, ...]:
+        """The names of facets inside the mesh that it uses."""
+        return ()
+
+    @property
+    def assumed(self) -> str:
+        """What stays as it is in statements about the solution, in words; "": nothing has to be said."""
+        return ""
+
+    def sought_at(self, statement: Any, step: float) -> str:
+        """What of it is known only with the solution at a place in the lists of factors, as a clause, so that its
+        ``interface`` solves the load step; "": all is known.
+        """
+        return ""
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """Why it does not go together with other entries: the place of the error in the scene, and the reason.
+
+        Args:
+            statement: all entries.
+            number: of this one among those of its kind.
+        """
+        yield from ()
+
+    def degree(self, element: int) -> int:
+        """Quadrature degree of its integrals for elements of a degree; what varies on a boundary may jump within a
+        facet, and is integrated with many points.
+        """
+        return _VARYING_DEGREE if self.varies and self.where is not None else 2 * element + 2
+
+    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
+        """The traction that it exerts on its boundary, stress, UFL, shape (d,).
+
+        Args:
+            y: the displacement.
+            factor: the load factor.
+            on: its boundary.
+        """
+        return 0 * y
+
+    def free(self, vector: Any, on: Coefficients) -> Any:
+        """A vector without the components in which the displacement is prescribed, UFL, shape (d,)."""
+        return vector
+
+    def away(self, y: Any, factor: Any, on: Coefficients) -> list[Any]:
+        """By how much the displacement misses what is prescribed, lengths, UFL; the arguments are as above."""
+        return []
+
+
+# Ten points on a facet: the error for a jump within it is part of the error estimate (``accuracy.data_error``).
+_VARYING_DEGREE = 20
+
+
+class Load(Effect):
+    """What load steps multiply by a factor."""
+
+    # Whether its forms are assembled with those of other loads that have the same factors.
+    grouped: ClassVar[bool] = True
+
+    factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
+
+
+class Force(Load):
+    """Force per volume or area."""
+
+    live: bool = True
+
+    @cached_property
+    def jumps(self) -> tuple[Expression, ...]:
+        """Its expressions that may jump; none if a value is neither a number nor an expression."""
+        values = [value for value in (*self.given.values(), self.weighting) if value is not None]
+        known = all(isinstance(value, float | Expression) for value in values)
+        return tuple(value for value in values if isinstance(value, Expression) and value.jumps) if known else ()
+
+    def density(self, on: Coefficients) -> Any:
+        """Force per volume or area, UFL, shape (d,)."""
+        raise NotImplementedError
+
+    def density_at(self, at: Points) -> Array:
+        """The same for the second opinion, shape (f, q, d)."""
+        raise NotImplementedError
+
+    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
+        """See ``Effect``."""
+        return factor * self.density(on)
+
+
+class VectorForce(Force):
+    """Force with components along x[0], x[1] and, in space, x[2]."""
+
+    x: TimedValue = 0.0
+    y: TimedValue = 0.0
+    z: TimedValue = 0.0
+
+    @property
+    def components(self) -> tuple[Any, Any, Any]:
+        """Along x[0], x[1] and x[2], which is not used in the plane."""
+        return self.x, self.y, self.z
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """See ``Effect``."""
+        return dict(zip("xyz", self.components, strict=True))
+
+    def density(self, on: Coefficients) -> Any:
+        """See ``Force``."""
+        return on.vector(self.components)
+
+    def density_at(self, at: Points) -> Array:
+        """See ``Force``."""
+        return at.vector(self.components)
+
+
+class JointLoad(Force):
+    """A pressure on a boundary that also acts within contact that it enters from there as it opens.
+
+    Attributes:
+        boundary: its name.
+        enters: boundaries in contact that it enters, as far as they are open.
+        closed: what contact carries that it has not entered: none, linear, from the pressure where it ends to zero at
+            the other end of the contact, or full, its pressure there.
+    """
+
+    boundary: str
+    enters: tuple[str, ...] = ()
+    closed: Literal["none", "linear", "full"] = "none"
+
+    @property
+    def interface(self) -> str:
+        """See ``Effect``."""
+        return "entering_loads" if self.enters else ""
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (*super().features, *((("entering load", ("enters",)),) if self.enters else ()))
+
+    @property
+    def assumed(self) -> str:
+        """See ``Effect``."""
+        return f"a {self.label} in contact stays where it is" if self.enters else ""
+
+    def sought_at(self, statement: Any, step: float) -> str:
+        """See ``Effect``."""
+        return "a load enters contact as it opens" if self.enters else ""
+
+    def pressure(self, x: Array) -> Array:
+        """The pressure at points of shape (n, d), stress, shape (n,)."""
+        raise NotImplementedError
+
+
+class InitialStrain(Load):
+    """A strain of the body, the same in all directions, which causes stress only where it is prevented."""
+
+    strains: ClassVar[bool] = True
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (*super().features, *((("initial strain", ()),) if self.acts else ()))
+
+    def strain(self, on: BodyCoefficients) -> Any:
+        """The strain in each direction, UFL, a number."""
+        raise NotImplementedError
+
+    def strain_at(self, at: BodyPoints) -> Array:
+        """The same for the second opinion, shape (f, q)."""
+        raise NotImplementedError
+
+
+def without_density(statement: Any, key: str) -> Contradictions:
+    """The materials that have no density although an effect needs it."""
+    for number, material in enumerate(statement.material):
+        if material.density is None:
+            yield ("material", number), f"has no density, which {statement.heading(key)} needs"
+
+
+class Resistance(Effect):
+    """Forces per area on a boundary that are linear in the displacement, and symmetric."""
+
+    def reaction(self, y: Any, on: Coefficients) -> Any:
+        """Minus the force per area on the body, stress, UFL, shape (d,)."""
+        raise NotImplementedError
+
+    def reaction_at(self, at: Points) -> Array:
+        """The same for the second opinion, at ``at.displacement``, shape (f, q, d)."""
+        raise NotImplementedError
+
+    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
+        """See ``Effect``."""
+        return -self.reaction(y, on)
+
+
+# --- how they are found ----------------------------------------------------------------------------------------------
+
+PACKAGE = "signorini_fx.mechanics.effects"
+_Model = TypeVar("_Model", bound=type[BaseModel])
+
+
+@cache
+def keys() -> tuple[str, ...]:
+    """The names of the files of ``effects/``, none of which is imported."""
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__)))
+
+
+def _type(key: str, *, many: bool) -> Any:
+    entry = import_module(f"{PACKAGE}.{key}").Entry
+    return GenericAlias(tuple, (entry, ...)) if many else entry | None
+
+
+@cache
+def _reader(key: str, *, many: bool) -> TypeAdapter[Any]:
+    return TypeAdapter(_type(key, many=many))
+
+
+def _read_many(entry: Any, info: ValidationInfo) -> Any:
+    several = [entry] if isinstance(entry, Mapping | BaseModel) else entry
+    return _reader(str(info.field_name), many=True).validate_python(several)
+
+
+def _read_one(entry: Any, info: ValidationInfo) -> Any:
+    return None if entry is None else _reader(str(info.field_name), many=False).validate_python(entry)
+
+
+# The entries of a key that a scene has: its file is imported when there is one.
+Entries = Annotated[tuple[Any, ...], BeforeValidator(_read_many)]
+OneEntry = Annotated[Any, BeforeValidator(_read_one)]
+
+
+def with_every_effect(model: _Model) -> _Model:
+    """A model with a list of entries for each file of ``effects/`` that it has no key for."""
+    added: dict[str, Any] = {key: (Entries, ()) for key in keys() if key not in model.model_fields}
+    made = _extended(model, added)
+    key_lines = "".join(f"\n    {key}: see ``effects/{key}.py``; default: none." for key in added)
+    made.__doc__ = cleandoc(model.__doc__ or "") + key_lines
+    return made
+
+
+@cache
+def described(model: type[BaseModel]) -> type[BaseModel]:
+    """The same model with the types of all entries, for help and messages: this imports all effects."""
+    fields = ((key, model.model_fields[key]) for key in keys())
+    types = {
+        key: (_type(key, many=get_origin(field.annotation) is tuple), ... if field.is_required() else field.default)
+        for key, field in fields
+    }
+    return _extended(model, types)
+
+
+def _extended(model: Any, fields: dict[str, Any]) -> Any:
+    return create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)

@@ -1,0 +1,85 @@
+"""What a scene uses, by name, and which of it does not go together.
+
+Each feature says what it refuses, and why: effects in ``Effect.refuses``, the kinematics in ``Kinematics.refuses``,
+elements and settings here, and what is computed of a solution (a bound, a proof, a derivative) where it is computed.  A
+reason is one of mathematics, or it says that something is not possible *yet*.  ``docs/refusals.py`` makes a page of
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.statement.effect import Contradictions, Keys
+from signorini_fx.mechanics.statement.volumetric import TREATMENTS, treatment_of
+
+REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
+    **{treatment.words: treatment.refuses for treatment in TREATMENTS.values() if treatment.refuses},
+    "several bodies": {
+        "local refinement": "is not possible for several [[body]], each of which is made anew with smaller cells: use "
+        "'uniform'"
+    },
+    "mesh that no generator makes": {
+        "nested iteration": "needs a mesh from a generator, which can make the coarser ones"
+    },
+}
+
+
+def features(statement: Any) -> Iterator[tuple[str, Keys]]:
+    """Each with the key that asks for it."""
+    solver, accuracy, treatment = statement.solver, statement.accuracy, treatment_of(statement)
+    for name, path, used in (
+        (statement.kinematics.words, ("material",), True),
+        (treatment.words, ("element", "volumetric"), bool(treatment.words)),
+        ("exact", ("solver", "algorithm"), solver.algorithm == "exact"),
+        ("krylov", ("solver", "linear_algebra"), solver.linear_algebra == "krylov"),
+        ("nested iteration", ("solver", "levels"), solver.levels > 1),
+        ("requested accuracy", ("accuracy",), accuracy is not None),
+        ("accuracy of the pressure", ("accuracy", "of"), accuracy is not None and accuracy.of == "pressure"),
+        ("local refinement", ("accuracy", "refinement"), accuracy is not None and accuracy.refinement == "adaptive"),
+        ("several bodies", ("body",), bool(statement.bodies)),
+        ("mesh that no generator makes", ("mesh",), not statement.generated),
+        ("several load steps", ("load_steps",), statement.several_steps),
+        ("load in time", ("load_steps", "times"), any(load.timed for load in statement.loads)),
+    ):
+        if used:
+            yield name, path
+    for kind, entries in statement.effects.items():
+        for number, entry in enumerate(entries):
+            for name, keys in entry.features:
+                yield name, (kind, number, *keys)
+
+
+def refused_by(statement: Any, refuses: Mapping[str, str]) -> Contradictions:
+    """The features of a scene that something refuses, with the key of each and the reason."""
+    return ((path, refuses[name]) for name, path in features(statement) if name in refuses)
+
+
+def refuse(statement: Any, refuses: Mapping[str, str]) -> None:
+    """Refuse what is to be computed of a scene.
+
+    Raises:
+        SceneError: it has features that this does not know.
+    """
+    if problems := list(dict.fromkeys(refused_by(statement, refuses))):
+        raise SceneError([(f"{path[0]}{''.join(map(_key, path[1:]))}", reason) for path, reason in problems])
+
+
+def _key(part: str | int) -> str:
+    return f".{part}" if isinstance(part, str) else f"[{part}]"
+
+
+def refusals(statement: Any) -> list[Mapping[str, str]]:
+    """What each of the features of a scene refuses, and why."""
+    declared = {**REFUSED_BY_SETTINGS, statement.kinematics.words: statement.kinematics.refuses}
+    for _, entry in statement.listed():
+        declared |= entry.refuses
+    used = {name for name, _ in features(statement)}
+    return [refused for name, refused in declared.items() if name in used]
+
+
+def refused_features(statement: Any) -> Contradictions:
+    """The features of a scene that others of its features refuse."""
+    return iter(dict.fromkeys(problem for refused in refusals(statement) for problem in refused_by(statement, refused)))

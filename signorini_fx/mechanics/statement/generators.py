@@ -1,0 +1,127 @@
+"""The generators of meshes that a scene can name, and what makes a function one.  No dolfinx here."""
+
+from __future__ import annotations
+
+import inspect
+import pkgutil
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
+
+from pydantic import AfterValidator, ConfigDict, validate_call
+
+from signorini_fx.errors import SceneError
+from signorini_fx.extensions import GENERATORS, load, names_of
+from signorini_fx.tuned import BYTES_PER_CELL, LARGEST_NUMBER, SMALLEST_NUMBER
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def _length(length: float) -> float:
+    if not SMALLEST_NUMBER < length < LARGEST_NUMBER:
+        raise ValueError(
+            f"a positive length between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g} is expected, got {length:g}"
+        )
+    return length
+
+
+Length = Annotated[float, AfterValidator(_length)]
+
+
+GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
+Generate = TypeVar("Generate", bound=Callable[..., Any])
+
+
+def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
+    """What gives the generators that a scene can name, in the order of their names; of two of one name that of this
+    package.
+
+    To look through all packages takes milliseconds: if ``name`` is in this one, only its own are returned.
+    """
+    package = find_spec(GENERATORS_PACKAGE)
+    folders = [] if package is None else package.submodule_search_locations  # the generators are an add-on
+    own_names = [module.name for module in pkgutil.iter_modules(folders)]
+    others = () if name in own_names else names_of(GENERATORS)
+    generators: dict[str, Callable[[], Any]] = {key: partial(load, GENERATORS, key) for key in others}
+    generators |= {key: partial(_of_this_package, key) for key in own_names}
+    return dict(sorted(generators.items()))
+
+
+def _of_this_package(name: str) -> Any:
+    return import_module(f"{GENERATORS_PACKAGE}.{name}").generate
+
+
+# Made here, because pydantic keeps the frame that makes it where that is one of a function: if a solve imports a
+# generator, that frame keeps the solve with its meshes.
+_validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+
+
+def generator(
+    *,
+    counts: Sequence[str] = (),
+    sizes: Sequence[str] = (),
+    least: Mapping[str, int] | None = None,
+    simplices: str | None = None,
+) -> Callable[[Generate], Generate]:
+    """Check the arguments of a generator by their annotations, and say how its mesh depends on its parameters.
+
+    Without this decorator a generator makes its meshes all the same, but none for a nested iteration and none that is
+    refined adaptively.
+
+    Args:
+        counts: the parameters that are numbers of cells along a line; cells twice as large need half of them.
+        sizes: the parameters that are lengths of cells.
+        least: the smallest numbers of cells, where these are more than 1.
+        simplices: of a body with straight sides and a parameter ``cell`` its value for triangles or tetrahedra.
+    """
+
+    def decorate(generate: Generate) -> Generate:
+        checked: Any = _validated(generate)
+        defaults = {name: parameter.default for name, parameter in inspect.signature(generate).parameters.items()}
+
+        def coarser(parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
+            """The parameters for cells that are ``factor`` times as large."""
+            all_parameters = {**defaults, **parameters}
+            fewer = {name: max((least or {}).get(name, 1), round(all_parameters[name] / factor)) for name in counts}
+            return {**parameters, **fewer, **{name: factor * all_parameters[name] for name in sizes}}
+
+        checked.coarser = coarser if counts or sizes else None
+        checked.simplices = simplices
+        return cast(Generate, checked)
+
+    return decorate
+
+
+def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
+    """Refuse a mesh that is too large for the machines, before it is made; collective.
+
+    Args:
+        comm: the ranks that will share the mesh.
+        cells: their approximate number.
+
+    Raises:
+        SceneError: mesh and stiffness alone would take more memory than there is.
+    """
+    from signorini_fx.machine import parallel
+
+    wanted, available = BYTES_PER_CELL * cells, parallel.machine_memory(comm)
+    if wanted > available:
+        message = f"about {cells:.2g} cells would need {wanted / 1e9:.0f} GB or more, there are {available / 1e9:.0f}"
+        raise SceneError([("mesh.parameters", f"{message}: use fewer and larger cells")])
+
+
+def cells_of_grid(nx: int, ny: int, cell: str) -> int:
+    """The number of cells of a grid of nx by ny quadrilaterals, each cut into two triangles or not."""
+    return nx * ny * (2 if cell == "triangle" else 1)
+
+
+def refuse(parameter: str, message: str) -> NoReturn:
+    """Report that a parameter is not compatible with the others.
+
+    Raises:
+        SceneError: always.
+    """
+    raise SceneError([(f"mesh.parameters.{parameter}", message)])

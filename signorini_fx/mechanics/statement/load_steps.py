@@ -1,0 +1,112 @@
+"""Load steps: their names and times, the path through them, and the factors of loads on it.
+
+A place in the list of factors is a number: 0 for the first entry, 0.5 for halfway to the second, -1 for the body
+without any load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor, isfinite, log10
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from signorini_fx.errors import FormError
+from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.values import Count, Finite
+
+
+class LoadSteps(Table):
+    """The names and times of load steps, and an automatic ramp between them.
+
+    Attributes:
+        steps: into how many equal load steps each interval between two factors is divided to begin with; where one of
+            them has no solution a smaller one is tried, and after easy ones the next is twice as large. Without any
+            factors all loads grow together from nothing. None: one load step per factor.
+        names: one name per factor, such as press and push; None: no names.
+        times: one number per factor, increasing, for tables and ParaView; None: 1, 2, 3 and so on.
+    """
+
+    steps: Count | None = None
+    names: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    times: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Self:
+        if self.times is not None and (np.diff(self.times) <= 0).any():
+            raise ValueError(f"times must increase, got {list(self.times)}")
+        return self
+
+
+def factor_at(factors: Sequence[float], step: float) -> float:
+    """The factor of a load at a place: that of the load step, or linear in between; 0 for the body without loads."""
+    if step == int(step) and step >= 0:
+        return factors[int(step)]
+    return float(np.interp(step, np.arange(-1, len(factors)), (0.0, *factors)))
+
+
+def time_at(times: Sequence[float], step: float) -> float:
+    """The time of a place, from the times of the factors."""
+    time = factor_at(times, step)
+    if step == int(step):
+        return time
+    # Places have twelve digits: thirds that add up leave the last two uncertain.
+    span = times[-1] - min(times[0], 0.0)
+    return round(time, 10 - floor(log10(span)) if span > 0 else 10)
+
+
+@dataclass(frozen=True)
+class LoadPath:
+    """The times that a problem is solved at one after the other, each time from the last solution.
+
+    Without a ramp there is one load step for each time.  A ramp divides the intervals between them, and takes smaller
+    increments where there is no solution and larger ones after easy load steps.
+
+    Attributes:
+        times: increasing.
+        names: one for each of them; empty: they have none.
+        steps: into how many equal load steps a ramp divides each interval to begin with; None: there is no ramp.
+        from_nothing: whether the ramp begins at time 0 without any load, else at the first time.
+
+    Raises:
+        FormError: one of these is wrong.
+    """
+
+    times: tuple[float, ...]
+    names: tuple[str, ...] = ()
+    steps: int | None = None
+    from_nothing: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("times", "names"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        object.__setattr__(self, "times", tuple(map(float, self.times)))
+        problems = []
+        if not self.times or not all(map(isfinite, self.times)) or (np.diff(self.times) <= 0).any():
+            problems.append(("times", f"must be finite and increase, and there must be one, got {list(self.times)}"))
+        if self.names and len(self.names) != len(self.times):
+            problems.append(("names", f"has {len(self.names)} entries, one for each of {len(self.times)} is expected"))
+        if self.steps is not None and (not isinstance(self.steps, int) or self.steps < 1):
+            problems.append(("steps", f"must be a whole number from 1, got {self.steps!r}"))
+        if self.from_nothing and self.steps is None:
+            problems.append(("from_nothing", "is for a ramp: give steps"))
+        if self.from_nothing and self.times and self.times[0] <= 0:
+            problems.append(("times", "must be positive: from nothing the loads begin to grow at time 0"))
+        if problems:
+            raise FormError(problems, "LoadPath")
+
+    @property
+    def several(self) -> bool:
+        """Whether there may be more than one load step."""
+        return len(self.times) > 1 or self.steps is not None
+
+    def time_at(self, step: float) -> float:
+        """The time of a place."""
+        return time_at(self.times, step)
+
+    def name_at(self, step: float) -> str:
+        """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""
+        return self.names[ceil(step)] if self.names else ""

@@ -1,0 +1,99 @@
+"""Where a mesh comes from: a generator, a file, or the caller; and several bodies, each with a mesh of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, InstanceOf, field_validator
+
+from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, kind_of
+
+# The generators of bodies without arcs.
+WITHOUT_ARCS = ("rectangle", "block", "box")
+
+
+class MeshFile(Table):
+    """A mesh from a file, with the names that the file gives to its boundaries and regions, or that are given here.
+
+    Attributes:
+        file: .msh or .geo of gmsh, .step, .stp or .brep of a CAD program, .inp, .med, .vtu or .xdmf.
+        boundaries: names for boundaries: a number in the cell data, a list of numbers, or a condition at all vertices
+            of exterior facets.
+        regions: names for parts of the body: a number, a list of numbers, or a condition at all vertices of cells.
+        data: the cell data that the numbers refer to; None: there is only one.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
+    """
+
+    file: Path
+    boundaries: dict[str, Selection] = Field(default={})
+    regions: dict[str, Selection] = Field(default={})
+    data: str | None = None
+    size: Positive | None = None
+
+
+class MeshGenerator(Table):
+    """A mesh from one of the generators in ``meshes/``.
+
+    Attributes:
+        generator: its name.
+        parameters: its keyword arguments; default: none.
+    """
+
+    generator: str
+    parameters: dict[str, float | int | str | bool] = Field(default={})
+
+
+class TaggedMeshBase:
+    """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing dolfinx."""
+
+
+def one_mesh(entry: Any) -> Any:
+    """Decide by the key, so that errors are reported for the kind of mesh that was meant."""
+    if isinstance(entry, Mapping):
+        if ("file" in entry) == ("generator" in entry):
+            raise ValueError("give either file or generator")
+        return (MeshFile if "file" in entry else MeshGenerator).model_validate(entry)
+    if not isinstance(entry, MeshFile | MeshGenerator | TaggedMeshBase):
+        message = "a table with file or generator is expected"
+        if isinstance(entry, str | Path):
+            message += f": for a mesh file write MeshFile(file={str(entry)!r}), in TOML [mesh] with file = ..."
+        elif hasattr(entry, "topology"):
+            message += ", or a mesh with named boundaries: tag_boundaries(mesh, {name: rule, ...}) makes one"
+        else:
+            message += f", not {kind_of(entry)}"
+        raise ValueError(message)
+    return entry
+
+
+class Body(Table):
+    """One of several bodies, with a mesh of its own, which is turned and then moved to its place.
+
+    Attributes:
+        name: of the region of all of its cells; with a dot it stands before the names of its boundaries and regions.
+        mesh: a generator with its parameters, a file, or a ``TaggedMesh``.
+        shift: by which it is moved, lengths; None: not at all.
+        rotation: by which it is turned, degrees, counterclockwise; in space about the axis [a, b, c] by the length of
+            this vector; None: not at all.
+        pivot: the point that it is turned about, length; None: the origin.
+    """
+
+    name: str
+    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
+    shift: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    rotation: Annotated[tuple[Finite, ...], Field(min_length=3, max_length=3)] | Finite | None = None
+    pivot: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+
+    @field_validator("mesh", mode="before")
+    @classmethod
+    def _one_mesh(cls, entry: Any) -> Any:
+        return one_mesh(entry)
+
+    @field_validator("name")
+    @classmethod
+    def _plain(cls, name: str) -> str:
+        if not name or "." in name or name != name.strip():
+            raise ValueError("must be a name without dots")
+        return name

@@ -1,0 +1,132 @@
+"""Values at points from a table or a mesh, interpolated between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.statement.mesh_values import SUFFIXES, nodal_values
+from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, SAME_POSITION
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PointValues:
+    """A function of the position from a .csv with the columns x, y, in space z, and a value, or from nodal values of a
+    mesh, see ``mesh_values``; linear between the points, whose triangulation is that of Delaunay.
+
+    Attributes:
+        file: the table, or the mesh.
+        column: of the value.
+    """
+
+    file: Path
+    column: str
+
+    @property
+    def text(self) -> str:
+        """For tables of values."""
+        return self.file.name
+
+    def __call__(self, x: Array) -> Array:
+        """Values at points of shape (3, n), shape (n,).
+
+        Raises:
+            SceneError: the file cannot be read, or a point is not among those of the file: outside of their hull, or
+                further from them than a cell of its mesh is long.
+        """
+        changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
+        middle, function, far = _table(self.file, self.column, changed)
+        at = x[: middle.size].T
+        values = np.asarray(function(at), dtype=np.float64)
+        for share in OUTSIDE_HULL:
+            outside = np.isnan(values)
+            values[outside] = function(middle + (1 - share) * (at[outside] - middle))
+        values[far(at)] = np.nan
+        if np.isnan(values).any():
+            point = ", ".join(f"{c:g}" for c in at[np.argmax(np.isnan(values))])
+            raise _wrong(self.file, f"has no points around ({point}) of the body; check its unit of lengths")
+        return values
+
+
+@lru_cache(maxsize=8)
+def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any, Any]:
+    """The middle of the points, shape (d,), the interpolation, and which of other points are far from all of them."""
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.spatial import QhullError, cKDTree
+
+    reach = np.inf
+    if file.suffix.lower() in SUFFIXES:
+        try:
+            points, values, reach = nodal_values(file, column)
+        except ValueError as error:
+            raise _wrong(file, str(error)) from None
+    else:
+        points, values = _rows(file, column)
+    points, values = _distinct(file, points, values)
+    try:
+        function, tree = LinearNDInterpolator(points, values), cKDTree(points)
+    except (QhullError, ValueError):
+        raise _wrong(file, "has points that span no area, in space no volume") from None
+    return points.mean(axis=0), function, lambda at: np.asarray(tree.query(at)[0] > reach)
+
+
+def _rows(file: Path, column: str) -> tuple[Array, Array]:
+    """The points of a table and the values at them, shapes (n, d) and (n,)."""
+    try:
+        head, *rows = [line.split(",") for line in file.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise _wrong(file, f"cannot be read: {getattr(error, 'strerror', None) or 'it is no table'}") from None
+    names = [name.strip() for name in head]
+    axes = [name for name in "xyz" if name in names]
+    if axes not in (["x", "y"], ["x", "y", "z"]) or column not in names:
+        raise _wrong(file, f"has the columns {', '.join(names)}; it needs x, y, in space z, and {column}")
+    try:
+        table = np.array(rows, dtype=np.float64)[:, [names.index(name) for name in (*axes, column)]]
+    except (ValueError, IndexError):
+        raise _wrong(file, "has a row that is not one number for each column") from None
+    if not np.isfinite(table).all():
+        raise _wrong(file, "has numbers that are not finite")
+    return table[:, :-1], table[:, -1]
+
+
+def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
+    """The points without those at the place of another one, which must have its value.
+
+    Raises:
+        SceneError: they have several values, as where two bodies touch.
+    """
+    places = same_places(points)
+    first = np.unique(places, return_index=True)[1]
+    at_place = values[first][places]
+    unequal = np.abs(values - at_place) > DIGITS_OF_FILES * np.abs(values).max(initial=0.0)
+    if unequal.any():
+        row = int(np.argmax(unequal))
+        place = ", ".join(f"{c:g}" for c in points[row])
+        both = f"{at_place[row]:g} and {values[row]:g}"
+        message = f"has several values at one place, {both} at ({place}): give each body a file of its own, with region"
+        raise _wrong(file, message)
+    return points[first], values[first]
+
+
+def same_places(points: Array) -> npt.NDArray[np.int64]:
+    """The number of the place of each of n points of shape (n, d), from 0, in the order of the points."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    near = SAME_POSITION * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+    first, second = cKDTree(points).query_pairs(near, output_type="ndarray").reshape(-1, 2).T
+    links = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(len(points), len(points)))
+    return connected_components(links, directed=False)[1].astype(np.int64)
+
+
+def _wrong(file: Path, message: str) -> SceneError:
+    return SceneError([("temperature.file", f"{file}: it {message}")])

@@ -1,0 +1,222 @@
+"""What is given of a rigid motion that is an unknown: forces and moments that drive it, components that are prescribed.
+
+It has m components: in the plane translations along x[0] and x[1] and a small rotation about the reference point,
+counterclockwise; in space three of each kind, rotations about axes along x[0], x[1] and x[2] through that point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import AfterValidator
+
+from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.values import NonNegative, TimedSampledValue, shown
+
+Array = npt.NDArray[np.float64]
+COMPONENTS = {2: ("x", "y", "rotation"), 3: ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")}
+
+
+def _of_time(entry: Any) -> Any:
+    if not isinstance(entry, float) and not (isinstance(entry, Expression) and entry.coordinates == 0):
+        raise ValueError(
+            f"a number or an expression of the time t is expected, got {shown(getattr(entry, 'text', entry))}"
+        )
+    return entry
+
+
+def _two_or_three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(numbers) not in (2, 3):
+        raise ValueError("two numbers are expected, in space three")
+    return numbers
+
+
+def _three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(numbers) != 3:
+        raise ValueError("a number is expected, in space three")
+    return numbers
+
+
+# A number, or an expression of the time t.
+Timed = Annotated[TimedSampledValue, AfterValidator(_of_time)]
+TimedVector = Annotated[tuple[Timed, ...], AfterValidator(_two_or_three)]
+# A number in the plane, three in space.
+TimedAngle = Annotated[tuple[Timed, ...], AfterValidator(_three)] | Timed
+
+
+class Prescribed(Table):
+    """The components of a rigid motion that are prescribed; numbers or expressions of the time t.
+
+    Attributes:
+        x: translation along x[0], length; None: free, as all others.
+        y: translation along x[1], length.
+        z: translation along x[2], length; only in space.
+        rotation: small rotation, radians; only in the plane.
+        rotation_x: small rotation about an axis along x[0], radians; only in space.
+        rotation_y: small rotation about an axis along x[1], radians; only in space.
+        rotation_z: small rotation about an axis along x[2], radians; only in space.
+    """
+
+    x: Timed | None = None
+    y: Timed | None = None
+    z: Timed | None = None
+    rotation: Timed | None = None
+    rotation_x: Timed | None = None
+    rotation_y: Timed | None = None
+    rotation_z: Timed | None = None
+
+
+class PivotSprings(Table):
+    """Springs between the reference point of a rigid body and the ground, one for each component of its motion.
+
+    Attributes:
+        x: stiffness along x[0], force / length; None: zero, as of all others.
+        y: along x[1].
+        z: along x[2]; only in space.
+        rotation: moment per radian; only in the plane.
+        rotation_x: about an axis along x[0]; only in space.
+        rotation_y: about an axis along x[1]; only in space.
+        rotation_z: about an axis along x[2]; only in space.
+    """
+
+    x: NonNegative | None = None
+    y: NonNegative | None = None
+    z: NonNegative | None = None
+    rotation: NonNegative | None = None
+    rotation_x: NonNegative | None = None
+    rotation_y: NonNegative | None = None
+    rotation_z: NonNegative | None = None
+
+
+class RigidMotion(Table):
+    """What drives a rigid motion; without any of these there is no such unknown.
+
+    Attributes:
+        force: on the rigid body at its reference point, force, in the plane per thickness; numbers or expressions of
+            the time t; None: none.
+        moment: about that point, in the plane a number, counterclockwise, in space three; of the same kinds.
+        prescribed: the components of the motion that are not free.
+        spring: between its reference point and the ground; None: there is none.
+    """
+
+    force: TimedVector | None = None
+    moment: TimedAngle | None = None
+    prescribed: Prescribed | None = None
+    spring: PivotSprings | None = None
+
+    @property
+    def drives(self) -> bool:
+        """Whether it says what drives the motion."""
+        return any(getattr(self, key) is not None for key in RigidMotion.model_fields)
+
+    @property
+    def driven_in_time(self) -> bool:
+        """Whether what drives it depends on the time."""
+        prescribed = [getattr(self.prescribed, key, None) for key in Prescribed.model_fields]
+        driving = (*(self.force or ()), *_tuple(self.moment), *prescribed)
+        return any(isinstance(value, Expression) for value in driving)
+
+    def drive(self, dimension: int, time: float) -> tuple[Array, Array]:
+        """Forces and moments at a time, and the prescribed components, nan where they are free, shapes (m,)."""
+        force = self.force or (0.0,) * dimension
+        moment = _tuple(self.moment) or (0.0,) * (2 * dimension - 3)
+        motion = [None if self.prescribed is None else getattr(self.prescribed, name) for name in COMPONENTS[dimension]]
+        return (
+            np.array([_at(value, time) for value in (*force, *moment)]),
+            np.array([np.nan if value is None else _at(value, time) for value in motion]),
+        )
+
+    def stiffness(self, dimension: int) -> Array:
+        """That of its springs, for each component of its motion, shape (m,)."""
+        names = COMPONENTS[dimension]
+        return np.array([getattr(self.spring, name, None) or 0.0 for name in names])
+
+    def motion_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
+        """Keys that do not fit the dimension of the mesh, and why."""
+        where = "the mesh is plane" if dimension == 2 else "the mesh is in space"
+        if self.moment is not None and isinstance(self.moment, tuple) != (dimension == 3):
+            yield "moment", f"{where}: give " + ("a number" if dimension == 2 else "three numbers")
+        given = {f"prescribed.{key}": value for key, value in self.prescribed or () if value is not None}
+        given |= {f"spring.{key}": value for key, value in self.spring or () if value}
+        for path in given:
+            key = path.partition(".")[2]
+            if key not in COMPONENTS[dimension]:
+                yield path, f"{where}: the components are {', '.join(COMPONENTS[dimension])}"
+            elif path.startswith("spring") and f"prescribed.{key}" in given:
+                yield path, "has no effect on a component that is prescribed"
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A rigid body whose motion is an unknown, with any number of contacts.
+
+    Attributes:
+        name: in results.
+        motion: what drives it, and where its pivot is.
+        parts: the places of its contacts among all of the problem.
+    """
+
+    name: str
+    motion: Any
+    parts: tuple[int, ...]
+
+    def pivot(self, dimension: int) -> Array:
+        """The point that it turns about, length, shape (d,)."""
+        return np.asarray(self.motion.reference(dimension))
+
+    @property
+    def called(self) -> str:
+        """What messages call it."""
+        return f"the foundation of {' and '.join(f'contact[{part}]' for part in self.parts)}"
+
+
+def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody, ...]:
+    """Those that the shapes of contacts belong to, by their names, or else those of contacts.
+
+    Args:
+        shapes: of each contact; None: its foundation is none, or stands still.
+        names: of the contacts.
+    """
+    groups: dict[Any, list[int]] = {}
+    for part, shape in enumerate(shapes):
+        if shape is not None:
+            groups.setdefault(part if (name := _name_of(shape)) is None else name, []).append(part)
+    return tuple(
+        RigidBody(
+            key if isinstance(key, str) else names[key],
+            next((shapes[part] for part in parts if getattr(shapes[part], "drives", True)), shapes[parts[0]]),
+            tuple(parts),
+        )
+        for key, parts in groups.items()
+    )
+
+
+def driven_twice(shapes: Sequence[Any], number: int) -> str:
+    """Why a contact does not fit the others of its rigid body, see ``rigid_bodies``; "": it does."""
+    name = _name_of(shapes[number])
+    drivers = [
+        part for part, shape in enumerate(shapes) if name is not None and _name_of(shape) == name and shape.drives
+    ]
+    if name is None or len(drivers) == 1:
+        return ""
+    free = "" if drivers else "; prescribed = {} leaves it free"
+    return f"give force, moment, prescribed or spring in one contact of {name!r}, not in {len(drivers)}{free}"
+
+
+def _name_of(shape: Any) -> str | None:
+    return getattr(shape, "rigid", None)
+
+
+def _tuple(value: Any) -> tuple[Any, ...]:
+    return () if value is None else value if isinstance(value, tuple) else (value,)
+
+
+def _at(value: Any, time: float) -> float:
+    if isinstance(value, Expression):
+        return float(value.at(time)(np.zeros((3, 1)))[0])
+    return float(value)

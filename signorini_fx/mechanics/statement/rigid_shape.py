@@ -1,0 +1,406 @@
+"""What the rigid foundations of ``shapes/`` have in common, and how they are found: by the names of their files.
+
+A shape is a solid with a signed distance phi: positive outside, where the body is, and negative inside, with the
+gradient n_f at the closest point, the outward normal of the foundation.  A point x that is displaced by u stays outside
+to first order if  -n_f . u <= phi(x):  the gap is the signed distance, and the direction of contact is -n_f.
+"""
+
+from __future__ import annotations
+
+import math
+import pkgutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
+
+from signorini_fx.errors import SceneError
+from signorini_fx.extensions import is_of_package
+from signorini_fx.mechanics.statement.expressions import Expression, sample
+from signorini_fx.mechanics.statement.rigid_motion import (
+    COMPONENTS,
+    PivotSprings,
+    Prescribed,
+    RigidMotion,
+    TimedAngle,
+    TimedVector,
+)
+from signorini_fx.mechanics.statement.validation import problems_of
+from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
+from signorini_fx.tuned import NORMAL_DIFFERENCE, NOT_ORTHONORMAL, WRONG_NORMAL, ZERO_IN_SOLUTION
+
+Array = npt.NDArray[np.float64]
+
+
+def unit(vector: tuple[float, ...]) -> Array:
+    """The vector with the length one, shape (d,)."""
+    components = np.array(vector)
+    return np.asarray(components / np.linalg.norm(components))
+
+
+def across(axis: Array) -> Array:
+    """Any unit vector perpendicular to a unit vector, shape (d,)."""
+    coordinate_axis = np.eye(axis.size)[np.argmin(np.abs(axis))]
+    perpendicular = coordinate_axis - (coordinate_axis @ axis) * axis
+    return np.asarray(perpendicular / np.linalg.norm(perpendicular))
+
+
+def normalised(vectors: Array, otherwise: Array) -> tuple[Array, Array]:
+    """Lengths of vectors, and the unit vectors; what has no direction gets another one. Shapes (n,) and (n, d)."""
+    size = np.linalg.norm(vectors, axis=1)
+    return size, np.where(size[:, None] > 0, vectors / np.maximum(size, 1e-300)[:, None], otherwise)
+
+
+class Shape(RigidMotion):
+    """A rigid foundation that is a thing: the body is outside of it, or inside where it is hollow.
+
+    Attributes:
+        shape: the name of its file.
+        hollow: whether the foundation is all that the shape is not.
+        shift: by which it is moved, lengths, numbers or expressions of the time t; None: not at all.
+        rotation: by which it is turned before it is moved, degrees, counterclockwise; in space along the axis [a, b, c]
+            by the length of this vector; of the same kinds; None: not at all.
+        pivot: the point that it is turned about, length; None: the origin.
+        force: on it at its pivot, which moves a foundation whose motion is an unknown, see ``statement.rigid_motion``.
+        moment: on it about its pivot.
+        prescribed: which components of such a motion are not free.
+        spring: between its pivot and the ground.
+        rigid: the name of a rigid body that several contacts have, of which one says what drives it; None: none.
+    """
+
+    # The dimensions of space in which there is such a shape.
+    exists_in: ClassVar[tuple[int, ...]] = (2, 3)
+
+    shape: str
+    hollow: bool = False
+    shift: TimedVector | None = None
+    rotation: TimedAngle | None = None
+    pivot: Vector | None = None
+    rigid: str | None = None
+
+    @property
+    def inradius(self) -> float:
+        """Radius of the largest ball in it, or a bound below it, length; infinite where there is none, as in a hollow
+        one, or it is not known.
+        """
+        return math.inf
+
+    @property
+    def narrows(self) -> bool:
+        """Whether some part of it may be narrower than a cell of the body, and so between nodes that are outside."""
+        return not self.hollow
+
+    @property
+    def driven(self) -> bool:
+        """Whether its motion is an unknown."""
+        return self.drives or self.rigid is not None
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """``distance`` before the shape is turned and moved, not hollow."""
+        raise NotImplementedError
+
+    def contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
+        """Keys that do not fit the dimension of the mesh, and why."""
+        where = "the mesh is plane" if dimension == 2 else "the mesh is in space"
+        if dimension not in self.exists_in:
+            yield "shape", f"{where}: there is no {self.shape}"
+            return
+        for key in type(self).model_fields:
+            value = getattr(self, key)
+            vector = isinstance(value, tuple) and key not in ("rotation", "moment") and not isinstance(value[0], tuple)
+            if vector and len(value) != dimension:
+                yield key, f"{where}: give {dimension} numbers, not {len(value)}"
+        if self.rotation is not None and isinstance(self.rotation, tuple) != (dimension == 3):
+            yield "rotation", f"{where}: give " + ("an angle" if dimension == 2 else "three numbers, the axis")
+        yield from self.motion_contradictions(dimension)
+
+    def turning_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
+        """Keys that are missing where it may turn, and why."""
+        turning = COMPONENTS[dimension][dimension:]
+        if self.drives and self.pivot is None and any(getattr(self.prescribed, key, None) != 0.0 for key in turning):
+            yield "pivot", "give the point where the force acts, about which the foundation turns"
+
+    @property
+    def timed(self) -> bool:
+        """Whether it moves with the time."""
+        return any(isinstance(entry, Expression) for entry in self._placement)
+
+    def at_time(self, time: float) -> Self:
+        """The same where it is at a time."""
+
+        def at(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return tuple(map(at, value))
+            return value.at(time) if isinstance(value, Expression) else value
+
+        return self.model_copy(update={"shift": at(self.shift), "rotation": at(self.rotation)}) if self.timed else self
+
+    @property
+    def _placement(self) -> tuple[Any, ...]:
+        """Components of shift and rotation."""
+        rotation = self.rotation if isinstance(self.rotation, tuple) else (self.rotation,)
+        return (*(self.shift or ()), *rotation)
+
+    @property
+    def said(self) -> str:
+        """Its kind, and what is given of it."""
+        entries = [(key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set]
+        return ", ".join(
+            (self.shape, *(f"{key} = {_text(value)}" for key, value in entries if key != "shape" and value is not None))
+        )
+
+    def reference(self, dimension: int) -> Array:
+        """Where its pivot is, length, shape (d,)."""
+        return np.asarray(sum(self._translations(dimension)))
+
+    def distance(self, x: Array) -> tuple[Array, Array]:
+        """The signed distance, length, and the outward normal of the foundation at the closest point.
+
+        Args:
+            x: points, length, shape (n, d).
+
+        Returns:
+            Shapes (n,) and (n, d).
+        """
+        signed, normal = self.initial(self._moved_back(x))
+        normal = normal @ self._turning(x.shape[1]).T
+        return (-signed, -normal) if self.hollow else (signed, normal)
+
+    def moved_from(self, earlier: Shape, x: Array) -> Array:
+        """How far its closest points have moved since it was placed like ``earlier``, length, shape (n, d)."""
+        signed, normal = self.distance(x)
+        return self.carried_from(earlier, x - signed[:, None] * normal)
+
+    def carried_from(self, earlier: Shape, x: Array) -> Array:
+        """How far points that are fixed to it have moved since, which are at x now, length, shape (n, d)."""
+        return x - earlier._moved(self._moved_back(x))
+
+    def turned_from(self, earlier: Shape, dimension: int) -> Array:
+        """The rotation since it was placed like ``earlier``, shape (d, d)."""
+        return np.asarray(self._turning(dimension) @ earlier._turning(dimension).T)
+
+    def on_way_from(self, earlier: Shape, share: float, dimension: int) -> Shape:
+        """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot, and of its turn.
+
+        Args:
+            earlier: the same shape elsewhere.
+            share: from 0 to 1.
+            dimension: of space.
+        """
+        moved, pivot = self._translations(dimension)
+        begun = (earlier._moved(pivot[None]) - pivot)[0]
+        before, now = (np.zeros(3 if dimension == 3 else 1) + np.array(shape._angles()) for shape in (earlier, self))
+        shift, turn = ((1 - share) * begun + share * moved).tolist(), ((1 - share) * before + share * now).tolist()
+        return self.model_copy(update={"shift": tuple(shift), "rotation": tuple(turn) if dimension == 3 else turn[0]})
+
+    def placed(self, **placement: Any) -> Shape:
+        """The same shape with another shift, rotation or pivot.
+
+        Raises:
+            SceneError: one of them is wrong.
+        """
+        return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | placement)
+
+    def _moved_back(self, x: Array) -> Array:
+        """Where points of it were before it was turned and moved."""
+        moved, pivot = self._translations(x.shape[1])
+        return np.asarray((x - moved - pivot) @ self._turning(x.shape[1]) + pivot)
+
+    def _moved(self, x: Array) -> Array:
+        """Where its points are after that."""
+        moved, pivot = self._translations(x.shape[1])
+        return np.asarray((x - pivot) @ self._turning(x.shape[1]).T + pivot + moved)
+
+    def _translations(self, dimension: int) -> tuple[Array, Array]:
+        """Its shift and its pivot, shapes (d,)."""
+        zero = np.zeros(dimension)
+        shift = zero if self.shift is None else np.array([_at_its_time(component) for component in self.shift])
+        return shift, zero if self.pivot is None else np.array(self.pivot)
+
+    def _turning(self, dimension: int) -> Array:
+        """The matrix of its rotation, shape (d, d)."""
+        return turning(self._angles(), dimension)
+
+    def _angles(self) -> float | tuple[float, ...]:
+        """Its rotation as numbers, degrees."""
+        rotation = self.rotation
+        return tuple(map(_at_its_time, rotation)) if isinstance(rotation, tuple) else _at_its_time(rotation or 0.0)
+
+
+def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
+    """The matrix of a rotation, shape (d, d).
+
+    Args:
+        rotation: degrees, counterclockwise; in space about the axis [a, b, c] by the length of this vector.
+        dimension: d.
+    """
+    if isinstance(rotation, tuple):
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_rotvec(np.radians(rotation)).as_matrix())
+    if rotation == 0.0:
+        return np.eye(dimension)
+    cosine, sine = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
+def _at_its_time(value: Any) -> float:
+    """A number, or an expression at its time."""
+    return float(value(np.zeros((3, 1)))[0]) if isinstance(value, Expression) else float(value)
+
+
+def _text(value: Any) -> str:
+    """A value of a shape in words."""
+    if isinstance(value, Expression):
+        return value.text
+    if isinstance(value, tuple) and len(value) > 3:
+        return f"{len(value)} points"
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, Prescribed | PivotSprings):
+        return _text({key: inner for key in type(value).model_fields if (inner := getattr(value, key)) is not None})
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {_text(inner)}' for key, inner in value.items())}}}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+# --- as the data of a foundation --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Distance:
+    """The gap to a shape, plus what is added to it: values of points of shape (3, n), as foundations take them.
+
+    Attributes:
+        shape: the foundation, with a method ``distance`` as ``Shape`` has it.
+        added: a number, an expression or a callable of the position, length.
+        dimension: of space.
+    """
+
+    shape: Any
+    added: Any
+    dimension: int
+
+    def __call__(self, x: Array) -> Array:
+        """The gap, shape (n,)."""
+        return self._of(x)[0] + sample(self.added, x)
+
+    def direction(self, x: Array) -> Array:
+        """The unit vector to the foundation, shape (d, n)."""
+        return -self._of(x)[1].T
+
+    def _of(self, x: Array) -> tuple[Array, Array]:
+        signed, normal = self.shape.distance(np.ascontiguousarray(x[: self.dimension].T))
+        return signed, normal
+
+
+def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distance:
+    """The distance from a shape, from the table of one, or from any object with a method ``distance``.
+
+    Args:
+        source: any of these.
+        dimension: of space.
+        turns: whether one that forces move may turn: not on the axis of a body of revolution.
+
+    Raises:
+        SceneError: it is none of these, or does not fit the dimension of space.
+    """
+    try:
+        shape = source if callable(getattr(source, "distance", None)) else read_shape(source)
+    except ValidationError as error:
+        raise SceneError(problems_of(error, source, shape_class(source["shape"]))) from None
+    except ValueError as error:
+        raise SceneError([("", str(error))]) from None
+    if isinstance(shape, Shape):
+        problems = [*shape.contradictions(dimension), *(shape.turning_contradictions(dimension) if turns else ())]
+        if problems:
+            raise SceneError(problems)
+    return Distance(shape, 0.0, dimension)
+
+
+def fault_of(shape: Any, x: Array, size: float) -> str:
+    """What the distance of a shape of a user's own is not, at points of the boundary; "": nothing was found.
+
+    From a point back along its normal the way to the closest point is shorter by as much, wherever it is.  Behind the
+    closest point the distance is negative: otherwise points would pass through the shape.
+
+    Args:
+        shape: with a method ``distance``, see ``Shape``; those of this package are not tried.
+        x: points, length, shape (n, d).
+        size: of the body, length.
+    """
+    if is_of_package(type(shape)):
+        return ""
+    name, step, x = type(shape).__name__, NORMAL_DIFFERENCE * size, x.copy()
+    x.flags.writeable = False  # a shape that changes its argument moves the points of others
+    try:
+        signed, normal = (np.asarray(values, dtype=np.float64) for values in shape.distance(x))
+        if signed.shape != x.shape[:1] or normal.shape != x.shape:
+            wanted = f"{x.shape[:1]} and {x.shape} for points of the shape {x.shape}"
+            return f"distance of {name} has the shapes {signed.shape} and {normal.shape}, not {wanted}"
+        behind = np.asarray(shape.distance(x - step * normal)[0], dtype=np.float64)
+        surface = x - signed[:, None] * normal
+        at_surface, within = (
+            np.asarray(shape.distance(points)[0], dtype=np.float64) for points in (surface, surface - step * normal)
+        )
+    except Exception as error:
+        return f"distance of {name} fails: {type(error).__name__}: {error}"
+    length = np.linalg.norm(normal, axis=1)
+    for reason, wrong in (
+        (f"distance of {name} is not finite", ~np.isfinite(np.column_stack((signed, normal))).all(axis=1)),
+        (f"the normals of {name} are not of unit length", ~(np.abs(length - 1) <= NOT_ORTHONORMAL)),
+        (
+            f"distance of {name} does not grow along its normals as a distance does",
+            ~(np.abs(signed - behind - step) <= WRONG_NORMAL * step + ZERO_IN_SOLUTION * np.abs(signed)),
+        ),
+        (f"distance of {name} is not negative inside", (np.abs(at_surface) <= WRONG_NORMAL * step) & (within >= 0)),
+    ):
+        if wrong.any():
+            return f"{reason} at {tuple(map(float, x[wrong.argmax()]))}"
+    return ""
+
+
+# --- how they are found ----------------------------------------------------------------------------------------------
+
+PACKAGE = "signorini_fx.mechanics.shapes"
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """The names of the files of ``shapes/``, none of which is imported."""
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__)))
+
+
+@cache
+def shape_class(name: str) -> type[Shape]:
+    """The class of a shape, whose file is imported."""
+    entry_class: type[Shape] = import_module(f"{PACKAGE}.{name}").Entry
+    return entry_class
+
+
+def read_shape(entry: Any) -> Any:
+    """A shape from a table; itself if it is one.
+
+    Raises:
+        ValueError: it is none, its name is not known, or its keys are wrong.
+    """
+    if entry is None or isinstance(entry, Shape | str):  # the name of a rigid body, which a scene replaces
+        return entry
+    if not isinstance(entry, Mapping):
+        raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
+    name = entry.get("shape")
+    if name not in names():
+        raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
+    return TypeAdapter(shape_class(name)).validate_python(entry)
+
+
+OneShape = Annotated[
+    Any, BeforeValidator(read_shape), WithJsonSchema({"type": ["object", "string"], "required": ["shape"]})
+]

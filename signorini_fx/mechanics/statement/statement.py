@@ -1,0 +1,261 @@
+"""What is stated of a problem before it has a mesh: effects by name, kinematics, load steps and settings.
+
+Scenes make this record, and so do forms of a user's own.  All that assembles, solves, judges and tells of a problem
+reads it, alone or as a part of ``model.Model``, and knows neither where it came from nor how it was read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib import import_module
+from typing import Any, Self, TypeVar
+
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.space import SPACE
+from signorini_fx.mechanics.statement.effect import Effect, Force, JointLoad, Load
+from signorini_fx.mechanics.statement.load_steps import LoadPath, LoadSteps, factor_at, time_at
+from signorini_fx.mechanics.statement.rigid_motion import RigidBody, rigid_bodies
+from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
+from signorini_fx.mechanics.statement.units import unit_names
+
+_Effect = TypeVar("_Effect", bound=Effect)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statement:
+    """A problem without its mesh.
+
+    Attributes:
+        title: any text.
+        incomplete: what is missing of what was meant; results say so.
+        effects: all entries by their keys, in the order of the keys of a scene; a key without entries is there as well,
+            but forms have the key ``contact`` alone.
+        kinematics: that of the body if its mesh is plane.
+        element: degree and volumetric integration.
+        load_steps: names and times of load steps, and an automatic ramp.
+        steps: number of factors of each load; that of the load steps, unless there is a ramp between them.
+        solver: algorithms, their parameters and limits.
+        accuracy: the accuracy to be reached by refinement; None: no refinement.
+        units: names of units for labels; None: they are not known.
+        bodies: the names of the regions that are bodies with meshes of their own.
+        generated: whether all cells are made by generators.
+        arcs: whether the mesh may stand for a body with arcs.
+        single: the keys of effects of which there can be one only.
+        origin: what else was given, by its keys, for the summary alone.
+    """
+
+    title: str
+    effects: Mapping[str, tuple[Any, ...]]
+    kinematics: Kinematics
+    element: Discretised
+    load_steps: LoadSteps
+    steps: int
+    solver: SolverSettings
+    incomplete: tuple[str, ...] = ()
+    accuracy: Accuracy | None = None
+    units: Units | None = None
+    bodies: tuple[str, ...] = ()
+    generated: bool = False
+    arcs: bool = True
+    single: frozenset[str] = frozenset()
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    def changed(self, **entries: tuple[Any, ...]) -> Self:
+        """The same with other entries of some keys."""
+        return replace(self, effects={**self.effects, **entries})
+
+    @property
+    def contact(self) -> tuple[Any, ...]:
+        """The contact of each boundary."""
+        return self.effects.get("contact", ())
+
+    @property
+    def material(self) -> tuple[Any, ...]:
+        """One for the body, or one for each named region; none where only forms know it."""
+        return self.effects.get("material", ())
+
+    @property
+    def displacement(self) -> tuple[Any, ...]:
+        """The prescribed displacements."""
+        return self.effects.get("displacement", ())
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """What was given, by the keys of a scene, for the summary."""
+        entries = {
+            key: next(iter(several), None) if key in self.single else several for key, several in self.effects.items()
+        }
+        settings: dict[str, Any] = {"load_steps": self.load_steps, "solver": self.solver}
+        if self.units is not None:
+            settings |= {"accuracy": self.accuracy, "units": self.units}
+        element = {"degree": self.element.degree} if self.units is None else self.element
+        named = {"title": self.title, "incomplete": self.incomplete}
+        return {**named, **self.origin, "element": element, **entries, **settings}
+
+    def unit_names(self, dimension: int) -> dict[str, str]:
+        """The unit of each quantity on a mesh of this dimension, see ``units.unit_names``."""
+        return unit_names({} if self.units is None else dict(self.units), self.kinematics_in(dimension))
+
+    def heading(self, key: str) -> str:
+        """How a TOML file writes a table of this key: ``[key]`` if there can be one only, else ``[[key]]``."""
+        return f"[{key}]" if key in self.single else f"[[{key}]]"
+
+    def listed(self) -> list[tuple[str, Any]]:
+        """All entries with their paths in the scene."""
+        return [
+            (key if key in self.single else f"{key}[{number}]", effect)
+            for key, entries in self.effects.items()
+            for number, effect in enumerate(entries)
+        ]
+
+    def of(self, kind: type[_Effect]) -> tuple[_Effect, ...]:
+        """All entries of a kind, such as ``statement.effect.Force``."""
+        return tuple(effect for entries in self.effects.values() for effect in entries if isinstance(effect, kind))
+
+    @cached_property
+    def loads(self) -> tuple[Load, ...]:
+        """All that load steps multiply."""
+        return self.of(Load)
+
+    @property
+    def forces_at(self) -> str:
+        """The keys of its forces, for messages; ``traction, body_force`` where it lists no others; of forms ``L``."""
+        if "traction" not in self.effects:
+            return "L"
+        listed = [key for key, entries in self.effects.items() if any(isinstance(entry, Force) for entry in entries)]
+        return ", ".join(listed) if {*listed} - {"traction", "body_force"} else "traction, body_force"
+
+    @property
+    def rigid_bodies(self) -> tuple[RigidBody, ...]:
+        """Those whose motion is an unknown, with their contacts."""
+        return rigid_bodies([contact.tool for contact in self.contact], self.sides[0])
+
+    @property
+    def joint_loads(self) -> dict[str, JointLoad]:
+        """The loads that enter contact as it opens, by their paths in the scene."""
+        return {path: load for path, load in self.listed() if isinstance(load, JointLoad) and load.enters}
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """The names of facets inside its mesh that it uses."""
+        return tuple(name for _, effect in self.listed() for name in effect.inner_facets)
+
+    @property
+    def interfaces(self) -> list[Any]:
+        """Those of its entries, one ``interfaces.protocol.Interface`` for each kind."""
+        kinds: dict[str, dict[str, Any]] = {}
+        for path, effect in self.listed():
+            if effect.interface:
+                kinds.setdefault(effect.interface, {})[path] = effect
+        return [import_module(f"signorini_fx.solving.interfaces.{kind}").Kind(self, kinds[kind]) for kind in kinds]
+
+    def sought_at(self, step: float) -> dict[str, str]:
+        """What is known only with the solution at a place in the lists of factors: clauses by the paths of entries."""
+        words = {path: effect.sought_at(self, step) for path, effect in self.listed()}
+        return {path: clause for path, clause in words.items() if clause}
+
+    @property
+    def assumed(self) -> list[str]:
+        """What stays as it is in statements about a solution, in words, each once."""
+        return [*dict.fromkeys(effect.assumed for _, effect in self.listed() if effect.assumed)]
+
+    def drives(self, dimension: int, step: float, scale: float) -> list[tuple[Any, Any]]:
+        """What drives each rigid body at a place in the lists of factors, see ``now``: forces and moments, and the
+        components that are prescribed, nan where they are free, shapes (m,); ``scale``: a factor more of all of it.
+        """
+        drives, given = [], ~self.kinematics_in(dimension).unbalanced
+        for body in self.rigid_bodies:
+            factor = scale * (1.0 if body.motion.driven_in_time else factor_at((1.0,) * self.steps, step))
+            load, prescribed = body.motion.drive(dimension, self.time_at(step))
+            prescribed[given] = 0.0
+            drives.append((factor * load, factor * prescribed))
+        return drives
+
+    @property
+    def automatic_steps(self) -> int | None:
+        """Into how many load steps a ramp divides each interval; None: there is no ramp."""
+        return self.load_steps.steps
+
+    @property
+    def grows_from_nothing(self) -> bool:
+        """Whether all loads grow together in a ramp, because none of them has factors."""
+        return self.automatic_steps is not None and all(load.factors is None for load in self.loads)
+
+    @property
+    def expected_steps(self) -> int:
+        """Number of load steps, if none of a ramp has to be divided."""
+        if self.automatic_steps is None:
+            return self.steps
+        intervals = self.steps if self.grows_from_nothing else self.steps - 1
+        return intervals * self.automatic_steps + (not self.grows_from_nothing)
+
+    @property
+    def several_steps(self) -> bool:
+        """Whether there may be more than one load step."""
+        return self.steps > 1 or self.automatic_steps is not None
+
+    def factors_of(self, effect: Effect) -> tuple[float, ...]:
+        """The factors of a load; those of an effect that load steps do not change are 1."""
+        return getattr(effect, "factors", None) or (1.0,) * self.steps
+
+    def now(self, effect: _Effect, step: float) -> tuple[float, _Effect]:
+        """The factor of an effect at a place in the lists of factors, and the effect at the time of that place.
+
+        What depends on the time and has no factors does not grow with the other loads of a ramp.
+        """
+        if not effect.timed:
+            return factor_at(self.factors_of(effect), step), effect
+        factors = getattr(effect, "factors", None)
+        return 1.0 if factors is None else factor_at(factors, step), effect.at_time(self.time_at(step))
+
+    def placed(self, step: float) -> Self:
+        """The same with foundations and friction of a place in the lists of factors; itself if no time is in them."""
+        if not any(effect.timed for effect in self.contact):
+            return self
+        return self.changed(contact=tuple(contact.at_time(self.time_at(step)) for contact in self.contact))
+
+    def time_at(self, step: float) -> float:
+        """The time of a place in the lists of factors, see ``statement.load_steps``."""
+        return time_at(self._times, step)
+
+    @cached_property
+    def _times(self) -> tuple[float, ...]:
+        return self.load_steps.times or tuple(map(float, range(1, self.steps + 1)))
+
+    @property
+    def path(self) -> LoadPath:
+        """The load steps, without the loads."""
+        names = self.load_steps.names or ()
+        return LoadPath(self._times, names, self.automatic_steps, from_nothing=self.grows_from_nothing)
+
+    @property
+    def sides(self) -> tuple[list[str], list[str | None] | None]:
+        """The boundary of each contact, and that of the other body of each; None: there is no other body."""
+        against = [effect.against for effect in self.contact]
+        return [effect.boundary for effect in self.contact], against if any(against) else None
+
+    @property
+    def touching(self) -> list[str]:
+        """The boundaries with which bodies touch each other."""
+        return [name for contact in self.contact if contact.against for name in (contact.boundary, contact.against)]
+
+    @property
+    def young(self) -> float:
+        """Young's modulus of the stiffest material, the natural unit of stress."""
+        return max(material.natural_modulus for material in self.material)
+
+    def kinematics_in(self, dimension: int) -> Kinematics:
+        """That of its body on a mesh of this dimension."""
+        return self.kinematics if dimension == 2 else SPACE
+
+    @cached_property
+    def has_friction(self) -> bool:
+        """Whether any contact boundary has a friction law that can act; a law with bound or coefficient 0 cannot."""
+        return any(effect.friction.acts for effect in self.contact)
+
+    @cached_property
+    def has_coulomb(self) -> bool:
+        """Whether any friction bound depends on the contact pressure."""
+        return any(effect.coulomb for effect in self.contact)

@@ -1,0 +1,83 @@
+"""Names of units for labels.  Nothing is converted: the numbers of a scene are in any consistent units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from types import MappingProxyType
+from typing import Any
+
+from signorini_fx.mechanics.kinematics import of_data
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+
+# The unit of a force that is a stress times the square of a length, where it has a name.
+_FORCES = {
+    ("m", "Pa"): "N",
+    ("m", "kPa"): "kN",
+    ("m", "MPa"): "MN",
+    ("m", "GPa"): "GN",
+    ("mm", "kPa"): "mN",
+    ("mm", "MPa"): "N",
+    ("mm", "GPa"): "kN",
+    ("um", "MPa"): "uN",
+    ("in", "psi"): "lbf",
+    ("in", "ksi"): "kip",
+}
+
+_NAMES: ContextVar[Mapping[str, str]] = ContextVar("_NAMES", default=MappingProxyType({}))
+
+
+def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
+    """The unit of each quantity of a scene, see ``unit_names``.
+
+    Args:
+        scene: as plain data, with its ``units``.
+        dimension: of the body, 2 or 3.
+    """
+    return unit_names(scene.get("units") or {}, of_data(scene, dimension))
+
+
+def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[str, str]:
+    """The unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and ``energy``, the last four
+    per unit thickness in the plane; those that are not known are left out.
+
+    Args:
+        units: those that were given.
+        kinematics: of the body.
+    """
+    names = {name: unit for name, unit in units.items() if unit}
+    length, stress = names.get("length"), names.get("stress")
+    whole = kinematics.whole
+    force = names.get("force") or _FORCES.get((length or "", stress or ""))
+    if length:
+        names["area"] = f"{length}\N{SUPERSCRIPT TWO}" if whole else length
+    if force:
+        names["force"] = force if whole else f"{force}/{length}" if length else ""
+        names["moment"] = names["energy"] = (f"{force} {length}" if length else "") if whole else force
+    return {name: unit for name, unit in names.items() if unit}
+
+
+@contextmanager
+def labelled(names: Mapping[str, str]) -> Iterator[None]:
+    """Labels that are made within have these units."""
+    token = _NAMES.set(names)
+    try:
+        yield
+    finally:
+        _NAMES.reset(token)
+
+
+def unit(quantity: str) -> str:
+    """The name of the unit of a quantity; empty if it is not known."""
+    return _NAMES.get().get(quantity, "")
+
+
+def bracketed(quantity: str) -> str:
+    """What a label ends with, such as `` (mm)``; empty if the unit is not known."""
+    return f" ({unit(quantity)})" if unit(quantity) else ""
+
+
+def with_unit(figure: str, quantity: str) -> str:
+    """A figure with its unit, such as ``0.3 MPa``."""
+    return f"{figure} {unit(quantity)}".rstrip() if figure else figure

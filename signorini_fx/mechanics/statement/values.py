@@ -1,0 +1,188 @@
+"""Kinds of values in a scene: numbers, expressions, counts, words; each has one error message for everything else."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+
+from signorini_fx.mechanics.statement import magnitudes
+from signorini_fx.mechanics.statement.expressions import Expression
+
+_LONGEST_SHOWN = 200
+
+
+def shown(entry: Any) -> str:
+    """A value in a message, shortened if it is long."""
+    try:
+        text = repr(entry).lower() if isinstance(entry, bool) else repr(entry)
+    except ValueError:  # Python does not print whole numbers of thousands of digits
+        return "a number with thousands of digits"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def kind_of(entry: object) -> str:
+    """A description of the wrong argument for a message."""
+    kind = type(entry)
+    module = kind.__module__.partition(".")[0]
+    return kind.__name__ if module in ("builtins", "signorini_fx") else f"{module}'s {kind.__name__}"
+
+
+def plain_number(entry: Any) -> Any:
+    """A number; NumPy's numbers are accepted."""
+    if isinstance(entry, np.number | np.ndarray) and entry.ndim == 0:
+        entry = entry.item()
+    if not isinstance(entry, str | int | float | bool | None):
+        raise ValueError(f"must be a number, not {kind_of(entry)}")
+    return entry
+
+
+def timed(entry: Any) -> Any:
+    """The same as ``value``, for what load steps change: an expression may depend on the time t."""
+    return Expression(entry, allows_time=True) if isinstance(entry, str) else value(entry)
+
+
+def sampled(entry: Any) -> Any:
+    """A value that is evaluated at points; fields and expressions of FEniCSx cannot be."""
+    checked = value(entry)
+    if hasattr(checked, "ufl_domain"):
+        raise ValueError(not_at_points(entry))
+    return checked
+
+
+def not_at_points(entry: Any) -> str:
+    """Why a form is refused where values at points are needed."""
+    return (
+        f"{kind_of(entry)} cannot be evaluated at points: give a number, an expression of the position, or a "
+        "callable f(x) of points of shape (3, n)"
+    )
+
+
+def bounded(number: float) -> float:
+    """The number, if its magnitude is in the allowed range.
+
+    Raises:
+        ValueError: it is not.
+    """
+    wrong = magnitudes.complaint(number)
+    if wrong is not None:
+        raise ValueError(f"{wrong}, got {shown(number)}")
+    return number
+
+
+def value(entry: Any) -> Any:
+    """A number, an expression, a callable or UFL; everything else is refused."""
+    if isinstance(entry, bool):
+        raise ValueError("a number or an expression of the position is expected, not true or false")
+    entry = plain_number(entry) if isinstance(entry, np.number | np.ndarray) else entry
+    if isinstance(entry, int | float):
+        try:
+            number = float(entry)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise ValueError("the number must be finite")
+        return bounded(number)
+    if isinstance(entry, str):
+        return Expression(entry)
+    if isinstance(entry, Expression) or callable(entry) or hasattr(entry, "ufl_domain"):
+        return entry
+    raise ValueError(f"a number or an expression of the position is expected, not {kind_of(entry)}")
+
+
+def not_negative(entry: Any) -> Any:
+    """A value that is not a negative number."""
+    if isinstance(entry, float) and entry < 0:
+        raise ValueError(f"must not be negative, got {entry:g}")
+    return entry
+
+
+class _NumberOrText:
+    """The JSON schema of values; each key has its own, because pydantic writes the default of a key into it."""
+
+    def __get_pydantic_json_schema__(self, _: Any, __: Any) -> dict[str, Any]:
+        return {"type": ["number", "string"]}
+
+
+Value = Annotated[Any, BeforeValidator(value), _NumberOrText()]
+
+
+TimedValue = Annotated[Any, BeforeValidator(timed), _NumberOrText()]
+TimedSampledValue = Annotated[Any, BeforeValidator(lambda v: sampled(timed(v))), _NumberOrText()]
+SampledValue = Annotated[Any, BeforeValidator(sampled), _NumberOrText()]
+NonNegativeValue = Annotated[Any, BeforeValidator(lambda v: not_negative(sampled(v))), _NumberOrText()]
+
+
+def share(entry: Any) -> Any:
+    """A number, or a text such as ``5%``."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*", entry) if isinstance(entry, str) else None
+    return entry if match is None else float(match[1]) / 100
+
+
+def number_or_auto(entry: Any) -> Any:
+    """A positive number or the word auto, with one message where it is neither."""
+    entry = entry.item() if isinstance(entry, np.number) else entry
+    if entry != "auto" and not (type(entry) in (int, float) and 0 < entry < math.inf):
+        raise ValueError(f"a positive number or 'auto' is expected, got {shown(entry)}")
+    return entry if entry == "auto" else bounded(entry)
+
+
+def count_or_auto(entry: Any) -> Any:
+    """A positive whole number or the word auto, with one message where it is neither."""
+    entry = entry.item() if isinstance(entry, np.number) else entry
+    if entry != "auto" and not (type(entry) is int and 0 < entry <= 100_000):
+        raise ValueError(f"a positive whole number or 'auto' is expected, got {shown(entry)}")
+    return entry
+
+
+Finite = Annotated[
+    float, Field(allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
+]
+Positive = Annotated[
+    float, Field(gt=0, allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
+]
+NonNegative = Annotated[
+    float,
+    Field(allow_inf_nan=False, strict=True),
+    BeforeValidator(plain_number),
+    AfterValidator(not_negative),
+    AfterValidator(bounded),
+]
+Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
+
+
+def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(vector):
+        raise ValueError("must not be zero")
+    return vector
+
+
+NOT_ZERO = AfterValidator(_not_zero)
+Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
+Direction = Annotated[Vector, NOT_ZERO]
+
+
+Automatic = Annotated[float | Literal["auto"], BeforeValidator(number_or_auto)]
+
+
+def selection(entry: Any) -> Any:
+    """A number in the cell data of a mesh file, a list of them, or a rule; everything else is refused."""
+    if type(entry) is int or isinstance(entry, Expression) or callable(entry):
+        return entry
+    if isinstance(entry, str):
+        if entry.isidentifier() and entry not in ("x", "pi"):
+            number = entry.rpartition("_")[2]
+            write = f": write {number}" if number.isdigit() else ", which needs no other one: use it where it acts"
+            raise ValueError(f"{entry!r} is a name{write}")
+        return Expression(entry)
+    if isinstance(entry, list | tuple) and entry and all(type(number) is int for number in entry):
+        return tuple(entry)
+    expected = "a whole number, a list of them, or an expression of the position"
+    raise ValueError(f"{expected} is expected, not {kind_of(entry)}")
+
+
+_SELECTION_SCHEMA = {"type": ["integer", "string", "array"], "items": {"type": "integer"}, "minItems": 1}
+Selection = Annotated[Any, BeforeValidator(selection), WithJsonSchema(_SELECTION_SCHEMA)]

@@ -1,0 +1,163 @@
+"""All error estimates on one mesh, by quantity and by cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.plane_strain import PLANE_STRAIN
+from signorini_fx.mechanics.model import Model
+from signorini_fx.results.accuracy.contact_surface import ContactSurface
+from signorini_fx.results.accuracy.data_error import DataError, contact_cells, data_error
+from signorini_fx.results.accuracy.pressure_error import interval_squares, on_facets, pressure_square
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.accuracy.surface_pressure import piece_squares
+from signorini_fx.tuned import POLLUTION
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """The error estimates on one mesh; all errors are relative.
+
+    Attributes:
+        energy: of the displacement, energy norm, data included.
+        pressure: of the contact pressure, L2(Gamma_c), data included, as the contact boundary shows it; None without
+            contact.
+        inside: of the contact pressure except beside corners, without data.
+        data: error of loads and friction on the mesh.
+        size: energy norm of the solution.
+        pressed: norm of its contact pressure in L2(Gamma_c).
+        squares: contribution of each owned cell to the square of the error, by quantity, shape (cells,).
+    """
+
+    energy: float
+    pressure: float | None
+    inside: float
+    data: float
+    size: float
+    pressed: float
+    squares: dict[str, Floats]
+
+
+def estimate_errors(
+    d: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float, compliance: float
+) -> Errors:
+    """Estimate the errors on a mesh; collective.
+
+    Args:
+        d: the model.
+        displacement: of the solution, up to a rigid motion.
+        energy: strain energy of the solution.
+        table: the contact boundary.
+        step: the load step.
+        compliance: 1 / gamma_1 of the regularisation; 0 without.
+    """
+    assert d.boundary is not None
+    missed = data_error(d, table, step)
+    squares = np.zeros(missed.squares.shape)
+    if energy > 0:
+        squares = StressRecovery.of(d).squares(displacement, step)
+    return combined(
+        d.boundary, table, contact_cells(d), squares, missed, energy, compliance * d.statement.young, d.kinematics
+    )
+
+
+def combined(
+    boundary: ContactBoundary,
+    table: ContactTable,
+    cells: npt.NDArray[np.int32],
+    recovery: Floats,
+    missed: DataError,
+    energy: float,
+    blur: float,
+    kinematics: Kinematics = PLANE_STRAIN,
+) -> Errors:
+    """All error estimates from those in the body; collective.
+
+    Args:
+        boundary: the contact points of this rank.
+        table: the contact boundary.
+        cells: of each facet, in the order of ``boundary.segments``.
+        recovery: squared error of the displacement in the energy norm, of each owned cell, shape (cells,).
+        missed: the error of the data.
+        energy: strain energy of the solution.
+        blur: length over which the regularisation smears the pressure at a corner; 0 without.
+        kinematics: of the body.
+    """
+
+    def total(squares: Floats) -> float:
+        return float(parallel.global_sum(boundary.comm, squares.sum()))
+
+    size = 2 * energy
+    body: Floats = np.zeros(recovery.shape)
+    if energy > 0:
+        body[:] = (recovery + missed.squares) / size
+    forces: Floats = np.zeros(body.shape)
+    if missed.total > 0:
+        forces[:] = missed.forces / missed.total
+    data, error = total(forces), float(np.sqrt(total(body)))
+    contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
+    if pressed > 0:
+        for squares, corners in ((contact, True), (inside, False)):
+            facet_squares = _facet_squares(boundary, table, blur, kinematics, corners=corners)
+            np.add.at(squares, cells, facet_squares / pressed)
+    local, inside_total = total(contact), total(inside)
+    wholes = ((body, error**2), (inside, inside_total), (forces, data))
+    shares: list[Floats] = [np.asarray(squares / scale) for squares, scale in wholes if scale > 0]
+    return Errors(
+        energy=error + data,
+        pressure=float(np.sqrt(local)) + data if pressed > 0 else None,
+        inside=float(np.sqrt(inside_total)),
+        data=data,
+        size=float(np.sqrt(size)),
+        pressed=float(np.sqrt(pressed)),
+        squares={
+            "energy": body + data * forces,
+            "pressure": contact + (POLLUTION * error) ** 2 * body + data * forces,
+            "force": sum(shares, np.zeros_like(body)),
+        },
+    )
+
+
+def _facet_squares(
+    boundary: ContactBoundary, table: ContactTable, blur: float, kinematics: Kinematics, *, corners: bool
+) -> Floats:
+    """Squared error of the pressure on each facet of this rank, as in ``boundary.segments``; collective."""
+    if table.facets is None:
+        return on_facets(boundary, table, interval_squares(table, kinematics, corners=corners, blur=blur))
+    surface = ContactSurface.of(table)
+    return surface.of_rank(boundary, piece_squares(surface, table.columns["pressure"], corners=corners, blur=blur))
+
+
+def worst_of(steps: list[Errors]) -> Errors:
+    """The largest errors of several load steps, relative to the largest solution and pressure among them."""
+    if len(steps) == 1:
+        return steps[0]
+    size, pressed = (max(getattr(step, name) for step in steps) for name in ("size", "pressed"))
+    of_size = [step.size / size if size > 0 else 0.0 for step in steps]
+    of_pressed = [step.pressed / pressed if pressed > 0 else 0.0 for step in steps]
+    shares = {"energy": of_size, "pressure": of_pressed, "force": [1.0] * len(steps)}
+    pressures = [(step.pressure or 0.0) * share for step, share in zip(steps, of_pressed, strict=True)]
+
+    def added(name: str, weights: list[float]) -> Floats:
+        parts = [share**2 * step.squares[name] for step, share in zip(steps, weights, strict=True)]
+        return np.asarray(np.sum(parts, axis=0))
+
+    return Errors(
+        energy=max(step.energy * share for step, share in zip(steps, of_size, strict=True)),
+        pressure=max(pressures) if pressed > 0 else None,
+        inside=max(step.inside * share for step, share in zip(steps, of_pressed, strict=True)),
+        data=max(step.data for step in steps),
+        size=size,
+        pressed=pressed,
+        squares={name: added(name, weights) for name, weights in shares.items()},
+    )

@@ -1,0 +1,111 @@
+"""Errors and cost of a solution on one mesh, from which price lists are made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from mpi4py import MPI
+
+from signorini_fx.algebra.algorithms.path_following import path_model
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.algorithms.task import Outcome, Task
+from signorini_fx.algebra.linalg import callbacks, options
+from signorini_fx.algebra.linalg.choice import krylov_from
+from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.records import IterationRecord
+from signorini_fx.results.accuracy.error_estimates import Errors
+from signorini_fx.results.accuracy.mesh_level import LevelResult
+
+
+def compliance_of(outcome: Outcome, comm: MPI.Comm) -> float:
+    """1 / gamma_1 of the regularisation; 0 where multipliers of an augmentation shift the pressure; collective."""
+    data = outcome.problem.data
+    return 0.0 if parallel.any_rank(comm, bool(data.lambda_hat.any())) else 1 / data.gamma_n
+
+
+def _make_ready(newton: SemismoothNewton) -> None:
+    """Factorise the matrix of an iterate from a checkpoint, with which nothing has been solved; collective."""
+    problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
+    assert isinstance(problem, RegularisedProblem)
+    if jacobian.handle not in problem.tangent.factorised:
+        newton.pose(problem.data, problem.sets)
+        problem.assemble_jacobian(newton.snes, newton.x, jacobian)
+        problem.factorised(jacobian)
+        with options.defaults(problem.system.solver_defaults):
+            callbacks.solve(newton.snes.getKSP().setUp)
+
+
+def _root_of_weight(table: ContactTable) -> float:
+    """The mean length, or the side of the mean area, that belongs to a contact node."""
+    return float(table.columns["weight"].mean() ** (1 if table.facets is None else 1 / 2))
+
+
+def _spacing(table: ContactTable) -> float:
+    """The same in the section of a body of revolution, where the weights are areas of rings."""
+    return float(sum(np.ptp(table.arc(path)) for path in table.paths) / len(table.columns["weight"]))
+
+
+def level_result(
+    level: int,
+    body: ElasticBody,
+    task: Task,
+    outcome: Outcome,
+    size: float,
+    errors: Errors,
+    table: ContactTable,
+    *,
+    own: Sequence[IterationRecord],
+    cost: tuple[float, float],
+    contacts: Sequence[ContactState],
+) -> LevelResult:
+    """The errors and the cost of a mesh; two back substitutions, collective.
+
+    Args:
+        level: number of the mesh.
+        body: on this mesh.
+        task: its contact problem.
+        outcome: how the solve ended.
+        size: energy norm of the solution.
+        errors: the estimated errors on it.
+        table: the contact boundary.
+        own: the linear solves on this mesh.
+        cost: seconds on this rank, and peak memory so far of all ranks, MB.
+        contacts: the contact points after each load step.
+    """
+    data = outcome.problem.data
+    regularisation = pressure_regularisation = 0.0
+    if compliance_of(outcome, body.comm) > 0 and size > 0:
+        iterate = task.iterate
+        newton = iterate.unsymmetric_newton if data.follows is not None else iterate.newton
+        _make_ready(newton)
+        model = path_model(newton, data)
+        pressure = contacts[-1].points.norm(contacts[-1].pressure)
+        regularisation = model.distance / size
+        pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
+    change = task.history.outer[-1].change
+    return LevelResult(
+        level=level,
+        h=_spacing(table) if table.facets is None and not body.kinematics.uniform else _root_of_weight(table),
+        dofs=body.dofs,
+        linear_solves=len(own),
+        factorisations=sum(record.factorised for record in own),
+        seconds=parallel.global_max(body.comm, cost[0]),
+        memory=cost[1],
+        status=outcome.status.value,
+        energy=errors.energy,
+        pressure=errors.pressure,
+        inside=errors.inside,
+        data=errors.data,
+        regularisation=regularisation,
+        pressure_regularisation=pressure_regularisation,
+        iteration=max(own[-1].residual if own else 0.0, change or 0.0),
+        table=table,
+        force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
+        krylov_from=krylov_from(body.system_size, body.settings.linear_algebra),
+        paired=body.boundary is not None and body.boundary.paired,
+    )

@@ -1,0 +1,297 @@
+"""The error of the contact pressure along a curve in L2(Gamma_c), where it is, estimated from its kinks at the nodes.
+
+Between the nodes the pressure is linear.  The change of its slope at the nodes indicates its error, in smooth parts as
+well as at the ends of the contact zones.  At a corner of the body the stress may be singular,
+the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_table import ContactTable, is_closed
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.plane_strain import PLANE_STRAIN
+from signorini_fx.results.accuracy.contact_surface import ContactSurface
+from signorini_fx.tuned import (
+    BENDING,
+    CORNER_ANGLE,
+    CORNER_ERROR_SHARE,
+    CORNER_SHARE,
+    FIT_STRETCH,
+    JUMP_RATIO,
+    KINK_SHARE,
+    LARGEST_EXPONENT,
+    SAME_LENGTH,
+    STEEP_EXPONENT,
+    STRAIGHT_ANGLE,
+)
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+
+def interval_squares(
+    table: ContactTable, kinematics: Kinematics = PLANE_STRAIN, *, corners: bool = True, blur: float = 0.0
+) -> list[Floats]:
+    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring.
+
+    Args:
+        table: the contact boundary.
+        kinematics: of the body.
+        corners: whether to include the singular intervals at corners; False: without them, for quantities that do not
+            depend on such a small part of the boundary.
+        blur: length over which the regularisation smears the pressure at a corner; 0 without.
+
+    Returns:
+        One array for each path of the table, shape (rows - 1,).
+    """
+    squares = []
+    for path, measure in zip(table.paths, around(table, kinematics), strict=True):
+        rows, s, path_slice = table.unrolled(path)
+        squares.append(_squares(table, rows, s, blur, corners=corners)[path_slice] * measure)
+    return squares
+
+
+def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float, *, corners: bool) -> Floats:
+    pressure = table.columns["pressure"][rows]
+    h = np.diff(s)
+    squares = np.zeros(h.size)
+    if h.size < 2:
+        return squares
+    kinks = np.diff(np.diff(pressure) / h) ** 2
+    squares[:-1] += KINK_SHARE / 2 * h[:-1] ** 3 * kinks
+    squares[1:] += KINK_SHARE / 2 * h[1:] ** 3 * kinks
+    jumps = _jumps(s, pressure)
+    squares[:-1] += h[:-1] * jumps**2 / 12
+    squares[1:] += h[1:] * jumps**2 / 12
+    for corner, interval in _corners(table, rows):
+        inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
+        beside = inside if interval == corner else inside - 1  # the next interval
+        if corners:
+            away = slice(corner, None) if interval == corner else slice(corner, None, -1)
+            squares[interval] = max(
+                squares[interval],
+                CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1],
+                singular_square(np.abs(s[away] - s[corner]), pressure[away], blur),
+            )
+        else:
+            squares[[interval, beside]] = 0.0
+    return squares
+
+
+def _jumps(s: Floats, pressure: Floats) -> Floats:
+    """Where the pressure jumps, as it does between two materials: by how much at each inner node, shape (nodes - 2,).
+
+    It is extrapolated to the node from both sides; the difference is a jump if it is larger than all changes nearby.
+    A line through a jump is wrong by half of it at one end of an interval: h jump^2 / 12.
+    """
+    jumps = np.zeros(s.size - 2)
+    if s.size < 5:
+        return jumps
+    steps = np.diff(pressure)
+    slopes = steps / np.diff(s)
+    from_left = pressure[1:-3] + slopes[:-3] * (s[2:-2] - s[1:-3])
+    right = pressure[3:-1] + slopes[3:] * (s[2:-2] - s[3:-1])
+    size = np.abs(from_left - right)
+    pressed = np.lib.stride_tricks.sliding_window_view(pressure != 0, 5).all(axis=1)
+    beyond = size > JUMP_RATIO * np.maximum(np.abs(steps[:-3]), np.abs(steps[3:]))
+    jumps[1:-1] = np.where(pressed & beyond, size, 0.0)
+    return jumps
+
+
+def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
+    """Squared error beside a corner if the pressure is K r^-a there, fitted to the nodes farther away.
+
+    Args:
+        r: distance of the nodes from the corner, which is the first.
+        pressure: at these nodes.
+        blur: up to this distance the regularisation smears the pressure; 0 without.
+    """
+    # Neighbouring nodes of quadratic elements behave differently, every second one alike.
+    even = np.arange(2, r.size, 2)
+    near = even[r[even] >= 2 * max(r[1], blur) * (1 - SAME_LENGTH)]
+    if near.size < 2 or not 0 < pressure[near[1]] < pressure[near[0]]:
+        return 0.0
+    first = near[0]
+    if bends(r[near], pressure[near]):
+        return 0.0
+    falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
+    stretch = falling[(r[falling] <= FIT_STRETCH * r[first] * (1 + SAME_LENGTH)) & (pressure[falling] > 0)]
+
+    def growth(node: int) -> float:
+        return float(np.log(pressure[first] / pressure[node]) / np.log(r[node] / r[first]))
+
+    a = growth(near[1])
+    if a > STEEP_EXPONENT and stretch[-1] > first:
+        # Two neighbours mostly reflect their element; a singularity shows over the whole range where it dominates.
+        a = max(a, growth(stretch[-1]))
+    a = min(a, LARGEST_EXPONENT)
+    h, start, slope = r[1], pressure[0], pressure[1] - pressure[0]
+    k = pressure[first] * (r[first] / h) ** a  # at the end of the interval
+    square = k**2 / (1 - 2 * a) - 2 * k * (start / (1 - a) + slope / (2 - a))
+    total = h * (square + start**2 + start * slope + slope**2 / 3)
+    if blur > h:
+        inner = slice(1, int(np.searchsorted(r, blur)) + 1)
+        missing = k * (r[inner] / h) ** -a - pressure[inner]
+        total += float(np.dot(missing[:-1] ** 2 + missing[1:] ** 2, np.diff(r[inner])) / 2)
+    return float(max(0.0, total))
+
+
+def bends(r: Floats, pressure: Floats) -> bool:
+    """Whether a pressure falls like a line, as that of bending does, or faster, and not like a power.
+
+    In the logarithm of the distance a power falls ever more slowly, a line twice as fast at twice the distance.
+
+    Args:
+        r: distance of nodes from the corner, ascending, at least two.
+        pressure: at these nodes, falling from the first to the second.
+    """
+    third = 1 + int(np.searchsorted(r[1:], r[1] ** 2 / r[0] * (1 - SAME_LENGTH)))  # as many times farther as the second
+    if third >= r.size:
+        return False
+    p, x = pressure[[0, 1, third]], np.log(r[[0, 1, third]])
+    slopes = np.diff(p) / np.diff(x)
+    return bool(p[2] > 0 and slopes[1] < BENDING * slopes[0])
+
+
+def _corners(table: ContactTable, rows: Ints) -> list[tuple[int, int]]:
+    """Nodes in contact at a corner of the body or at the ends of these rows, each with an interval beside it."""
+    pressure, last = table.columns["pressure"][rows], len(rows) - 1
+    pairs = [(0, 0), (last, last - 1)]
+    if "x" in table.columns:
+        x, y = table.columns["x"][rows], table.columns["y"][rows]
+        for node in np.flatnonzero(_turning(x, y) > CORNER_ANGLE) + 1:
+            pairs += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
+    return [(node, interval) for node, interval in pairs if pressure[node] != 0]
+
+
+def corners_of_error(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> Floats:
+    """Positions of the corners with a large share of the error of the pressure beside them, shape (n, 2)."""
+    squares = interval_squares(table, kinematics)
+    much = CORNER_ERROR_SHARE * sum(float(part.sum()) for part in squares)
+    nodes: list[int] = []
+    for path, of_path in zip(table.paths, squares, strict=True):
+        rows, _, part = table.unrolled(path)
+        for node, interval in _corners(table, rows) if of_path.size > 1 else []:
+            if part.start <= interval < part.stop and of_path[interval - part.start] > much:
+                nodes.append(int(rows[node]))
+    return np.column_stack((table.columns["x"][nodes], table.columns["y"][nodes]))
+
+
+def _turning(x: Floats, y: Floats) -> Floats:
+    """Angle from each interval to the next, radians, shape (nodes - 2,)."""
+    angle = np.diff(np.arctan2(np.diff(y), np.diff(x)))
+    return np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def polygon_error(table: ContactTable, modulus: float) -> float:
+    """The effect of straight facets in place of a curved contact boundary, relative to the contact pressure.
+
+    The slope of a polygon differs from that of the curve by up to half the angle between its facets, and slope times
+    modulus is a pressure.
+
+    Args:
+        table: the contact boundary on a mesh whose facets were not divided.
+        modulus: stress per strain of the plane.
+    """
+    c = table.columns
+    square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
+    turns = _turns_of_curve(table) if table.facets is None else _turns_of_surface(table)
+    return float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square)) if len(turns) and square > 0 else 0.0
+
+
+def _turns_of_curve(table: ContactTable) -> list[float]:
+    """Angles between the facets that are pressed, corners left out."""
+    c = table.columns
+    turns: list[float] = []
+    for path in table.paths:
+        rows = np.append(path, path[1]) if is_closed(path) else path
+        angle, pressed = _turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
+        near = pressed[1:-1] | pressed[:-2] | pressed[2:]
+        turns += angle[near & (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)].tolist()
+    return turns
+
+
+def _turns_of_surface(table: ContactTable) -> Floats:
+    """The same in space."""
+    surface = ContactSurface.of(table)
+    angle, pressed = surface.turns(), (table.columns["pressure"] != 0)[surface.corners].any(axis=1)
+    return np.asarray(angle[pressed[:, None] & (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)])
+
+
+def peak_of(table: ContactTable) -> tuple[float, float]:
+    """The largest pressure, and the spacing of the nodes there; (0, 0) without contact."""
+    pressure = table.columns["pressure"]
+    row = int(np.argmax(pressure)) if pressure.size else 0
+    if table.facets is not None and row < pressure.size and pressure[row] > 0:
+        return float(pressure[row]), float(np.sqrt(table.columns["weight"][row]))
+    for path in table.paths:
+        if row in path and pressure[row] > 0 and len(path) > 1:
+            rows, s, _ = table.unrolled(path)
+            beside = (rows[:-1] == row) | (rows[1:] == row)
+            return float(pressure[row]), float(np.diff(s)[beside].min())
+    return 0.0, 0.0
+
+
+def roughness_at_peak(table: ContactTable) -> float:
+    """In space: how far the largest pressure is from the mean pressure of the nodes around it, relative.
+
+    At a node with fewer or more neighbours than most, the pressure on linear tetrahedra is wrong by several per cent on
+    every mesh, since dividing all cells leaves its neighbourhood alike; the change from mesh to mesh cannot see that.
+    For a smooth pressure this decreases like h^2.
+    """
+    pressure, corners = table.columns["pressure"], ContactSurface.of(table).corners
+    row = int(np.argmax(pressure)) if pressure.size else 0
+    around = np.setdiff1d(corners[(corners == row).any(axis=1)], row)
+    if not around.size or not pressure[row] > 0:
+        return 0.0
+    return float(1.0 - pressure[around].mean() / pressure[row])
+
+
+def pressure_square(table: ContactTable) -> float:
+    """The squared norm of the pressure in L2(Gamma_c)."""
+    return float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))
+
+
+def around(table: ContactTable, kinematics: Kinematics) -> list[Floats]:
+    """By what the length of each interval of ``interval_squares`` is multiplied: in a body of revolution the length of
+    the circumference at its middle, elsewhere 1.
+    """
+    if kinematics.uniform:
+        return [np.ones(len(path) - 1) for path in table.paths]
+    x = np.column_stack((table.columns["x"], table.columns["y"]))
+    measures = (kinematics.measure_at((x[path[:-1]] + x[path[1:]]) / 2) for path in table.paths)
+    return [measure for measure in measures if measure is not None]
+
+
+def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Floats]) -> Floats:
+    """Sums over the intervals between nodes, for each facet of this rank, as in ``boundary.segments``.
+
+    Args:
+        boundary: the contact nodes of this rank.
+        table: the contact boundary.
+        intervals: one array for each path of the table, shape (rows - 1,).
+    """
+    assert table.nodes is not None
+    rows, following = (np.concatenate([path[end] for path in table.paths]) for end in (slice(-1), slice(1, None)))
+    base = int(table.nodes.max(initial=0)) + 1
+
+    def keys(part: Ints, first: Ints, second: Ints) -> Ints:
+        """One number for each pair of nodes on a boundary, in either order."""
+        return (part * base + np.minimum(first, second)) * base + np.maximum(first, second)
+
+    interval_keys = keys(table.nodes[rows, 0], table.nodes[rows, 1], table.nodes[following, 1])
+    order = np.argsort(interval_keys)
+    interval_keys, values = interval_keys[order], np.concatenate(intervals)[order]
+    part, nodes = boundary.segments[:, 0], boundary.segments[:, 1:]
+    total = np.zeros(len(part))
+    for k in range(nodes.shape[1] - 1):
+        wanted = keys(part, nodes[:, k], nodes[:, k + 1])
+        position = np.minimum(np.searchsorted(interval_keys, wanted), interval_keys.size - 1)
+        total += np.where(
+            interval_keys[position] == wanted, values[position], 0.0
+        )  # between two bodies a node may carry no point
+    return total

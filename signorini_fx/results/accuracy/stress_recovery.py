@@ -1,0 +1,286 @@
+"""Error estimates of a discrete solution in the energy norm, by stress recovery."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg.blocks import is_by_blocks
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import assemble, measure
+from signorini_fx.mechanics.body.block_stiffness import scalar_matrix
+from signorini_fx.mechanics.body.elastic_law import fields_of
+from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
+from signorini_fx.mechanics.body.quadrature import parallelepipeds, strain_degree
+from signorini_fx.mechanics.model import Model
+from signorini_fx.records import Inventory
+from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, PROJECTION_TOLERANCE
+
+# Tractions that vary may jump within a facet: they are evaluated at this many more points.
+_FINE_DEGREE = 20
+
+
+class StressRecovery:
+    """An estimate of the discretisation error; compiled once, evaluated often.
+
+    Inside the body it is that of Zienkiewicz and Zhu: the stress is projected onto the functions of degree 1 that are
+    continuous in each material, and its difference to the discontinuous stress is measured with the compliance.
+    Functions of degree 2 would be so close to the stress of quadratic elements that half of the error were not
+    detected. On the boundary the projection can follow the stress, so that it detects nothing in a cell that is alone
+    at a corner: there the residual of the known traction is added.
+    """
+
+    def __init__(
+        self,
+        stress: ElementStress,
+        residual: Callable[[Any], tuple[Callable[[float], None], Any]],
+        inventory: Inventory,
+        degree: int | None = None,
+        pattern: PETSc.Mat | None = None,
+    ) -> None:
+        """Compile; collective.
+
+        Args:
+            stress: of a displacement of its own, whose values change with what is estimated.
+            residual: from a test function that is constant in each cell to what moves the loads to a place in the lists
+                of factors, and the squared residual of the traction, see ``boundary_residual``.
+            inventory: what was compiled and assembled.
+            degree: of the quadrature in the cells, exact for all that is integrated there; None: UFL estimates it.
+            pattern: a stiffness by blocks, one for each pair of vertices; None: there is none.
+        """
+        self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
+        mesh, kinematics = self._displacement.function_space.mesh, stress.kinematics
+        self._comm, self._components = mesh.comm, len(kinematics.pairs)
+        space = fem.functionspace(mesh, ("Lagrange", 1, (self._components,)))
+        self._recovered = fem.Function(space)
+        cellwise = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
+        raw = stress.components
+        density = stress.compliance(self._recovered - raw) * stress.around * cellwise
+        # The components share one matrix: dolfinx numbers the nodes of both spaces in the same way.
+        scalar = fem.functionspace(mesh, ("Lagrange", 1))
+        assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
+        product = ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
+        weight = fem.Function(cellwise.ufl_function_space())  # 1 in one material, 0 in the others
+        compiled = inventory.compile
+        moment = ufl.inner(raw, ufl.TestFunction(space))
+        self._weight, self._pattern = weight, pattern
+        dx = ufl.dx if degree is None else ufl.dx(metadata={"quadrature_degree": degree})
+        self._moments = compiled("stress moments", lambda: fem.form(weight * moment * dx))
+        self._squares = compiled("stress recovery error", lambda: fem.form(weight * density * dx))
+        self._mass = compiled("stress mass", lambda: fem.form(weight * product * dx))
+        self._parts = stress.parts
+        self._move_to, unbalanced = residual(cellwise)
+        self._residual = None if unbalanced is None else compiled("boundary residual", lambda: fem.form(unbalanced))
+
+    @classmethod
+    def of(cls, d: Model, inventory: Inventory | None = None) -> StressRecovery:
+        """That of a scene; ``inventory``: where it is recorded; None: that of the scene."""
+        empty = d.elastic.displacement(d.space, np.zeros(d.elastic.count))
+        stress, statement = element_stress(d, empty), d.statement
+        # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
+        strained = any(effect.strains for _, effect in statement.listed())
+        plain = d.kinematics.uniform and not strained and not d.elastic.pressed
+        degree = strain_degree(d.space) if plain and parallelepipeds(d.tagged.mesh) else None
+        inventory = d.inventory if inventory is None else inventory
+        linear = d.space.element.basix_element.degree == 1 and not d.elastic.pressed
+        pattern = d.stiffness if linear and is_by_blocks(d.stiffness) else None
+        return cls(stress, partial(boundary_residual, d, stress), inventory, degree, pattern)
+
+    def _choose(self, cells: npt.NDArray[np.int32]) -> None:
+        """Restrict the forms to these cells (local numbers, ghosts included)."""
+        self._weight.x.array[:] = 0.0
+        self._weight.x.array[self._weight.function_space.dofmap.list[cells, 0]] = 1.0
+
+    def _projection(self) -> PETSc.KSP:
+        """The solver of the projection on the chosen cells; collective.
+
+        It is made anew each time: quadrature of its result copies all values of each cell, and the peak of memory would
+        be where both are alive.
+        """
+        form, pattern = self._mass, self._pattern
+        mass = fem_petsc.assemble_matrix(form) if pattern is None else scalar_matrix(form, pattern)
+        mass.assemble()
+        diagonal = mass.getDiagonal()
+        diagonal.getArray()[:] = np.where(diagonal.getArray(readonly=True) == 0.0, 1.0, 0.0)
+        mass.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)  # nodes of other materials
+        self._inventory.matrices.append("stress mass")
+        ksp = PETSc.KSP().create(self._comm)
+        ksp.setOperators(mass)
+        ksp.setType(PETSc.KSP.Type.CG)
+        ksp.setTolerances(rtol=PROJECTION_TOLERANCE)
+        # On a grid this is the factor itself where nodes are numbered along its lines; elsewhere it saves most steps.
+        ksp.setOptionsPrefix(f"{options.PREFIX}mass_")
+        ksp.getPC().setType(PETSc.PC.Type.BJACOBI)
+        with options.defaults({"mass_sub_pc_type": "icc"}):
+            ksp.setFromOptions()
+            ksp.setUp()
+        return ksp
+
+    def energy(self, y: fem.Function) -> float:
+        """Strain energy of the stress of a displacement; collective."""
+        self._fill(y, 0)
+        self._recovered.x.array[:] = 0.0
+        local_energy = 0.0
+        for cells in self._parts:
+            self._choose(cells)
+            local_energy += assemble(self._squares).sum() / 2
+        return float(parallel.global_sum(self._comm, local_energy))
+
+    def error(self, y: fem.Function, step: float = 0) -> float:
+        """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``; collective."""
+        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(y, step).sum())))
+
+    def squares(self, y: fem.Function, step: float = 0) -> npt.NDArray[np.float64]:
+        """Its square for each owned cell, shape (cells,); collective.
+
+        Args:
+            y: the displacement.
+            step: the load step that it belongs to.
+        """
+        self._fill(y, step)
+        total = sum(self._projected(cells) for cells in self._parts)
+        if self._residual is not None:
+            self._move_to(step)
+            total = total + assemble(self._residual)
+        return np.maximum(total, 0.0)
+
+    def smoothed(self, y: fem.Function, step: float = 0) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
+        """The projected stress of a displacement in each material, see ``squares``; collective.
+
+        Returns:
+            The cells (local numbers, ghosts included), shape (m,), and at their vertices the components of the
+            stress, see ``Kinematics.pairs``, shape (m, vertices, components).
+        """
+        self._fill(y, step)
+        space, stresses = self._recovered.function_space, []
+        for cells in self._parts:
+            self._project(cells)
+            stresses.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
+        return stresses
+
+    def _fill(self, y: fem.Function, step: float) -> None:
+        for function, given in zip(fields_of(self._displacement), fields_of(y), strict=True):
+            function.x.array[:] = given.x.array
+        self._displacement.x.scatter_forward()
+        self._stress.refresh(step)
+
+    def _projected(self, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+        """The estimate of the projection in one material for each owned cell."""
+        self._project(cells)
+        return assemble(self._squares)
+
+    def _project(self, cells: npt.NDArray[np.int32]) -> None:
+        """Project the stress in one material, to which the forms are then restricted."""
+        self._choose(cells)
+        ksp = self._projection()
+        moment, component = ksp.getOperators()[0].createVecs()
+        values = assemble(self._moments)
+        for k in range(self._components):
+            moment.getArray()[:] = values[k :: self._components]
+            ksp.solve(moment, component)
+            self._recovered.x.array[k : values.size : self._components] = component.getArray(readonly=True)
+        self._recovered.x.scatter_forward()
+
+
+def boundary_residual(d: Model, stress: ElementStress, z: Any) -> tuple[Callable[[float], None], Any]:
+    """The squared residual of the traction of a scene, see ``squared_residual``.
+
+    Only where the traction is known: not in contact, and for prescribed displacements only in free components.  In the
+    other components the displacement may differ between the nodes: its square, times the stiffness over h.
+
+    Args:
+        d: the scene.
+        stress: of the displacement that is estimated.
+        z: test function, constant in each cell.
+
+    Returns:
+        What moves the loads to a place in the lists of factors, and the form; None where there is no such boundary.
+    """
+    statement, mesh, y = d.statement, d.tagged.mesh, stress.displacement
+    exterior_facets = dmesh.exterior_facet_indices(mesh.topology)
+    touching = [name for e in statement.contact for name in (e.boundary, e.against) if name is not None]
+    traction_facets = np.setdiff1d(
+        exterior_facets, np.concatenate([exterior_facets[:0], *(d.tagged.facets(name) for name in touching)])
+    )
+    effects = [effect for _, effect in statement.listed() if effect.where is not None]
+    on = np.array([np.isin(traction_facets, d.tagged.facets(effect.where)) for effect in effects], dtype=bool)
+    factors = [fem.Constant(mesh, default_scalar_type(1.0)) for _ in effects]
+    on_boundary = d.coefficients
+    assert on_boundary is not None
+
+    def move_to(step: float) -> None:
+        on_boundary.move_to(step)
+        for constant, effect in zip(factors, effects, strict=True):
+            constant.value, _ = statement.now(effect, step)
+
+    def of(numbers: npt.NDArray[np.int64], traction: Any) -> tuple[Any, list[Any], bool]:
+        residual, away = traction, []
+        acting = [(effects[k], factors[k]) for k in numbers]
+        for effect, factor in acting:
+            residual = residual + effect.traction(y, factor, on_boundary)
+        for effect, factor in acting:
+            residual = effect.free(residual, on_boundary)
+            away += effect.away(y, factor, on_boundary)
+        return residual, away, any(effect.varies for effect, _ in acting)
+
+    return move_to, squared_residual(stress, traction_facets, on.reshape(len(effects), traction_facets.size).T, of, z)
+
+
+def squared_residual(
+    stress: ElementStress,
+    facets: npt.NDArray[np.int32],
+    on: npt.NDArray[np.bool_],
+    of: Callable[[npt.NDArray[np.int64], Any], tuple[Any, list[Any], bool]],
+    z: Any,
+) -> Any:
+    """The squared residual of the traction on the boundary, times h over the stiffness, of each cell; collective.
+
+    Args:
+        stress: of the displacement that is estimated.
+        facets: the facets of this rank on which the traction is known.
+        on: what acts on each of them, shape (facets, k).
+        of: (which of the k act, minus the traction of the stress) -> what is left of it, distances from what is
+            prescribed, and whether any of these varies within a facet.
+        z: test function, constant in each cell.
+
+    Returns:
+        The form; None where there is no such boundary.
+    """
+    space = stress.displacement.function_space
+    mesh, degree, size = space.mesh, space.element.basix_element.degree, cell_sizes(space.mesh)
+    # Facets on which the same acts share a term; one column more, so that no row is empty.
+    on = np.column_stack((on, np.ones(facets.size, dtype=bool)))
+    kinds = np.unique(parallel.gather_rows(mesh.comm, np.unique(on, axis=0)), axis=0)
+    ds = measure(mesh, [facets[(on == kind).all(axis=1)] for kind in kinds], {})
+    terms = []
+    for number, kind in enumerate(kinds, start=1):
+        residual, away, varies = of(np.flatnonzero(kind[:-1]), -stress.sigma * ufl.FacetNormal(mesh))
+        density = BOUNDARY_RESIDUAL_SHARE * size / stress.modulus * ufl.inner(residual, residual)
+        density += sum((stress.modulus / size * distance**2 for distance in away), 0 * size)
+        if isinstance(density, ufl.constantvalue.Zero):  # all components are prescribed, by numbers
+            continue
+        terms.append(
+            density
+            * stress.around
+            * z
+            * ds(number, metadata={"quadrature_degree": _FINE_DEGREE if varies else 2 * degree})
+        )
+    return sum(terms[1:], terms[0]) if terms else None
+
+
+def cell_sizes(mesh: dmesh.Mesh) -> fem.Function:
+    """H of each cell, length."""
+    size, dim = fem.Function(fem.functionspace(mesh, ("DG", 0))), mesh.topology.dim
+    count = size.x.array.size
+    size.x.array[:] = mesh.h(dim, np.arange(count, dtype=np.int32)) if count else 0.0
+    return size

@@ -1,0 +1,302 @@
+"""The effects of a scene, and what each of them adds, before the scene is solved.
+
+Nothing is solved and no stiffness is assembled.  The forms of the loads and of the contact boundaries are compiled and
+assembled as the solver does, so that every error that the solver would find in the scene or its mesh is found here.
+
+``findings`` determines what may go wrong, ``cost`` estimates the cost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from signorini_fx.extensions import add_on
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.discretisation import prepare
+from signorini_fx.mechanics.body.loads import group_of, load_groups
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Force, Load
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Finding, Timings
+from signorini_fx.scenes.hierarchy import coarser_scenes, scene_on
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.plan import planned
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.solving.check.cost import (
+    Cost,
+    contact_nodes,
+    estimated_cost,
+    friction_kind,
+    linear_solves,
+    memory_finding,
+)
+from signorini_fx.solving.check.findings import scene_findings
+from signorini_fx.solving.check.petsc_options import refuse_mistyped
+from signorini_fx.solving.check.planned import attempts_for
+from signorini_fx.solving.check.pushed_nodes import pushed_before
+from signorini_fx.solving.check.refusals import refuse_beforehand
+from signorini_fx.tuned import LOCKING_POISSON, NO_FORCE
+
+# What ``stress_recovery.StressRecovery`` compiles.
+_RECOVERY = ("stress moments", "stress recovery error", "stress mass", "boundary residual")
+
+
+@dataclass(frozen=True)
+class ListedEffect:
+    """One effect that a scene can list.
+
+    Attributes:
+        name: what it is and where.
+        on: whether it is active.
+        why: the reason, in the terms of the scene.
+        forms: the compiled forms in which it has a term.
+        unknowns: the number of unknowns that it adds; negative for a support.
+        solves: estimate of the linear solves that it adds, from and to.
+    """
+
+    name: str
+    on: bool
+    why: str
+    forms: tuple[str, ...] = ()
+    unknowns: int = 0
+    solves: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True)
+class Check:
+    """The result of ``check_scene``.
+
+    Attributes:
+        title: of the scene.
+        effects: every kind of effect, on or off.
+        forms: what will be compiled, in order.
+        cost: an estimate.
+        findings: warnings and notes.
+        plan: what will be tried for what, in order, and how many linear solves that may take, see ``attempts_for``.
+    """
+
+    title: str
+    effects: tuple[ListedEffect, ...]
+    forms: tuple[str, ...]
+    cost: Cost
+    findings: tuple[Finding, ...] = field(default=())
+    plan: tuple[tuple[str, tuple[str, ...], str], ...] = ()
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """The findings that are warnings."""
+        return tuple(finding for finding in self.findings if finding.level == "warning")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything, ready for JSON."""
+        return asdict(self)
+
+
+def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
+    """Validate a scene together with its mesh, and report its effects; collective, the same on every rank.
+
+    Raises:
+        SceneError: the scene does not fit its mesh.
+        MeshError: the mesh cannot be read or generated.
+        OptionsError: PETSc does not accept an option that the user has set.
+    """
+    refuse_mistyped(comm)
+    coarser = coarser_scenes(scene, scene.solver.levels)
+    for coarse in coarser:
+        _validated(coarse, comm)
+    compared = scene.accuracy is not None or bool(coarser)
+    d = _validated(scene, comm)
+    cost = estimated_cost(d)
+    findings = [*pushed_before(d), *memory_finding(cost, comm), *scene_findings(d), *_uniqueness(d)]
+    return Check(
+        scene.title,
+        tuple(_effects(d, compared=compared)),
+        _forms(d, compared=compared),
+        cost,
+        tuple(findings),
+        attempts_for(scene.statement),
+    )
+
+
+def _uniqueness(d: Model) -> list[Finding]:
+    """Below which friction coefficient there is one solution, where the scene asks: it takes a factorisation."""
+    if d.boundary is None or not d.statement.solver.uniqueness:
+        return []
+    proof = add_on("uniqueness")(d, None)
+    return [Finding("note" if proof.proved else "warning", "solver.uniqueness", str(proof))]
+
+
+def _validated(scene: Scene, comm: MPI.Comm) -> Model:
+    """The body of a scene with the cells and elements that its solve takes, after all checks of the solver."""
+    first = scene
+    if scene.accuracy is not None:
+        first = planned(scene, scene.accuracy, comm).scene
+        # Generated meshes are coarser ones to begin with.
+        first = scene_on(first, 1.0) if first.statement.generated else first
+    d = prepare(first.statement, load_mesh(first, comm), Timings())
+    refuse_beforehand(d)
+    return d
+
+
+def _estimates_error(d: Model, *, compared: bool) -> bool:
+    """Whether an error is estimated; ``compared``: whether there are several meshes."""
+    solver = d.statement.solver
+    to_stop = solver.algorithm == "path-following" and solver.regularisation_error == "auto"
+    return d.boundary is not None and (to_stop or compared)
+
+
+def _estimated(statement: Statement, *, compared: bool) -> tuple[str, ...]:
+    """The forms that the error estimate compiles."""
+    missed = compared and any(load.varies for load in statement.of(Force))
+    return (*_RECOVERY, *(["missed loads"] if missed else []))
+
+
+def _forms(d: Model, *, compared: bool) -> tuple[str, ...]:
+    """The forms that the solver will compile, in order."""
+    recovery = _estimated(d.statement, compared=compared) if _estimates_error(d, compared=compared) else ()
+    return (*d.inventory.forms, *recovery)
+
+
+# --- effects ---------------------------------------------------------------------------------------------------------
+
+
+def _effects(d: Model, *, compared: bool) -> list[ListedEffect]:
+    statement = d.statement
+    effects = [_elasticity(d), *_materials(statement), _reduced(d), *_pressure(d), *_displacements(d)]
+
+    names = dict(zip(load_groups(statement), (load.names for load in d.applied), strict=False))
+
+    def form_of(effect: Any) -> tuple[str, ...]:
+        if not isinstance(effect, Load):
+            return (d.resisting,)
+        if effect.grouped:
+            return names[group_of(statement, effect)]
+        return next(load.names for load in d.applied if load.entry is effect)
+
+    for key, entries in statement.effects.items():
+        if key not in ("material", "displacement", "contact"):
+            effects += [
+                ListedEffect(effect.name, effect.acts, effect.said or "it is 0", form_of(effect) if effect.acts else ())
+                for effect in entries
+            ] or [ListedEffect(key.replace("_", " "), False, f"no {statement.heading(key)}")]
+    effects += _contacts(d)
+    nodes = contact_nodes(d)
+    kind = friction_kind(statement, statement.contact)
+    single_step, all_steps = (
+        linear_solves(statement, kind, nodes, steps=steps) for steps in (1, statement.expected_steps)
+    )
+    numbers = {len(load.factors) for load in statement.loads if load.factors is not None}
+    why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
+    if statement.automatic_steps is not None:
+        why += f", about {statement.expected_steps} load steps"
+    effects.append(ListedEffect("load steps", statement.expected_steps > 1, why, solves=_minus(all_steps, single_step)))
+    nested = statement.solver.levels > 1 and d.boundary is not None
+    solves = _minus(
+        linear_solves(statement, kind, nodes, steps=statement.expected_steps, levels=statement.solver.levels), all_steps
+    )
+    estimate = _estimates_error(d, compared=compared)
+    why = f"algorithm = {statement.solver.algorithm!r}, levels = {statement.solver.levels}"
+    effects.append(
+        ListedEffect("error estimate", estimate, why, _estimated(statement, compared=compared) if estimate else ())
+    )
+    return [*effects, ListedEffect("nested iteration", nested, f"levels = {statement.solver.levels}", solves=solves)]
+
+
+def _elasticity(d: Model) -> ListedEffect:
+    return ListedEffect("elasticity", True, f"always; {d.kinematics.words}", ("elasticity",), d.dofs, (1, 1))
+
+
+def _materials(statement: Statement) -> list[ListedEffect]:
+    several = len(statement.material) > 1
+    why = ", ".join(str(m.region) for m in statement.material) if several else "one [[material]]"
+    return [ListedEffect("several materials", several, why)] + [
+        ListedEffect(material.words, True, f"{material.region or 'everywhere'}: {material.said}")
+        for material in statement.material
+        if material.said
+    ]
+
+
+def _reduced(d: Model) -> ListedEffect:
+    setting = d.statement.element.volumetric
+    on = d.elastic.reduced is not None
+    why = f"volumetric = {setting!r}"
+    if setting == "auto":
+        why += f", some nu >= {LOCKING_POISSON:g}" if on else f", no nu >= {LOCKING_POISSON:g}, or linear triangles"
+    return ListedEffect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
+
+
+def _pressure(d: Model) -> list[ListedEffect]:
+    if (listed := d.elastic.listed()) is None:
+        return []
+    name, forms, unknowns = listed
+    return [ListedEffect(name, True, f"volumetric = {d.statement.element.volumetric!r}", forms, unknowns)]
+
+
+def _displacements(d: Model) -> list[ListedEffect]:
+    held: list[tuple[PrescribedDisplacement, int]] = []
+    taken = np.zeros_like(d.fixed)
+    for effect, support in d.supports:
+        dofs, owned = support.dof_indices()
+        new = np.zeros_like(taken)
+        new[dofs[:owned]] = True
+        count = int(parallel.global_sum(d.comm, np.array(np.count_nonzero(new & ~taken))))
+        taken |= new
+        if held and held[-1][0] is effect:
+            count += held.pop()[1]
+        held.append((effect, count))
+    owned = d.fixed.size // d.tagged.mesh.geometry.dim
+    for skew in () if d.turned is None else d.turned.supports:
+        held.append((skew.effect, int(parallel.global_sum(d.comm, np.array(np.count_nonzero(skew.nodes < owned))))))
+    if not held:
+        return [ListedEffect("displacement", False, "no [[displacement]]")]
+    return [ListedEffect(e.name, True, e.said, unknowns=-count) for e, count in held]
+
+
+def _contacts(d: Model) -> list[ListedEffect]:
+    scene = d.statement
+    if d.boundary is None:
+        return [ListedEffect("contact", False, "no [[contact]]"), ListedEffect("friction", False, "no [[contact]]")]
+    effects, nodes = [], contact_nodes(d)
+    # One effect after the other: the first contact counts for the iteration, the first friction of a kind for the rest.
+    previous = (1, 1)
+    for index, effect in enumerate(scene.contact):
+        count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
+        name, total = f"contact {effect.boundary}", linear_solves(scene, "none", nodes)
+        forms: tuple[str, ...] = (name,)
+        description = f"{effect.kind}, {count} nodes"
+        if effect.against is not None:
+            forms, description = (), f"{effect.kind}, against {effect.against}, {count} nodes"
+        if effect.foundation is not None:
+            description += f"; {effect.foundation.said}; at a distance from {_gaps(d, index)}"
+        moving, added = d.boundary.moving, 0
+        if effect.tool is not None and moving is not None:
+            first = np.array([body.parts[0] for body in moving.bodies])
+            added = int(np.count_nonzero(~moving.fixed & (first[moving.number] == index)))
+            description += "; gap and normals stay where it is given"
+        effects.append(ListedEffect(name, True, description, forms, unknowns=added, solves=_minus(total, previous)))
+        previous = total
+    for index, effect in enumerate(scene.contact):
+        law, total = effect.friction, linear_solves(scene, friction_kind(scene, scene.contact[: index + 1]), nodes)
+        name = f"friction {effect.boundary}"
+        effects.append(ListedEffect(name, law.acts, law.said, solves=_minus(total, previous)))
+        previous = total
+    return effects
+
+
+def _gaps(d: Model, index: int) -> str:
+    """The smallest and the largest gap of one contact in words; collective."""
+    assert d.boundary is not None
+    assert d.data is not None
+    gaps = d.data.gap[d.boundary.part == index]
+    low, high = (parallel.largest(d.comm, sign * gaps, -np.inf) for sign in (-1.0, 1.0))
+    extremes = (0.0 if abs(gap) < NO_FORCE * d.tagged.size else gap for gap in (-low, high))
+    return " to ".join(f"{gap:.4g}" for gap in extremes)
+
+
+def _minus(later: tuple[int, int], earlier: tuple[int, int]) -> tuple[int, int]:
+    return later[0] - earlier[0], later[1] - earlier[1]

@@ -1,0 +1,457 @@
+"""The commands; those that run on one process return the text to print, the others the exit code."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import textwrap
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from signorini_fx.errors import InstallationError, OutputError, SceneError, SignoriniError, cannot_be_written
+from signorini_fx.extensions import add_on
+from signorini_fx.machine import terminal
+from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK, of_solve
+from signorini_fx.scenes.cli.options import changes
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+    from signorini_fx.results.solution import Solution
+    from signorini_fx.scenes.scene import Scene
+
+
+def _read_scene(options: argparse.Namespace) -> Scene:
+    """The scene on every rank, with what the command line changes; PETSc is started with the options of the user."""
+    ((_, scene),) = _read_scenes(options, lambda changed: [("", changed)])
+    return scene
+
+
+def _read_scenes(
+    options: argparse.Namespace, several: Callable[[dict[str, Any]], list[tuple[Any, dict[str, Any]]]]
+) -> list[tuple[Any, Scene]]:
+    """Several scenes from one file, each with its name and changes of its own, which ``several`` makes of those that
+    the command line gives.
+    """
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+    from signorini_fx.machine.petsc_start import start_petsc
+    from signorini_fx.scenes.reading import parse_scene_text, read_scene_text
+
+    text = parallel.on_root(MPI.COMM_WORLD, lambda: read_scene_text(options.scene))
+    scenes = [
+        (name, parse_scene_text(text, options.scene, scene_changes))
+        for name, scene_changes in several(changes(options))
+    ]
+    start_petsc(MPI.COMM_WORLD, options.petsc_options)
+    return scenes
+
+
+def solve(options: argparse.Namespace) -> int:
+    """Solve a scene and write its results."""
+    solution, code = _solved(options)
+    if code == EXIT_INCOMPLETE:
+        _say_of_another_problem(
+            f"the scene lacks {len(solution.statement.incomplete)} of what was meant, see incomplete"
+        )
+    return code
+
+
+def _say_of_another_problem(why: str) -> None:
+    """Tell why the results, which are there, are not those that were asked for."""
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+
+    told = terminal.TerminalLine("signorini-fx: ", f"these are results of another problem: {why}", "error")
+    parallel.log_on_root(MPI.COMM_WORLD, [told], error=True)
+
+
+def _solved(options: argparse.Namespace, judged: Callable[[Solution], Solution] | None = None) -> tuple[Solution, int]:
+    """The solution of a scene, whose results are written, and the exit code; ``judged``: the solution with what it says
+    of where its scene is from, collective.
+    """
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+
+    comm = MPI.COMM_WORLD
+    path = options.out or Path("results") / options.scene.stem
+    progress = _SolveProgress(path)
+    scene = _read_scene(options)
+    from signorini_fx.results import files
+    from signorini_fx.results.fields import chosen_format
+    from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.results.progress_line import ProgressLine
+    from signorini_fx.results.short_answer import short_answer
+    from signorini_fx.results.solution import outcome
+    from signorini_fx.results.summary import lines_of, table_row
+    from signorini_fx.scenes import solver
+
+    fields = False if options.no_fields else options.fields or True
+    chosen_format(fields)  # fail early if it cannot be written
+    if options.picture:
+        add_on("pictures")
+
+    def write_level(solution: Solution) -> None:
+        with ResultFolder(comm, path / files.LAST_LEVEL, files.FILES, inner=True) as inner:
+            files.write_results(solution, inner, fields=fields, pictures=False)
+        progress.last_level = path / files.LAST_LEVEL
+
+    line = ProgressLine()
+
+    def show(record: Any) -> None:
+        line.erase()
+        parallel.log_on_root(comm, table_row(record))
+
+    observers: list[Callable[[Any], None]] = [progress.records.append]
+    if options.verbose:
+        observers.append(show)
+    # Watched on all ranks or on none, shown by the first.
+    watched = parallel.on_root(comm, lambda: not options.quiet and terminal.is_terminal(sys.stderr))
+    try:
+        with ResultFolder(comm, path, (*files.FILES, *files.INNER)) as folder:
+            try:
+                solution = solver.solve(
+                    scene,
+                    comm,
+                    check=False,
+                    observers=observers,
+                    on_level=write_level,
+                    on_progress=line if watched else None,
+                    checkpoint=path,
+                    restart=options.restart,
+                )
+            finally:
+                line.erase()
+            solution = solution if judged is None else judged(solution)
+            progress.solved = True
+            progress.is_written = lambda: folder.committed
+            pictures = False if options.no_pictures else options.picture or True
+            summary = files.write_results(solution, folder, fields=fields, pictures=pictures, pdf=options.pdf)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(str(progress)) from None
+    if not options.quiet:
+        parallel.log_on_root(comm, lines_of(summary, path) if options.verbose else short_answer(summary, path))
+    if not solution.converged:
+        # The summary above has said what to do.
+        ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
+        parallel.log_on_root(comm, [ended], error=True)
+    return solution, of_solve(converged=solution.converged, incomplete=bool(solution.statement.incomplete))
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draft a scene from a deck beside the result folder, solve it, and write its report."""
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+
+    out = options.out = options.out or Path("results") / options.deck.stem
+    options.scene = out.parent / f"{out.name}.toml"
+    deck: Any = None
+
+    def drafted() -> tuple[int, list[terminal.TerminalLine], dict[str, str]]:
+        nonlocal deck
+        draft = _draft_of_run(options.deck, options.scene)
+        deck = draft.deck
+        graded = [("changes the answer: ", remark, "error") for remark in draft.lost]
+        graded += [("does not change it: ", remark, "") for remark in draft.noted]
+        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins
+
+    lost, lines, origins = parallel.on_root(MPI.COMM_WORLD, drafted)
+    remarks: list[terminal.TerminalLine] = []
+
+    def judged(solution: Solution) -> Solution:
+        nonlocal lost
+        graded = add_on("deck_rotations")(solution, deck)
+        larger = graded.statement.incomplete[len(solution.statement.incomplete) :]
+        small = [finding.message for finding in graded.findings[len(solution.findings) :]]
+        lost += len(larger)
+        remarks.extend(terminal.TerminalLine("changes the answer: ", remark, "error") for remark in larger)
+        remarks.extend(terminal.TerminalLine("does not change it: ", remark) for remark in small)
+        return graded
+
+    try:
+        if not options.quiet:
+            parallel.log_on_root(MPI.COMM_WORLD, lines)
+        solution, code = _solved(options, judged)
+    except SceneError as error:
+        problems = [(path, _with_origin(path, message, options.deck, origins)) for path, message in error.problems]
+        raise SceneError(problems, str(options.scene)) from None
+    if not options.quiet:
+        parallel.log_on_root(MPI.COMM_WORLD, remarks)
+    written = add_on("deck_tables")(solution, deck, out, options.deck.stem)
+    written.append(parallel.on_root(MPI.COMM_WORLD, lambda: add_on("report")(out, None)))
+    if not options.quiet:
+        named = ", ".join(file.name for file in written)
+        parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine("  and ", named)])
+    if lost and code in (EXIT_OK, EXIT_INCOMPLETE):
+        count = "1 thing that changes" if lost == 1 else f"{lost} things that change"
+        _say_of_another_problem(f"left out of the deck: {count} the answer")
+        return EXIT_INCOMPLETE
+    return code
+
+
+def _with_origin(path: str, message: str, deck: Path, origins: Mapping[str, str]) -> str:
+    """What is wrong with a table of a draft, and where in the deck it is from."""
+    table = path.partition(".")[0]
+    origin = origins.get(table, origins.get(f"{table}[0]"))  # one table alone needs no number
+    return message if origin is None else f"{message} (from {deck.name}, {origin})"
+
+
+def _draft_of_run(deck: Path, target: Path) -> Any:
+    """The draft of a deck, which is written unless it is there already."""
+    from signorini_fx.mechanics.mesh.files.formats import read_file
+
+    drafted = _drafted(deck, read_file(deck), target)
+    _write_draft(drafted.files, keep=True)
+    return drafted
+
+
+class _SolveProgress:
+    """The progress of a solve: the records of its history, and the text of an interruption."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.records: list[Any] = []
+        self.solved = False
+        self.is_written: Callable[[], bool] = lambda: False
+        self.last_level: Path | None = None
+
+    def __str__(self) -> str:
+        if self.is_written():
+            return f" while statements or pictures were added: the results are in {self._folder}/"
+        if self.solved:
+            return " while the results were written: they are not kept"
+        meshes = sum(isinstance(record, str) and record.startswith("level ") for record in self.records)
+        solves = sum(hasattr(record, "solve") for record in self.records)
+        mesh = f" on mesh {meshes}" if meshes else ""
+        saved = f": the previous mesh is in {self.last_level}/" if self.last_level else ": no result is complete yet"
+        from signorini_fx.results.folder import CHECKPOINT
+
+        begun = (self._folder / CHECKPOINT).is_dir()
+        advice = "; --restart goes on from what is complete" if begun else ""
+        return f" after {solves} linear solves,{mesh}{saved}{advice}".replace(",:", ":")
+
+
+def work_precision(options: argparse.Namespace) -> int:
+    """Compare all methods on a scene, and report which one is cheapest."""
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+
+    comm = MPI.COMM_WORLD
+    path = options.out or Path("results") / f"work_precision_{options.scene.stem}"
+    if comm.size > 1:
+        raise SceneError([("work-precision", "compares methods on one rank: run it without mpirun")])
+    scene = _read_scene(options)
+    from signorini_fx.results.folder import ResultFolder
+
+    study = add_on("work_precision")
+    with ResultFolder(comm, path, study.FILES) as folder:  # fail early if it cannot be written
+        outcome = study.run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
+        try:
+            study.write_study(outcome, folder.part, pdf=options.pdf)
+        except OSError as error:
+            raise cannot_be_written(path, error) from None
+        folder.commit()
+    lines = [textwrap.fill(line, width=110, subsequent_indent="  ") for line in study.advice(outcome).split("\n")]
+    parallel.log_on_root(comm, "\n{}\n\nresults: {}/".format("\n".join(lines), path))
+    return EXIT_OK
+
+
+def sweep(options: argparse.Namespace) -> int:
+    """Solve a scene for several values of one of its entries."""
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+    from signorini_fx.results.folder import ResultFolder
+
+    comm, study = MPI.COMM_WORLD, add_on("sweep")
+    path = options.out or Path("results") / f"sweep_{options.scene.stem}"
+    entry, values = study.several(changes(options))
+    scenes = _read_scenes(options, lambda changed: [(value, {**changed, entry: value}) for value in values])
+    report = partial(parallel.log_on_root, comm)
+    with ResultFolder(comm, path, study.FILES) as folder:
+        outcome = study.run(entry, scenes, comm, report)
+        parallel.on_root(comm, lambda: study.write(outcome, folder.part))
+        folder.commit()
+    report(f"results: {path}/")
+    return EXIT_OK if outcome.solved else EXIT_NO_SOLUTION
+
+
+def sensitivity(options: argparse.Namespace) -> int:
+    """Print derivatives of results of a scene by its data."""
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+
+    scene = _read_scene(options)
+    sensitivities = add_on("sensitivity")(scene, options.results, options.by, MPI.COMM_WORLD)
+    for table in sensitivities if isinstance(sensitivities, list) else [sensitivities]:
+        parallel.log_on_root(MPI.COMM_WORLD, str(table))
+    return EXIT_OK
+
+
+def check(options: argparse.Namespace) -> int:
+    """Print the effects, cost and findings of a scene, without solving it."""
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+
+    comm = MPI.COMM_WORLD
+    try:
+        scene = _read_scene(options)
+        from signorini_fx.scenes.check_text import render, short_text
+        from signorini_fx.scenes.checks import check_scene
+
+        checked = check_scene(scene, comm)
+        if options.picture is not None:
+            add_on("draw_setup")(scene, comm, options.picture)
+    except SignoriniError as error:
+        if options.json:
+            problems = error.problems if isinstance(error, SceneError) else [("mesh", str(error))]
+            report = {"problems": [{"path": path, "message": message} for path, message in problems]}
+            parallel.log_on_root(comm, json.dumps(report, indent=2))
+        raise
+    text = render(checked) if options.verbose else short_text(checked)
+    parallel.log_on_root(comm, json.dumps(checked.as_dict(), indent=2) if options.json else text)
+    return EXIT_OK
+
+
+def info(_: argparse.Namespace) -> int:
+    """Print versions, the factorisations in use, and what confines the process that reads mesh files."""
+    from mpi4py import MPI
+
+    from signorini_fx.algebra.linalg.factorisation import factorisation_package
+    from signorini_fx.machine import parallel
+    from signorini_fx.mechanics.mesh.files import sandbox
+    from signorini_fx.results.versions import versions
+
+    comm = MPI.COMM_WORLD
+    lines = [f"{name:14s} {version}" for name, version in versions().items()]
+    lines.append(f"{'Cholesky':14s} {factorisation_package(comm, symmetric=True)}")
+    lines.append(f"{'LU':14s} {factorisation_package(comm, symmetric=False)}")
+    lines.append(f"{'sandbox':14s} {' and '.join(sandbox.available()) or 'none'}, for reading mesh files")
+    parallel.log_on_root(comm, "\n".join(lines))
+    return EXIT_OK
+
+
+def new(options: argparse.Namespace) -> str:
+    """Write the starting scene."""
+    from signorini_fx.scenes.template import starting_scene
+
+    file: Path = options.file
+    try:
+        with file.open("x", encoding="utf-8") as out:
+            out.write(starting_scene())
+    except FileExistsError:
+        raise OutputError(f"{file}: already exists: give another name, or remove it") from None
+    except (OSError, ValueError) as error:
+        raise cannot_be_written(file, error) from None
+    return f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx check {file}"
+
+
+def report(options: argparse.Namespace) -> str:
+    """Write the report of a result folder."""
+    return str(add_on("report")(options.folder, options.out))
+
+
+def show(options: argparse.Namespace) -> str:
+    """Show the page of a result folder in the browser; it is made anew."""
+    import webbrowser
+
+    page = add_on("report")(options.folder, None).resolve()
+    opened = webbrowser.open(page.as_uri())
+    return str(page) if opened else f"{page}: no browser was found, open it yourself"
+
+
+def compare(options: argparse.Namespace) -> str:
+    """Put two result folders side by side."""
+    return str(add_on("compare")(options.one, options.other))
+
+
+def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
+    """Rewrite or describe a mesh file."""
+    from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
+    from signorini_fx.mechanics.mesh.info import mesh_info, render
+
+    if options.command == "convert":
+        for target in (options.target, options.target.with_suffix(".h5")):
+            if os.path.lexists(target) and (target == options.target or options.target.suffix.lower() == ".xdmf"):
+                raise OutputError(f"{target}: already exists: give another name, or remove it")
+        mesh = read_file(options.source, size=options.size)
+        if options.target.suffix.lower() == ".toml":
+            return _scene_draft(options.source, mesh, options.target)
+        write_file(mesh, options.target)
+        return render(mesh_info(mesh), str(options.target))
+    info = mesh_info(read_file(options.file, size=options.size))
+    if options.picture is not None:
+        from mpi4py import MPI
+
+        from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+
+        add_on("draw_mesh")(MeshFile(file=options.file, size=options.size), MPI.COMM_SELF, options.picture)
+    return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
+
+
+def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> tuple[str, int]:
+    """Write the draft of a scene from an Abaqus deck; what it has and what it has not, and the exit code."""
+    drafted = _drafted(source, mesh, target)
+    _write_draft(drafted.files)
+    lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
+    lines += [f"left out: {remark}" for remark in drafted.noted]
+    if drafted.lost:
+        lines += [f"lost: {remark}" for remark in drafted.lost]
+        lines.append(f"{target} is incomplete: complete it, and remove from 'incomplete' what you have completed")
+    return "\n".join(lines), EXIT_INCOMPLETE if drafted.lost else EXIT_OK
+
+
+def _drafted(source: Path, mesh: MeshArrays, target: Path) -> Any:
+    """The draft of a deck, with ``text``, ``lost``, ``noted`` and ``files``."""
+    if source.suffix.lower() != ".inp":
+        raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
+    return add_on("draft")(source, mesh, target)
+
+
+def _write_draft(files: Mapping[Path, str], *, keep: bool = False) -> None:
+    """Write the files of a draft.
+
+    Args:
+        files: path -> text.
+        keep: whether those that are there already with the same text may stay.
+
+    Raises:
+        OutputError: a file is there already, or cannot be written.
+    """
+    for file, content in files.items():
+        try:
+            if keep and file.is_file() and file.read_text(encoding="utf-8") == content:
+                continue
+            if os.path.lexists(file):
+                changed = ", and is not what is drafted now: solve it, " if keep else ": give another name, "
+                raise OutputError(f"{file}: already exists{changed}or remove it")
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(content, encoding="utf-8")
+        except (OSError, ValueError) as error:
+            raise cannot_be_written(file, error) from None
+
+
+def completion(options: argparse.Namespace) -> str:
+    """The script that completes the command line: the shell then asks the command itself, see ``main``."""
+    try:
+        from argcomplete import shellcode
+    except ModuleNotFoundError:
+        raise InstallationError("completion needs argcomplete: apt install python3-argcomplete") from None
+    return str(shellcode(["signorini-fx"], shell=options.shell))
+
+
+def schema(options: argparse.Namespace) -> str:
+    """The JSON schema of scene files, or of the summary in result folders."""
+    from signorini_fx.scenes.template import scene_schema, summary_schema
+
+    return json.dumps(summary_schema() if options.summary else scene_schema(), indent=2)

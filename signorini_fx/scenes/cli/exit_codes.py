@@ -1,0 +1,136 @@
+"""How a command ends: every error, interruption and exit code, the same on every rank."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable
+
+from signorini_fx.errors import SceneError, SignoriniError
+from signorini_fx.machine import terminal
+from signorini_fx.machine.launcher import started_as_root
+from signorini_fx.tuned import END_PATIENCE
+
+EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
+_OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
+
+
+def of_solve(*, converged: bool, incomplete: bool) -> int:
+    """With which a solve ends that has an outcome.
+
+    Args:
+        converged: whether it is a solution, as accurate as required.
+        incomplete: whether the scene lacks something of what was meant.
+    """
+    if not converged:
+        return EXIT_NO_SOLUTION
+    return EXIT_INCOMPLETE if incomplete else EXIT_OK
+
+
+def _complain(text: object) -> int:
+    first, *remainder = str(text).split("\n", 1)
+    begin = terminal.TerminalLine("signorini-fx: error: ", first, "error")
+    terminal.say([begin, *(line for detail in remainder for line in terminal.prose(detail))], error=True)
+    return EXIT_BAD_INPUT
+
+
+def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
+    """Run a command on one of several processes, and print its result, which may come with an exit code."""
+    if not started_as_root():
+        return EXIT_OK
+    code = EXIT_OK
+    try:
+        result = run()
+        text, code = result if isinstance(result, tuple) else (result, code)
+        terminal.say(text)
+    except SignoriniError as error:
+        return _complain(error)
+    except MemoryError:
+        return _complain(_OUT_OF_MEMORY)
+    except KeyboardInterrupt:
+        terminal.say("signorini-fx: interrupted", error=True)
+        return EXIT_INTERRUPTED
+    return EXIT_BAD_INPUT if terminal.output_lost() else code
+
+
+def on_ranks(run: Callable[[], int], source: object = None) -> int:
+    """Run a command that all ranks share; every way in which it can end, in one place.
+
+    Args:
+        run: the command; returns the exit code.
+        source: name of the scene in messages; None: the command has none.
+    """
+    from signorini_fx.machine.requirements import check_fenicsx, check_machine
+
+    try:
+        check_machine()
+        check_fenicsx()
+    except SignoriniError as error:
+        return _complain(error) if started_as_root() else EXIT_BAD_INPUT
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+
+    def end(code: int) -> int:
+        """An error on a single rank would leave the others waiting for ever."""
+        if comm.size > 1:
+            comm.Abort(code)
+        return code
+
+    # mpirun and batch systems send SIGTERM, and kill soon after.
+    handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        code = run()
+        return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
+    except SignoriniError as error:  # these are raised on all ranks
+        _forget_petsc_options()
+        if isinstance(error, SceneError) and source is not None:
+            error = error.of(source)
+        return _complain(error) if comm.rank == 0 else EXIT_BAD_INPUT
+    except KeyboardInterrupt as interruption:
+        if comm.rank == 0:
+            os.write(2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace"))
+        return end(EXIT_INTERRUPTED)
+    except Exception as error:
+        message = _OUT_OF_MEMORY if _memory_ended(error) else _refused_by_petsc(error)
+        if message is not None:
+            if comm.rank > 0:  # if the first rank has the same error, it has ended this one by then
+                time.sleep(END_PATIENCE)
+            return end(_complain(message))
+        traceback.print_exc()
+        return end(EXIT_CRASH)
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+
+
+def _forget_petsc_options() -> None:
+    """At its end PETSc lists unused options and obeys others; this is switched off after an earlier error."""
+    if "petsc4py.PETSc" in sys.modules:
+        from petsc4py import PETSc
+
+        options = PETSc.Options()
+        for name in options.getAll():
+            options.delValue(name)
+
+
+def _memory_ended(error: Exception) -> bool:
+    """Whether an error is that there is not enough memory."""
+    if "petsc4py.PETSc" not in sys.modules:
+        return isinstance(error, MemoryError)
+    from signorini_fx.algebra.linalg.failures import memory_ended
+
+    return memory_ended(error)
+
+
+def _refused_by_petsc(error: Exception) -> SignoriniError | None:
+    """The message for an error of PETSc that options of the user may have caused."""
+    if "petsc4py" not in sys.modules:
+        return None
+    from petsc4py import PETSc
+
+    from signorini_fx.solving.check.petsc_options import refused
+
+    return refused(error) if isinstance(error, PETSc.Error) else None

@@ -1,0 +1,236 @@
+"""The grammar of the command line: commands, their options, and the keys of the scene that they override."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
+
+from signorini_fx import __version__
+from signorini_fx.errors import shortened
+from signorini_fx.machine import terminal
+from signorini_fx.machine.launcher import started_as_root
+from signorini_fx.scenes.changes import parsed_change
+from signorini_fx.scenes.cli.exit_codes import EXIT_BAD_INPUT
+
+# Mesh files that are read.
+_READ = ".msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that prints on one rank, and ends with the exit code of bad input."""
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if message and started_as_root():
+            terminal.say(message.removesuffix("\n"), error=file is sys.stderr)
+
+    def error(self, message: str) -> NoReturn:
+        if started_as_root():
+            usage = terminal.TerminalLine(self.format_usage().removesuffix("\n"))
+            terminal.say([terminal.TerminalLine(f"{self.prog}: ", shortened(message), "error"), usage], error=True)
+        self.exit(EXIT_BAD_INPUT)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The commands and their options."""
+    epilog = (
+        "What follows -- is passed to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
+        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 4 something of a "
+        "deck was left out that changes the answer, 130 interrupted."
+    )
+    main = _Parser(
+        prog="signorini-fx",
+        description="Signorini contact with Tresca and Coulomb friction on FEniCSx.",
+        epilog=epilog,
+    )
+    main.add_argument("--version", action="version", version=f"signorini-fx {__version__}")
+    commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=epilog)
+    solve.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
+    run = commands.add_parser("run", help="draft a scene from an Abaqus or CalculiX deck, solve it, write its report")
+    run.add_argument("deck", type=named_path, metavar="DECK", help="input file, .inp")
+    for command in (solve, run):
+        _add_options_of_solve(command)
+    check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
+    check.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
+    told = check.add_mutually_exclusive_group()
+    told.add_argument("--json", action="store_true", help="print JSON instead of text")
+    told.add_argument("--verbose", action="store_true", help="print every effect, on or off, and what will be tried")
+    report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
+    report.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
+    report.add_argument("--out", type=named_path, metavar="FILE", help="the page (default: report.html in the folder)")
+    show = commands.add_parser("open", help="show the page of a result folder in the browser")
+    show.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
+    compare = commands.add_parser("compare", help="put two result folders side by side")
+    compare.add_argument("one", type=named_path, metavar="FOLDER", help="result folder")
+    compare.add_argument("other", type=named_path, metavar="OTHER", help="result folder to compare it with")
+    sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
+    sweep.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
+    sweep.add_argument(
+        "--out", type=named_path, metavar="DIR", help="folder (default: results/sweep_NAME of the scene file)"
+    )
+    slopes = commands.add_parser("sensitivity", help="derivatives of a result of a scene by its data", epilog=epilog)
+    slopes.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
+    slopes.add_argument(
+        "--of",
+        dest="results",
+        action="append",
+        required=True,
+        metavar="RESULT",
+        help="such as 'force bottom y', 'pressure bottom', 'mean top y', 'displacement 1,0.5 x'; may be repeated",
+    )
+    slopes.add_argument(
+        "--by",
+        action="append",
+        metavar="PATH",
+        help="number of the scene, such as contact[0].friction.coefficient, or a load as a whole, traction[0]; may be "
+        "repeated (default: friction, gap, material and loads)",
+    )
+    for command in (solve, run, check, sweep, slopes):
+        suffix = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
+        command.add_argument(
+            "--set",
+            action="append",
+            type=parsed_setting,
+            metavar="PATH=VALUE",
+            help=f"entry of the scene, such as contact[0].friction.coefficient=0.3; may be repeated{suffix}",
+        )
+    study = commands.add_parser("work-precision", help="find the cheapest method for each accuracy by trying all")
+    study.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
+    study.add_argument(
+        "--out", type=named_path, metavar="DIR", help="folder (default: results/work_precision_NAME of the scene file)"
+    )
+    study.add_argument("--quick", action="store_true", help="few methods, two coarse meshes, no repeats")
+    study.add_argument("--pdf", action="store_true", help="draw each picture as a PDF, for print, beside the PNG")
+    new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
+    new.add_argument(
+        "file",
+        type=named_path,
+        metavar="FILE",
+        nargs="?",
+        default=Path("scene.toml"),
+        help="the file (default: %(default)s)",
+    )
+    convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
+    convert.add_argument("source", type=named_path, metavar="IN", help=f"mesh: {_READ}")
+    convert.add_argument("target", type=named_path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
+    info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, quality, what is unnamed")
+    info.add_argument("file", type=named_path, metavar="FILE", help=f"mesh: {_READ}")
+    for command in (convert, info):
+        command.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
+    info.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    drawn = {check: "mesh, loads, supports and contact", info: "the mesh and the names of its boundaries"}
+    for command, drawing in drawn.items():
+        command.add_argument("--picture", type=named_path, metavar="FILE", help=f"draw {drawing}: .png, .pdf or .svg")
+    schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
+    completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")
+    completion.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
+    commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
+    return main
+
+
+def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
+    """What is solved, to which accuracy, and what is written and printed."""
+    solve.add_argument(
+        "--out", type=named_path, metavar="DIR", help="result folder (default: results/NAME of the file)"
+    )
+    solve.add_argument("--levels", type=int, metavar="N", help="meshes of a nested iteration (overrides solver.levels)")
+    solve.add_argument(
+        "--accuracy",
+        type=parsed_accuracy,
+        metavar="E",
+        help="relative error to reach by refining, such as 0.05 or 5%% (overrides accuracy.target)",
+    )
+    quantities = ("energy", "pressure", "force", "zone", "peak")
+    solve.add_argument(
+        "--of", choices=quantities, help="quantity that must be accurate (overrides accuracy.of; default: energy)"
+    )
+    solve.add_argument("--adaptive", action="store_const", const="adaptive", help="refine triangles adaptively")
+    solve.add_argument(
+        "--budget",
+        action="append",
+        type=parsed_budget,
+        metavar="60s|4GB",
+        help="limit on time or memory for the accuracy, in s, min or h, or in MB or GB; may be repeated",
+    )
+    solve.add_argument(
+        "--restart", action="store_true", help="go on from the last load step or mesh that a killed run has completed"
+    )
+    fields = solve.add_mutually_exclusive_group()
+    fields.add_argument(
+        "--fields",
+        choices=("vtu", "vtx"),
+        help="format of the fields for ParaView: vtu (default), or vtx (ADIOS2)",
+    )
+    fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
+    pictures = solve.add_mutually_exclusive_group()
+    pictures.add_argument("--no-pictures", action="store_true", help="draw no pictures")
+    pictures.add_argument("--pdf", action="store_true", help="draw each picture as a PDF, for print, beside the PNG")
+    solve.add_argument(
+        "--picture",
+        action="append",
+        choices=("pressure", "principal", "displacement", "density"),
+        help="field to draw on the deformed body beside the von Mises stress; may be repeated",
+    )
+    said = solve.add_mutually_exclusive_group()
+    said.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    said.add_argument("--verbose", action="store_true", help="print each iteration, and all that is in summary.json")
+
+
+_NUMBER = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*"
+# Unit -> key of the scene, and the size of the unit there: seconds, GB.
+_BUDGETS = {
+    **{"s": ("seconds", 1.0), "min": ("seconds", 60.0), "h": ("seconds", 3600.0)},
+    **{"MB": ("memory", 1e-3), "GB": ("memory", 1.0), "TB": ("memory", 1e3)},
+}
+
+
+def named_path(text: str) -> Path:
+    """A path; an empty one, as of a variable of a shell that is not set, would be the current folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("a name is expected, got ''; the current folder is .")
+    return Path(text)
+
+
+def parsed_accuracy(text: str) -> float:
+    """0.05 or 5%."""
+    from signorini_fx.mechanics.statement.values import share
+
+    try:
+        return float(share(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a number like 0.05 or 5% is expected, got {text!r}") from None
+
+
+def parsed_budget(text: str) -> tuple[str, float]:
+    """60s or 4GB as the key of the scene and its value."""
+    match = re.fullmatch(rf"{_NUMBER}({'|'.join(_BUDGETS)})\s*", text)
+    if match is None:
+        expected = "a time like 60s, 5min or 2h, or a memory like 500MB or 4GB, is expected"
+        raise argparse.ArgumentTypeError(f"{expected}, got {text!r}")
+    key, unit = _BUDGETS[match[2]]
+    return key, float(match[1]) * unit
+
+
+def parsed_setting(text: str) -> tuple[str, Any]:
+    """PATH=VALUE of an entry of the scene."""
+    try:
+        return parsed_change(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def changes(options: argparse.Namespace) -> dict[str, Any]:
+    """The entries of the scene that the command line replaces, by their paths."""
+    entries = {
+        "solver.levels": getattr(options, "levels", None),
+        "accuracy.target": getattr(options, "accuracy", None),
+        "accuracy.of": getattr(options, "of", None),
+        "accuracy.refinement": getattr(options, "adaptive", None),
+        **{f"accuracy.{key}": value for key, value in getattr(options, "budget", None) or ()},
+        **dict(getattr(options, "set", None) or ()),
+    }
+    return {path: value for path, value in entries.items() if value is not None}

@@ -1,0 +1,175 @@
+"""How the mesh of a scene is refined for a requested accuracy: where, with which cells and which elements.
+
+In the plane cells and elements that were found to be cheaper may take the place of the scene's; in space they stay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.mesh.files.gmsh_files import DRAWN
+from signorini_fx.mechanics.mesh.refinement import check_divisible
+from signorini_fx.mechanics.mesh.tagged import (
+    TaggedMesh,
+    curvature,
+    curved_parameters,
+    generated_cell,
+    load_file,
+    simplex_parameters,
+)
+from signorini_fx.mechanics.statement.features import refusals
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
+from signorini_fx.mechanics.statement.settings import Accuracy
+from signorini_fx.results.accuracy.local_estimates import LOCAL, refuse_adaptive_peak
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.tuned import SAME_LENGTH
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a scene is refined.
+
+    Attributes:
+        scene: with the elements that are to be used; its mesh comes from a generator, from a file all of whose cells
+            are divided, or consists of triangles or tetrahedra that are divided.
+        adaptive: whether triangles or tetrahedra are divided where the error is large.
+        replaced: whether elements or cells differ from those of the scene.
+        polygonal: whether straight facets stay although the shape may be curved.
+        geometry: degree of the geometry of a file's mesh; None: as the file has it.
+    """
+
+    scene: Scene
+    adaptive: bool
+    replaced: bool
+    polygonal: bool = False
+    geometry: int | None = None
+
+
+# What can be divided in place of cells that cannot.
+_SIMPLEX = {"quadrilateral": "triangle", "hexahedron": "tetrahedron"}
+
+
+def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
+    """How to refine the mesh of a scene.
+
+    Raises:
+        SceneError: cells on arcs are to be divided, and would converge to the solution on a polygon; or the quantity
+            has no estimate on the meshes that are asked for.
+        MeshError: the mesh cannot be refined.
+    """
+    refuse_adaptive_peak(goal)
+    requested = goal
+    if any("local refinement" in refused for refused in refusals(scene.statement)):
+        goal = goal.model_copy(update={"refinement": "uniform"})
+    if scene.body:
+        return _planned_bodies(scene, requested, comm)
+    if isinstance(scene.mesh, MeshGenerator):
+        return _planned_generator(scene, goal)
+    if isinstance(scene.mesh, MeshFile):
+        return _planned_file(scene, scene.mesh, goal, comm)
+    tagged = load_mesh(scene, comm)
+    check_divisible(tagged)  # before hours are spent on the first mesh
+    scene = scene.model_copy(update={"mesh": tagged})
+    if tagged.dimension == 3 or goal.refinement != "auto" or goal.of not in LOCAL:
+        return Plan(scene, _divides(goal, tagged.dimension == 3), replaced=False, polygonal=True)
+    return Plan(_of_degree_2(scene), adaptive=True, replaced=scene.element.degree != 2, polygonal=True)
+
+
+def _planned_bodies(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
+    """All cells of all bodies become smaller together; those of generators with arcs are as for one body.
+
+    Raises:
+        MeshError: a mesh from the caller cannot be divided; the message names the body.
+    """
+    for body in scene.body:
+        if isinstance(body.mesh, TaggedMesh):
+            try:
+                check_divisible(body.mesh)
+            except MeshError as error:
+                raise MeshError(f"body {body.name!r}: {error}") from None
+    polygonal = any(
+        isinstance(body.mesh, TaggedMesh)
+        or (isinstance(body.mesh, MeshFile) and body.mesh.file.suffix.lower() not in DRAWN)
+        for body in scene.body
+    )
+    better = _with_curved_bodies(scene) if goal.refinement == "auto" and goal.of in LOCAL else scene
+    replaced = (better.element, better.body) != (scene.element, scene.body)
+    return Plan(better, adaptive=False, replaced=replaced, polygonal=polygonal)
+
+
+def _with_curved_bodies(scene: Scene) -> Scene:
+    """In the plane with elements and cells of degree 2, if generators with arcs make all bodies; else as it is."""
+    curved = []
+    for body in scene.body:
+        if not isinstance(body.mesh, MeshGenerator):
+            return scene
+        name, original = body.mesh.generator, body.mesh.parameters
+        parameters = curved_parameters(name, original)
+        if parameters is None or generated_cell(name, original) in ("tetrahedron", "hexahedron"):
+            return scene
+        mesh = MeshGenerator(generator=name, parameters=parameters)
+        curved.append(body.model_copy(update={"mesh": mesh}))
+    return _of_degree_2(scene).model_copy(update={"body": tuple(curved)})
+
+
+def _divides(goal: Accuracy, able: bool) -> bool:
+    """Whether cells are divided where the error is: if that is asked for, or may be chosen and is possible."""
+    return goal.refinement == "adaptive" or (able and goal.refinement == "auto" and goal.of in LOCAL)
+
+
+def _of_degree_2(scene: Scene) -> Scene:
+    return scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})})
+
+
+def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
+    assert isinstance(scene.mesh, MeshGenerator)
+    name, original = scene.mesh.generator, scene.mesh.parameters
+    triangles = simplex_parameters(name, original)
+    cell = generated_cell(name, original)
+    if cell in _SIMPLEX and goal.refinement == "adaptive":
+        several = {"quadrilateral": "quadrilaterals", "hexahedron": "hexahedra"}[cell]
+        message = (
+            f"{several} cannot be divided one by one and stay conforming: use cell = '{_SIMPLEX[cell]}', or 'uniform'"
+        )
+        raise SceneError([("accuracy.refinement", message)])
+    if goal.refinement == "adaptive" and triangles is None:
+        message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
+        raise SceneError([("accuracy.refinement", message)])
+    if cell in ("tetrahedron", "hexahedron"):
+        return Plan(scene, _divides(goal, cell == "tetrahedron" and triangles is not None), replaced=False)
+    # Arcs: cells of degree 2 on them, and all of them smaller.
+    parameters = curved_parameters(name, original) if triangles is None else triangles
+    if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
+        return Plan(scene, goal.refinement == "adaptive", replaced=False)
+    mesh = MeshGenerator(generator=name, parameters=parameters)
+    better = _of_degree_2(scene).model_copy(update={"mesh": mesh})
+    return Plan(better, triangles is not None, replaced=(better.element, mesh) != (scene.element, scene.mesh))
+
+
+def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
+    """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
+    drawn = file.file.suffix.lower() in DRAWN
+    tagged = load_file(file, comm, 0, 2 if drawn else None, scene.statement.sections, scene.statement.touching)
+    curved = curvature(tagged) > SAME_LENGTH * tagged.size
+    degree = compat.geometry_degree(tagged.mesh)
+    simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
+    better = tagged.dimension == 2 and goal.refinement == "auto" and (goal.of in LOCAL or curved)
+    if _divides(goal, simplices and not curved):
+        if curved:
+            message = (
+                "cells with curved sides cannot be divided one by one: dolfinx bisects straight ones only, and these "
+                "would stay the polygon that they are; use 'uniform'"
+            )
+            raise SceneError([("accuracy.refinement", message)])
+        straight = load_file(file, comm, degree=1, sections=scene.statement.sections)
+        check_divisible(straight)
+        divided = (_of_degree_2(scene) if better else scene).model_copy(update={"mesh": straight})
+        return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)
+    planned_scene = _of_degree_2(scene) if better else scene
+    geometry = (2 if curved and planned_scene.element.degree == 2 else 1) if drawn or not curved else None
+    return Plan(planned_scene, False, planned_scene.element != scene.element, not drawn and degree == 1, geometry)

@@ -1,0 +1,186 @@
+"""The scene: its effects and their data.  No mesh, no forms; nothing here imports dolfinx.
+
+A scene is read from a TOML file (``read_scene``) or built in Python (``Scene(...)``), and validated in the same way:
+unknown keys are refused, and all errors are reported at once, each with its path.
+
+A *value* is a number, an expression of ``x[0]``, ``x[1]`` and, in space, ``x[2]`` (``expressions.Expression``), or in
+Python also a callable ``f(x)`` that maps points of shape (3, n) to values of shape (n,), or (tractions and body forces)
+a UFL expression.
+Any consistent units may be used: forces, lengths and stresses of one system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import Annotated, Any, Self, get_origin
+
+from pydantic import BaseModel, BeforeValidator, InstanceOf, field_validator, model_validator
+
+from signorini_fx.mechanics.kinematics import of_materials
+from signorini_fx.mechanics.statement.base import Table, refused
+from signorini_fx.mechanics.statement.effect import Entries, Load, OneEntry, described, keys, with_every_effect
+from signorini_fx.mechanics.statement.features import refused_features
+from signorini_fx.mechanics.statement.load_steps import LoadSteps
+from signorini_fx.mechanics.statement.mesh_sources import (
+    WITHOUT_ARCS,
+    Body,
+    MeshFile,
+    MeshGenerator,
+    TaggedMeshBase,
+    one_mesh,
+)
+from signorini_fx.mechanics.statement.rigid_motion import rigid_bodies
+from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, TitleBlock, Units
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.scenes.rigid_table import Rigid, with_shapes
+
+
+def _listed(entry: Any) -> Any:
+    """A single table stands for a list of one."""
+    return [entry] if isinstance(entry, Mapping | Table) else entry
+
+
+@with_every_effect
+class Scene(Table):
+    """An elastic body, its loads, its supports and its contact with a rigid foundation.
+
+    Attributes:
+        title: any text.
+        incomplete: what is missing of what was meant, such as what a draft of a deck of another program has lost;
+            results say so until it is removed; default: nothing.
+        mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of the scene; None:
+            that of ``body``.
+        body: several bodies in place of ``mesh``; default: none.
+        element: degree and volumetric integration; default: degree 1, full.
+        material: one for the body, or one for each named region.
+        displacement: prescribed displacements, lengths; default: none.
+        traction: tractions and pressures, forces per area; default: none.
+        body_force: force per volume; default: none.
+        contact: contact with a rigid foundation, one entry for each boundary; default: none.
+        rigid: rigid bodies that forces move, to which contacts refer by their names; default: none.
+        load_steps: names and times of load steps, and an automatic ramp; default: one load step per factor.
+        solver: algorithms, their parameters and limits.
+        accuracy: the accuracy to be reached by refinement; None: no refinement.
+        units: names of units for labels.
+        title_block: project, author, date and revision for the report.
+    """
+
+    title: str = ""
+    incomplete: tuple[str, ...] = ()
+    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase] | None
+    body: Annotated[tuple[Body, ...], BeforeValidator(_listed)] = ()
+    element: Discretised = Discretised()
+    material: Entries
+    displacement: Entries = ()
+    traction: Entries = ()
+    body_force: OneEntry = None
+    contact: Entries = ()
+    rigid: Annotated[tuple[Rigid, ...], BeforeValidator(_listed)] = ()
+    load_steps: LoadSteps = LoadSteps()
+    solver: SolverSettings = SolverSettings()
+    accuracy: Accuracy | None = None
+    units: Units = Units()
+    title_block: TitleBlock = TitleBlock()
+
+    @field_validator("mesh", mode="before")
+    @classmethod
+    def _one_mesh(cls, entry: Any) -> Any:
+        return None if entry is None else one_mesh(entry)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _mesh_of_bodies(cls, entry: Any) -> Any:
+        without = isinstance(entry, Mapping) and entry.get("body") and "mesh" not in entry
+        return {**entry, "mesh": None} if without else entry
+
+    @model_validator(mode="before")
+    @classmethod
+    def _shapes_of_rigid_bodies(cls, entry: Any) -> Any:
+        return with_shapes(entry)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if problems := list(self._contradictions(self.statement)):
+            raise refused("Scene", problems)
+        return self
+
+    def _contradictions(self, stated: Statement) -> Iterator[tuple[tuple[str | int, ...], str]]:
+        """Entries that do not go together, each alone fine: the place of the later one, and why."""
+        regions = [material.region for material in self.material]
+        if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
+            yield ("material",), "give one material, or several, each with the name of its own region"
+        for entries in stated.effects.values():
+            for number, effect in enumerate(entries):
+                yield from effect.contradictions(stated, number)
+        yield from refused_features(stated)
+        if (self.mesh is None) != bool(self.body):
+            missing = "a table with file or generator is expected" if self.mesh is None else "leave it out"
+            yield ("mesh",), missing + ("" if self.mesh is None else ": each [[body]] has its own")
+        names = [body.name for body in self.body]
+        for number, name in enumerate(names):
+            if name in names[:number]:
+                yield ("body", number, "name"), f"two bodies are called {name!r}"
+        if self.accuracy is not None and not self.contact:
+            yield ("accuracy",), "needs a scene with contact"
+        if len({len(load.factors) for load in stated.loads if load.factors is not None}) > 1:
+            counts = [
+                f"{path} has {len(load.factors)}" for path, load in stated.listed() if getattr(load, "factors", None)
+            ]
+            yield (), f"the lists of factors differ in length: {', '.join(counts)}"
+            return  # how many load steps there are is not known
+        for name in ("names", "times"):
+            entries = getattr(self.load_steps, name)
+            if entries is not None and len(entries) != stated.steps:
+                wanted = f"one for each of {stated.steps} factors is expected"
+                yield ("load_steps", name), f"has {len(entries)} entries, {wanted}"
+        if stated.grows_from_nothing and stated.time_at(0) <= 0:
+            yield ("load_steps", "times"), "must be positive: without factors the loads begin to grow at time 0"
+
+    @classmethod
+    def described(cls) -> type[BaseModel]:
+        """See ``Table``: this imports the files of all effects."""
+        return described(cls)
+
+    @cached_property
+    def statement(self) -> Statement:
+        """The same without its mesh, as all that solves and judges reads it."""
+        effects = {
+            key: entries if isinstance(entries, tuple) else () if entries is None else (entries,)
+            for key, entries in self
+            if key in keys()
+        }
+        fields, origin = type(self).model_fields, ("mesh", "body", "rigid", "title_block")
+        meshes: list[Any] = [body.mesh for body in self.body] or [self.mesh]
+        return Statement(
+            title=self.title,
+            incomplete=self.incomplete,
+            effects=effects,
+            kinematics=of_materials((material.hypothesis, material.torsion) for material in self.material),
+            element=self.element,
+            load_steps=self.load_steps,
+            steps=_count(effects, self.load_steps),
+            solver=self.solver,
+            accuracy=self.accuracy,
+            units=self.units,
+            bodies=tuple(body.name for body in self.body),
+            generated=all(isinstance(mesh, MeshGenerator) for mesh in meshes),
+            arcs=not all(getattr(mesh, "generator", None) in WITHOUT_ARCS for mesh in meshes),
+            single=frozenset(key for key in effects if get_origin(fields[key].annotation) is not tuple),
+            origin={key: getattr(self, key) for key in origin},
+        )
+
+    def sections_of(self, body: str) -> tuple[str, ...]:
+        """The names of facets inside the mesh that it uses, as one of its bodies calls them."""
+        return tuple(name.removeprefix(f"{body}.") for name in self.statement.sections)
+
+
+def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int:
+    """Number of factors of each load; without factors one for each of the times, if anything depends on the time."""
+    entries = [entry for several in effects.values() for entry in several]
+    loads, times = [entry for entry in entries if isinstance(entry, Load)], load_steps.times
+    timed = times is not None and any(entry.timed for entry in (*loads, *effects["contact"]))
+    tools = [contact.tool for contact in effects["contact"]] if times is not None else []
+    timed |= any(body.motion.driven_in_time for body in rigid_bodies(tools, [""] * len(tools)))
+    count = len(times or ()) if timed else 1
+    return max((len(load.factors) for load in loads if load.factors is not None), default=count)

@@ -1,0 +1,200 @@
+"""The main entry point ``solve``: from a scene to its solution, with the same outcome on every rank."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from signorini_fx.algebra.algorithms.task import Task
+from signorini_fx.algebra.attempts import METHOD, for_mesh, step_limit, tried
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.machine import signals
+from signorini_fx.mechanics.statement.values import kind_of
+from signorini_fx.mechanics.statement.volumetric import treatment_of
+from signorini_fx.quantities.registry import quantities
+from signorini_fx.records import History, Progress
+from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results.solution import ConvergenceError, Solution
+from signorini_fx.scenes.hierarchy import coarser_scenes
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.mesh_sequence import SceneMesh, meshes_of
+from signorini_fx.scenes.reading import as_scene
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.solving.check.petsc_options import refuse_mistyped
+from signorini_fx.solving.nested import solve_nested
+from signorini_fx.solving.one_mesh import solve_mesh
+from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
+from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
+from signorini_fx.tuned import HELPING_MESHES
+
+
+def solve(
+    scene: Scene | str | Path,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    check: bool = True,
+    observers: Sequence[Callable[[Any], None]] = (),
+    on_level: Callable[[Solution], object] | None = None,
+    on_progress: Callable[[Progress], object] | None = None,
+    checkpoint: str | Path | None = None,
+    restart: bool = False,
+) -> Solution:
+    """Solve a scene.
+
+    On several ranks a signal may reach one of them, such as SIGTERM, whose handler raises there.  It is served at the
+    next Newton step, mesh or end of the solve, and what it raises is raised on all ranks (an exception other than
+    ``SystemExit`` as ``KeyboardInterrupt`` on the others).  An observer must raise on all ranks or on none.
+
+    Args:
+        scene: from ``read_scene`` or built in Python; or the path of a scene file.
+        comm: the ranks that share the work; the call is collective.
+        check: raise if no solution was reached; otherwise look at ``Solution.status``.
+        observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs, and with a
+            ``StepRecord`` where one of several load steps begins.
+        on_level: called with the solution on each mesh but the last, before the next one is solved; collective; None:
+            nothing is.
+        on_progress: called with where the solve is, at each step of a Krylov method; given on all ranks or on none.
+        checkpoint: the result folder, in which every load step on every mesh is stored as soon as it is complete,
+            until ``write_results`` writes the result there; None: nowhere. Needs a scene with contact and several load
+            steps or levels, without a requested accuracy; otherwise nothing is stored.
+        restart: go on from what is stored there, on any number of ranks.
+
+    Raises:
+        SceneError: the scene is wrong, does not fit its mesh, or is another one than that of the checkpoint.
+        TypeError: an argument is of the wrong kind.
+        MeshError: the mesh cannot be read or generated.
+        OptionsError: PETSc does not accept an option that the user has set.
+        MachineError: a form cannot be compiled.
+        InstallationError: a quantity of another package cannot be used.
+        ConvergenceError: no solution was reached; it carries the last iterate.
+    """
+    scene = as_scene(scene)
+    refuse_other_than_comm(comm)
+    refuse_mistyped(comm)
+    quantities()  # those of others are refused before hours of work
+    if callable(observers) or not all(map(callable, observers)):
+        raise TypeError("observers: a list of functions is expected, such as [print_progress]")
+    with signals.together(comm):
+        history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
+        solution = _solved(scene, comm, history, on_level, checkpoint, restart=restart)
+        signals.agree(comm)
+    if check and not solution.converged:
+        raise ConvergenceError(solution)
+    return solution
+
+
+def _solved(
+    scene: Scene,
+    comm: MPI.Comm,
+    history: History,
+    on_level: Callable[[Solution], object] | None,
+    checkpoint: str | Path | None,
+    *,
+    restart: bool,
+) -> Solution:
+    """The solution, or the last iterate; arguments as for ``solve``."""
+    coarse = coarser_scenes(scene, scene.solver.levels)
+    stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
+    if (goal := scene.accuracy) is not None:
+        budget = Budget.begins(goal, comm, history)
+        return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level or _nobody)
+    if not coarse:
+        return _solve_alone(scene, comm, history, None if stored is None else MeshCheckpoint(stored, 0))
+    return _solve_nested([*coarse, scene], comm, history, on_level, stored)
+
+
+def _checkpoint(
+    scene: Scene, comm: MPI.Comm, history: History, folder: str | Path | None, *, restart: bool
+) -> Checkpoint | None:
+    """The checkpoint of a run; None if there is nothing to store."""
+    if folder is None and restart:
+        raise SceneError([("restart", "needs the folder of the checkpoint")])
+    without = None
+    if scene.accuracy is not None:
+        without = "a run with a requested accuracy"
+    elif not scene.contact:
+        without = "a scene without contact"
+    elif not scene.statement.several_steps and scene.solver.levels == 1:
+        without = "a scene with one load step on one mesh"
+    elif any(effect.friction.timed for effect in scene.contact):  # nor is the law of a load step
+        without = "a scene with friction that depends on the time"
+    elif treatment_of(scene).pressed:  # which is not stored
+        without = f"a scene with a {treatment_of(scene).words}"
+    if folder is None or without is not None:
+        if restart:
+            raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])
+        return None
+    return open_checkpoint(comm, folder, scene, history, restart=restart, several_steps=scene.statement.several_steps)
+
+
+def refuse_other_than_comm(comm: object) -> None:
+    """Check that the argument is a communicator.
+
+    Raises:
+        TypeError: it is not.
+    """
+    if not isinstance(comm, MPI.Comm):
+        raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {kind_of(comm)}")
+
+
+def _solve_nested(
+    scenes: Sequence[Scene],
+    comm: MPI.Comm,
+    history: History,
+    on_level: Callable[[Solution], object] | None = None,
+    stored: Checkpoint | None = None,
+) -> Solution:
+    """See ``solve_nested``."""
+    shown = [on_level is not None or scene is scenes[-1] for scene in scenes]
+    meshes = [SceneMesh(scene, comm, history, stored, shown=each) for scene, each in zip(scenes, shown, strict=True)]
+    return solve_nested(meshes, len(meshes), comm, history, on_level or _nobody)
+
+
+def _nobody(solution: Solution) -> None:
+    """Nobody looks at the solution on a coarser mesh."""
+
+
+def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, level_checkpoint: MeshCheckpoint | None) -> Solution:
+    """Solve on the mesh of the scene; if that fails, the generator may make coarser meshes for a better start."""
+    task: Task | None = None
+    fall_backs = for_mesh(
+        generated=scene.statement.generated,
+        ramp=scene.statement.automatic_steps is not None,
+        fallbacks=scene.solver.fallbacks,
+    )
+
+    def mesh() -> Solution | None:
+        nonlocal task
+        solution, task, _ = solve_mesh(
+            scene.statement, partial(load_mesh, scene, comm), history, None, kept=level_checkpoint
+        )
+        return solution
+
+    def coarser() -> Solution | None:
+        with history.at_most(step_limit(scene.solver.max_iterations)):
+            try:
+                return _solve_nested([*coarser_scenes(scene, 1 + HELPING_MESHES), scene], comm, history)
+            except (SceneError, MeshError) as error:  # they lack something that the scene names
+                history.add(f"no coarser meshes: {str(error).splitlines()[0]}")
+                return None
+
+    def attempts() -> Iterator[tuple[object, Callable[[], Solution | None]]]:
+        yield METHOD, mesh
+        yield from ((name, coarser) for name in fall_backs)
+
+    solutions = tried(
+        attempts(),
+        history=history,
+        # Coarser meshes give a start to the first load step, and to no other.
+        settled=lambda candidate: (
+            candidate is None or task is None or len(candidate.steps) > 1 or not task.gave_up(candidate.status)
+        ),
+        told=lambda candidate: "" if candidate is None else candidate.status.value,
+    )
+    first, last = solutions[0], solutions[-1]
+    assert first is not None
+    return last if last is not None and last.converged else first

@@ -1,0 +1,99 @@
+"""Help for writing scene files: a scene to start from, and JSON schemas of scenes and of results.  No dolfinx here."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from importlib import import_module, resources
+from typing import Any, get_origin
+
+from pydantic import BaseModel
+
+from signorini_fx.mechanics.statement.effect import PACKAGE, keys
+from signorini_fx.mechanics.statement.generators import known_generators
+from signorini_fx.mechanics.statement.settings import known_linear_algebra
+from signorini_fx.mechanics.statement.validation import tables
+from signorini_fx.quantities.schema import schema_of_summary
+from signorini_fx.scenes.scene import Scene
+
+
+def starting_scene() -> str:
+    """A scene file that can be solved as it is and explains every key."""
+    template = resources.files("signorini_fx.scenes").joinpath("template.toml").read_text(encoding="utf-8")
+    return template + "".join(getattr(import_module(f"{PACKAGE}.{key}"), "EXAMPLE", "") for key in keys())
+
+
+def scene_schema() -> dict[str, Any]:
+    """The JSON schema (draft 7, which editors support best) of scene files, with the docstrings as descriptions."""
+    model = Scene.described()
+    schema: dict[str, Any] = model.model_json_schema()
+    _simplify(schema)
+    by_name = {table.__name__: table for table in tables(model)}
+    for name, definition in schema["$defs"].items():
+        _describe(definition, by_name[name])
+    for name in ("NoFriction", "Tresca", "Coulomb"):
+        definition = schema["$defs"][name]
+        definition["required"] = ["law", *definition.get("required", [])]
+    schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = list(known_generators())
+    schema["$defs"]["SolverSettings"]["properties"]["linear_algebra"]["enum"] = list(known_linear_algebra())
+    schema["required"].remove("mesh")  # where there are bodies
+    for name, field in model.model_fields.items():
+        one_or_many = schema["properties"][name]
+        if get_origin(field.annotation) is not tuple:
+            continue
+        schema["properties"][name] = {"anyOf": [one_or_many["items"], one_or_many]}
+    schema["title"] = "signorini-fx scene"
+    return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}
+
+
+def summary_schema() -> dict[str, Any]:
+    """The JSON schema of summary.json in result folders."""
+    return schema_of_summary(Scene.model_fields)
+
+
+def _simplify(node: Any) -> None:
+    """Translate pydantic's schema from 2020-12 to draft 7, and remove null, which TOML does not have."""
+    if isinstance(node, list):
+        for item in node:
+            _simplify(item)
+    if not isinstance(node, dict):
+        return
+    for value in node.values():
+        _simplify(value)
+    node.pop("discriminator", None)
+    if "prefixItems" in node:
+        node["items"] = node.pop("prefixItems")[0]
+    choices = [choice for choice in node.get("anyOf", []) if choice != {"type": "null"}]
+    if "anyOf" in node:
+        node["anyOf"] = choices
+    if len(choices) == 1:
+        del node["anyOf"]
+        node.update(choices[0])
+    if "default" in node and (node["default"] is None or node["default"] == [None, None]):
+        del node["default"]
+    if "$ref" in node:  # draft 7 ignores everything next to it
+        reference = node["$ref"]
+        node.clear()
+        node["$ref"] = reference
+
+
+def _describe(definition: dict[str, Any], model: type[BaseModel]) -> None:
+    """Insert the descriptions of a class and of its keys from the docstrings, so that an editor shows them."""
+    meanings: dict[str, str] = {}
+    for ancestor in reversed(model.__mro__):
+        meanings |= _attributes(inspect.getdoc(ancestor) or "") if issubclass(ancestor, BaseModel) else {}
+    definition["description"] = _plain((inspect.getdoc(model) or "").split("\n\n")[0])
+    for key, entry in definition["properties"].items():
+        if key in meanings and "$ref" not in entry:
+            entry["description"] = meanings[key]
+
+
+def _attributes(doc: str) -> dict[str, str]:
+    """The section Attributes of a Google docstring."""
+    _, _, section = doc.partition("Attributes:\n")
+    entries = re.findall(r"^    (\w+): (.*(?:\n {5,}.*)*)", section, flags=re.MULTILINE)
+    return {name: _plain(meaning) for name, meaning in entries}
+
+
+def _plain(text: str) -> str:
+    return " ".join(text.replace("``", "'").split())

@@ -1,0 +1,126 @@
+"""Findings about contact of two bodies: which side carries the points, and facets that are chords of curved sides."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from scipy.spatial import cKDTree
+
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.body.assembly import facet_entities, facet_vertices
+from signorini_fx.mechanics.body.carrying_side import SideFigures
+from signorini_fx.mechanics.model import Model
+from signorini_fx.records import Finding
+from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE
+
+_Floats = npt.NDArray[np.float64]
+
+
+def paired_findings(body: Model, moved: float) -> list[Finding]:
+    """About each contact of two bodies; collective.
+
+    Args:
+        body: the model.
+        moved: how far the bodies move, an estimate, length; 0: not known.
+    """
+    findings = []
+    for index, effect in enumerate(body.statement.contact):
+        if effect.against is None:
+            continue
+        fit = abs(effect.gap) if isinstance(effect.gap, int | float) else 0.0
+        about = fit or moved
+        near = _near(body, index, about)
+        names = effect.boundary, effect.against
+        side, opposite = (SideFigures.of(name, body.tagged, body.lame[1]) for name in names)
+        path = f"contact[{index}]"
+        if (reason := opposite.better(side)) is not None:
+            findings.append(
+                Finding(
+                    "note",
+                    f"{path}.points",
+                    f"the contact points are on {side.name!r}, while {opposite.name!r} is {reason}: results have less "
+                    "error, and fewer linear solves are needed, with the points there",
+                )
+            )
+        elif effect.points == "auto" and (reason := side.better(opposite)) is not None:
+            findings.append(
+                Finding(
+                    "note",
+                    f"{path}.points",
+                    f"the contact points are on {side.name!r}, which is {reason} than {opposite.name!r}: results name "
+                    "it as the boundary",
+                )
+            )
+        off, yardstick = sum(_off(body, name, near) for name in names), "the gap" if fit else "displacements"
+        if effect.distance == "geometry" and effect.kind != "bonded" and 0 < FACETS_OFF * about < off:
+            findings.append(
+                Finding(
+                    "note",
+                    f"{path}.distance",
+                    f"straight facets of {side.name!r} and {opposite.name!r} are up to {off:.2g} off the curved sides "
+                    f"that they are chords of, which is much beside {yardstick} of about {about:.2g}: take "
+                    'smaller facets, curved cells, or distance = "nominal"',
+                )
+            )
+    return findings
+
+
+def _near(body: Model, index: int, about: float) -> _Floats:
+    """The points of a contact on this rank whose gap is the smallest, or larger by as much, length, shape (n, d)."""
+    boundary, data = body.boundary, body.data
+    assert boundary is not None
+    assert data is not None
+    on_part = boundary.part == index
+    gap = data.gap[on_part]
+    least = -parallel.largest(body.comm, -gap, -np.inf)
+    return np.asarray(boundary.x[on_part][gap <= least + about])
+
+
+def _off(body: Model, name: str, near: _Floats) -> float:
+    """How far facets near the contact are off the curved side that they are chords of, at most, length.
+
+    Args:
+        body: the model.
+        name: of the side.
+        near: points, shape (n, d), beside which its facets may be in contact.
+    """
+    mesh, facets = body.tagged.mesh, body.tagged.facets(name)
+    corners, cells = facet_vertices(mesh, facets), facet_entities(mesh, facets)[:, 0]
+    extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    off = 0.0
+    if compat.geometry_degree(mesh) == 1 and len(facets) and len(near):
+        inside = dmesh.compute_midpoints(mesh, mesh.topology.dim, cells)
+        away, _ = cKDTree(near).query(corners.mean(axis=1)[:, : near.shape[1]])
+        off = _sagitta(corners, extent, inside, body.tagged.dimension, away <= extent)
+    return parallel.global_max(body.comm, off)
+
+
+def _sagitta(
+    corners: _Floats, extent: _Floats, inside: _Floats, dimension: int, selected: npt.NDArray[np.bool_]
+) -> float:
+    """How far the middle of a facet is off an arc through its corners, at most: a facet that is the chord of an arc
+    meets its neighbours at the angle that it spans.
+
+    Args:
+        corners: of the facets, length, shape (f, k, 3).
+        extent: of each facet, length, shape (f,).
+        inside: a point of the cell behind each, shape (f, 3).
+        dimension: of the body.
+        selected: the facets that matter, shape (f,).
+    """
+    along = corners[:, 1] - corners[:, 0]
+    normal = np.stack((along[:, 1], -along[:, 0], 0 * along[:, 0]), axis=1)
+    if dimension == 3:
+        normal = np.asarray(np.cross(along, corners[:, 2] - corners[:, 0]))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal *= np.sign(np.einsum("fi,fi->f", normal, corners.mean(axis=1) - inside))[:, None]
+    _, vertices = np.unique(np.round(corners.reshape(-1, 3) / extent.max(), 6), axis=0, return_inverse=True)
+    vertices = vertices.reshape(corners.shape[:2])
+    means: _Floats = np.zeros((vertices.max() + 1, 3))
+    np.add.at(means, vertices, normal[:, None])
+    means /= np.linalg.norm(means, axis=1, keepdims=True)
+    # Half of the angle between neighbours.
+    half = np.arccos(np.clip(np.einsum("fi,fki->fk", normal, means[vertices]), -1.0, 1.0))
+    smooth = np.where(half < NO_CURVED_SIDE / 2, half, 0.0).max(axis=1)
+    return float((extent * smooth)[selected].max(initial=0.0)) / 4

@@ -1,0 +1,163 @@
+"""A rough estimate of the cost of a solve: linear solves, seconds and memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from signorini_fx.algebra.linalg import choice
+from signorini_fx.algebra.linalg.factorisation import factor_entries
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Finding
+from signorini_fx.results.accuracy.next_digit import growth_before, seconds_on_finer
+from signorini_fx.tuned import (
+    BACK_SUBSTITUTION,
+    BASE_BYTES,
+    BYTES_PER_DOF,
+    CONDENSING,
+    DENSE_SPEED,
+    DENSE_STEP_SECONDS,
+    FACTOR_SECONDS,
+    KRYLOV_SECONDS,
+    MEMORY_SHARE,
+    MORE_SOLVES,
+    MULTIGRID_SHARE,
+    NEXT_ERROR,
+    PAIRED_BYTES,
+    ROW_ENTRIES,
+    SOLVES_OF_FINER_MESH,
+    SOLVES_OF_LATER_STEP,
+    SOLVES_PER_DOUBLING,
+)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s.
+
+    Attributes:
+        unknowns: displacement components that are not prescribed, of the body and of rigid ones.
+        contact_nodes: nodes of all contact boundaries.
+        linear_algebra: ``full``, ``krylov`` or ``condensed``, and why.
+        linear_solves: from and to, of all load steps.
+        factorisation_seconds: of one sparse factorisation, whether one is made or not.
+        factorisation_bytes: its factor.
+        seconds: linear algebra of the whole solve, from and to.
+        memory_bytes: of the whole process.
+        next_error: the share of the error that the next two are about.
+        next_unknowns: that it would take, from and to: with a smooth solution, and with one that is singular.
+        next_seconds: likewise.
+    """
+
+    unknowns: int
+    contact_nodes: int
+    linear_algebra: str
+    linear_solves: tuple[int, int]
+    factorisation_seconds: float
+    factorisation_bytes: float
+    seconds: tuple[float, float]
+    memory_bytes: float
+    next_error: float
+    next_unknowns: tuple[float, float]
+    next_seconds: tuple[float, float]
+
+
+def contact_nodes(d: Model) -> int:
+    """The number of nodes of all contact boundaries; collective."""
+    if d.boundary is None:
+        return 0
+    return int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
+
+
+def friction_kind(statement: Statement, contacts: Sequence[Contact]) -> str:
+    """The key of ``SOLVES_PER_DOUBLING`` with the friction of these contacts."""
+    if any(contact.coulomb for contact in contacts):
+        return "newton" if statement.solver.coulomb == "newton" else "fp"
+    return "tresca" if any(contact.friction.acts for contact in contacts) else "none"
+
+
+def linear_solves(statement: Statement, kind: str, nodes: int, *, steps: int = 1, levels: int = 1) -> tuple[int, int]:
+    """Linear solves to expect, from and to; ``kind`` is a key of ``SOLVES_PER_DOUBLING``."""
+    if not statement.contact:
+        return steps * levels, steps * levels
+    extras = MORE_SOLVES.get(statement.solver.algorithm, (0, 0))
+    size = math.log2(max(nodes / 2 ** (levels - 1), 4))
+    low, high = (round(factor * size) + extra for factor, extra in zip(SOLVES_PER_DOUBLING[kind], extras, strict=True))
+    # A later load step starts from the sets of the previous one, a finer mesh from those of the coarser one.
+    low, high = low + SOLVES_OF_LATER_STEP * (steps - 1), high * steps
+    least, greatest = SOLVES_OF_FINER_MESH
+    return low + least * (levels - 1) * steps, high + greatest * (levels - 1) * steps
+
+
+def estimated_cost(d: Model) -> Cost:
+    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
+    of both.
+    """
+    comm = d.comm
+    n = d.dofs
+    nodes = contact_nodes(d)
+    dim = d.tagged.dimension
+    entries = factor_entries(n, dim)
+    factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
+    friction = friction_kind(d.statement, d.statement.contact)
+    solves = linear_solves(
+        d.statement, friction, nodes, steps=d.statement.expected_steps, levels=d.statement.solver.levels
+    )
+    matrix = 12.0 * ROW_ENTRIES[dim] * n
+    kind, reason = choice.choose_kind(d.system_size, d.statement.solver.linear_algebra)
+    dense, held = 0, 12.0 * entries
+    if kind == "krylov":
+        rates = KRYLOV_SECONDS["meshes" if d.statement.solver.levels > 1 else "aggregation"]
+        once, per_solve, held = rates[0] * n, rates[1] * n, MULTIGRID_SHARE * matrix
+    elif kind == "condensed":
+        dense = dim * nodes
+        once, per_solve = CONDENSING * factorisation, dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
+    elif d.boundary is None:
+        reason, once, per_solve = (
+            "one factorisation for all load steps",
+            factorisation,
+            BACK_SUBSTITUTION * factorisation,
+        )
+    else:
+        once, per_solve = 0.0, factorisation
+    free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
+    if d.boundary is not None and d.boundary.moving is not None:
+        free += int(np.count_nonzero(~d.boundary.moving.fixed))
+    seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
+    growth = growth_before(d.statement.element.degree, dim)
+    krylov_from = choice.krylov_from(d.system_size, d.statement.solver.linear_algebra)
+    paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in d.statement.contact) else 0.0
+    return Cost(
+        unknowns=free,
+        contact_nodes=nodes,
+        linear_algebra=f"{kind}: {reason}",
+        linear_solves=solves,
+        factorisation_seconds=factorisation,
+        factorisation_bytes=9.0 * entries,
+        seconds=seconds,
+        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
+        next_error=NEXT_ERROR[dim],
+        next_unknowns=(free * growth[0], free * growth[1]),
+        next_seconds=(
+            seconds_on_finer(seconds[0], n, growth[0], dim, krylov_from),
+            seconds_on_finer(seconds[1], n, growth[1], dim, krylov_from),
+        ),
+    )
+
+
+def memory_finding(cost: Cost, comm: MPI.Comm) -> list[Finding]:
+    """A warning if the machine has too little memory; collective."""
+    available = parallel.machine_memory(comm)
+    if cost.memory_bytes < MEMORY_SHARE * available:
+        return []
+    message = (
+        f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}: use a coarser mesh"
+    )
+    return [Finding("warning", "mesh", message)]

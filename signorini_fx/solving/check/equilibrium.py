@@ -1,0 +1,206 @@
+"""Whether a scene is in equilibrium: which rigid motions supports and contact resist, which loads they balance.
+
+The statements are proved: the forces on a linear body in equilibrium do no work on any motion without strain that its
+supports leave free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algebra.contact.motions import total_work
+from signorini_fx.algebra.contact.reactions import Reactions, nearest, reactions
+from signorini_fx.algebra.contact.statics import escape, null_space, squeezed
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.limits import LimitSurface, Unproved, balanced, excluded, surface_of
+from signorini_fx.mechanics.body.motion_names import names_of
+from signorini_fx.mechanics.model import Model
+from signorini_fx.records import PROVED_FOR_BODY, Finding, Status
+
+_Rows = npt.NDArray[np.float64]
+
+
+def equilibrium(body: Model) -> list[Finding]:
+    """Motions without strain that the supports leave free: whether contact can resist them, and balance the loads.
+
+    Each assembly of pieces is checked separately.
+    """
+    motions, boundary, data = body.motions, body.boundary, body.data
+    if motions.free.shape[1] == 0:
+        return []
+    all_reactions: tuple[Reactions, _Rows] | None = None
+    surfaces: dict[int, LimitSurface] | str = ""
+    if boundary is not None and data is not None:
+        gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[:, 0]
+        all_reactions = reactions(motions.at(boundary), body.law, data.bilateral), gap
+        try:
+            surfaces = surface_of(body)
+        except Unproved as unproved:
+            surfaces = str(unproved)
+    loads = [load_on(body, step) for step in range(body.statement.steps)]
+    findings = []
+    for number in map(int, np.unique(motions.assembly)):
+        columns = motions.assembly == number
+        contact, without_load = None, False
+        if all_reactions is not None:
+            contact = all_reactions[0].of(number, columns)
+            without_load = squeezed(contact, all_reactions[1][all_reactions[0].assembly == number])
+        assembly_loads = [load[columns] for load in loads]
+        surface = surfaces if isinstance(surfaces, str) else surfaces[number]
+        findings.append(
+            _equilibrium_of(body, number, columns, contact, surface, assembly_loads, without_load=without_load)
+        )
+    return findings
+
+
+def _equilibrium_of(
+    body: Model,
+    number: int,
+    columns: npt.NDArray[np.bool_],
+    contact: Reactions | None,
+    surface: LimitSurface | str,
+    loads: list[_Rows],
+    *,
+    without_load: bool,
+) -> Finding:
+    """Whether one assembly is in equilibrium.
+
+    Args:
+        body: the model.
+        number: of the assembly.
+        columns: its free motions, k of them.
+        contact: reactions of its contact nodes; None for a scene without contact.
+        surface: of its contact; or why it is not known.
+        loads: for each load step its work on these motions, shape (k,).
+        without_load: whether its foundation holds it without a load.
+    """
+    motions, statement = body.motions, body.statement
+    free = motions.of_all[:, columns]
+    several = motions.pieces.count > 1
+    members = np.flatnonzero(motions.pieces.assembly == number)
+    subject = "the body"
+    if several:
+        subject = "pieces joined by hinges" if np.isin(motions.pieces.pins, members).any() else "bodies that may touch"
+        if members.size == 1:
+            subject = motions.pieces.called(int(members[0]))
+    tangential = np.zeros((0, free.shape[1])) if contact is None else contact.tangential[contact.friction]
+    normal = np.zeros((0, free.shape[1])) if contact is None else contact.normal
+    loose = null_space(np.concatenate((normal, tangential.reshape(-1, free.shape[1]))))
+    if loose.shape[1]:
+        names = names_of(free @ loose, motions, members)
+        who, advice = "the supports do not resist", "prescribe a displacement"
+        if contact is not None:
+            who, advice = "neither the supports nor the contact resists", f"{advice}, or add friction"
+        proved = PROVED_FOR_BODY
+        if contact is not None:
+            proved = _proved(surface, lambda known_surface: known_surface.flat)
+        return Finding("warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}; this is {proved}")
+    assert contact is not None
+    away = [escape(contact, load) if load.any() else None for load in loads]
+    of_it = f" of {subject}" if several else ""
+    steps = [step for step, way in enumerate(away, start=1) if way is not None]
+    if steps:
+        when = ""
+        if len(loads) > 1:
+            counted = "load step" if statement.automatic_steps is None else "factor"
+            when = f"{counted}{'s' * (len(steps) > 1)} {_runs(steps)}: "
+        status, motion = next(way for way in away if way is not None)
+        drives, cannot, cure = _WAYS[status]
+        names = names_of(free @ motion[:, None], motions, members, one_way=True)
+        driven = [loads[step - 1] for step in steps]
+        proved = _proved(
+            surface, lambda known_surface: all(excluded(known_surface, nearest(contact, w).motion, w) for w in driven)
+        )
+        return Finding(
+            "warning",
+            statement.forces_at,
+            f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
+            f"{cure}, or prescribe a displacement; this is {proved}{_provided(body)}",
+        )
+    bonds = contact.bilateral & np.isinf(contact.given)
+    bonded = np.concatenate((contact.normal[bonds], contact.tangential[bonds].reshape(-1, free.shape[1])))
+    unbonded = null_space(bonded) if bonds.any() else np.eye(free.shape[1])
+    if not unbonded.shape[1]:
+        return Finding("note", "displacement", f"the supports do not hold {names_of(free, motions, members)}: bonds do")
+    alone = "friction" if null_space(contact.normal @ unbonded).shape[1] else "the contact alone"
+    who = "the supports and bonds" if bonds.any() else "the supports"
+    text = f"{who} do not hold {names_of(free @ unbonded, motions, members)}: {alone} must"
+    if several:
+        text = f"{subject}: {text}"
+    with_base_bound = contact.given[:, None, None] > 0
+    stuck = np.linalg.matrix_rank((with_base_bound * contact.tangential).reshape(-1, free.shape[1])) == free.shape[1]
+    if not any(load.any() for load in loads) and not (stuck or without_load or contact.bilateral.any()):
+        if imposed(body):
+            text += "; no load presses it on, and whether prescribed displacements do only the iteration can say"
+            return Finding("note", "displacement", text)
+        message = f"{text}, but no load presses {subject} on its foundation: its position is not determined"
+        return Finding("warning", statement.forces_at, message)
+    pressed = "it is squeezed without a load" if without_load else "the loads press the body on"
+    text = f"{text}, and {pressed}"
+    if not all(nearest(contact, load).balanced for load in loads if load.any()):
+        text = f"{text}; friction is so close to its limit that only the iteration can say whether it holds"
+    elif any(load.any() for load in loads):
+        acting = [load for load in loads if load.any()]
+        proved = _proved(surface, lambda known_surface: all(balanced(contact, known_surface, load) for load in acting))
+        text = f"{text}; that tractions balance them is {proved}"
+    return Finding("note", "displacement", text)
+
+
+def _proved(surface: LimitSurface | str, statement: Callable[[LimitSurface], bool]) -> str:
+    """Of what a statement is proved: of the body, or only of its mesh."""
+    if isinstance(surface, str):
+        return f"proved for its mesh ({surface})"
+    return PROVED_FOR_BODY if statement(surface) else "proved for its mesh"
+
+
+def _provided(body: Model) -> str:
+    """What a proof that friction cannot hold a body rests on where a law of a user's own has said it."""
+    if body.law is None or not body.law.laws:
+        return ""
+    return ", provided that this bound is nowhere larger than the law says, which was tried at samples of the pressure"
+
+
+# What loads do, what does not stop it, and what may.
+_WAYS = {
+    Status.SLIDES: ("make it slide by", "which friction cannot stop", "lower the load, raise the friction"),
+    Status.TIPS: (
+        "tip it over by",
+        "which the contact cannot stop",
+        "lower the load, let it act closer to the contact",
+    ),
+    Status.OPEN: ("drive", "which neither the supports nor the contact can stop", "change the direction of the loads"),
+}
+
+
+def _runs(steps: list[int]) -> str:
+    """Numbers in order, with runs of them abbreviated."""
+    runs: list[list[int]] = []
+    for step in steps:
+        if runs and step == runs[-1][-1] + 1:
+            runs[-1].append(step)
+        else:
+            runs.append([step])
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
+
+
+def imposed(body: Model) -> bool:
+    """Whether supports or rigid bodies are moved in any load step; collective."""
+    applied = [load for step in range(body.statement.steps) for factor, load in body.applied_at(step) if factor]
+    moved = [
+        bool(load.prescribed.x.array.any()) or (load.driven is not None and bool(load.driven.motion.any()))
+        for load in applied
+    ]
+    return parallel.any_rank(body.comm, any(moved))
+
+
+def load_on(body: Model, step: int) -> _Rows:
+    """The work of the loads of a load step on the free motions, shape (k,); collective."""
+    motions = body.motions
+    loads = [
+        (factor, motions.load_of(load.pushing, body.comm, None if load.driven is None else load.driven.forces))
+        for factor, load in body.applied_at(step)
+    ]
+    return total_work(loads, body.motions.free.shape[1])

@@ -1,0 +1,467 @@
+"""Findings about a scene and its result: what may go wrong, and what to do about it.
+
+``checks`` reports them before a scene is solved, ``solver`` with the solution; both call the functions of this module
+with data that they have anyway.  Findings about gaps and uniqueness are rules of thumb, and their messages say so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import RegularisedData
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import facet_entities, facet_vertices
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.deformation import Deformation
+from signorini_fx.mechanics.body.motion_names import MOST_LISTED, rounded
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
+from signorini_fx.mechanics.statement.point_values import PointValues
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import SMALL_DEFORMATION, Finding
+from signorini_fx.solving.check.equilibrium import equilibrium
+from signorini_fx.solving.check.jumping_loads import jumping_loads
+from signorini_fx.solving.check.one_step import one_step, tilted_frames
+from signorini_fx.tuned import (
+    FAR_GAP,
+    GAP_DIFFERENCE,
+    HARDLY_MOVED,
+    LARGEST_GAMMA,
+    NO_FORCE,
+    SLOPE_OF_HEIGHT,
+    START_GAMMA,
+    TURNED_NORMALS,
+)
+
+_Rows = npt.NDArray[np.float64]
+
+
+def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
+    """Findings about the scene and its mesh; collective, the same on every rank.
+
+    Args:
+        body: the model.
+        estimates: whether to include findings based on estimated displacements, which a solution replaces.
+    """
+    statement, data = body.statement, body.data
+    note = body.tagged.note
+    findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
+    findings += [Finding("note", "mesh", note)] if note else []
+    findings += [
+        *_pieces(body),
+        *_locking(body),
+        *_idle(body),
+        *_across_bodies(statement),
+        *equilibrium(body),
+        *jumping_loads(body),
+    ]
+    # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
+    unsolved = estimates
+    estimates = estimates and not statement.of(Resistance) and "bending" not in statement.kinematics.refuses
+    moduli = [material.natural_modulus for material in statement.material]
+    moved = _displacement_scale(body, min(moduli)) if estimates else float(_acts(body))
+    if estimates:
+        # A layer of the softest material is not what bends: only what the stiffest one would do is certainly too much.
+        findings += _odd_displacements(body, _displacement_scale(body, max(moduli)), moved)
+    if body.boundary is not None and data is not None:
+        findings += [
+            *_gaps(body, data, moved, estimates=estimates),
+            *_inwards(body),
+            *_heights(body),
+            *_moving(statement),
+            *one_step(body),
+            *(tilted_frames(body, moved if estimates else math.inf) if unsolved else ()),
+            *_uniqueness(statement, body.boundary, body.law),
+            *_regularisation(statement, data, body.scales.gamma),
+            *_monolithic(statement),
+        ]
+        if any(effect.against is not None for effect in statement.contact):
+            from signorini_fx.solving.check.bodies import paired_findings
+
+            findings += paired_findings(body, moved if estimates else 0.0)
+    return findings
+
+
+def _locking(body: Model) -> list[Finding]:
+    statement = body.statement
+    if body.elastic.reduced is not None or statement.element.degree > 1:
+        return []
+    cure = {
+        "triangle": "set element.degree = 2, or use quadrilaterals with element.volumetric = 'reduced'",
+        "tetrahedron": "use hexahedra with element.volumetric = 'reduced'",
+    }.get(body.tagged.mesh.topology.cell_name(), "set element.volumetric = 'auto', or element.degree = 2")
+    return [
+        Finding(
+            "warning",
+            f"material[{index}].poisson",
+            f"linear elements lock as nu -> 0.5 (nu = {material.poisson:g}): the body comes out too stiff; {cure}",
+        )
+        for index, material in enumerate(statement.material)
+        if material.locks
+    ]
+
+
+def _across_bodies(statement: Statement) -> list[Finding]:
+    """Values at points that are interpolated over all bodies, where these touch: each body may have its own there."""
+    if not any(contact.against for contact in statement.contact):
+        return []
+    message = (
+        "its values are interpolated between points of all bodies, of another one beside them where they touch: give "
+        "each body a file of its own, with region"
+    )
+    return [
+        Finding("warning", f"{path}.file", message)
+        for path, effect in statement.listed()
+        if getattr(effect, "region", None) is None
+        and any(isinstance(value, PointValues) for value in effect.given.values())
+    ]
+
+
+def _idle(body: Model) -> list[Finding]:
+    """Loads and resistances that are expressions of the position and vanish wherever they may act."""
+    findings = []
+    for path, effect in body.statement.listed():
+        values = [value for value in effect.given.values() if not is_zero(value)]
+        on_boundary = effect.where is not None and isinstance(effect, Force | Resistance)
+        if not on_boundary or not values or not all(isinstance(value, Expression) for value in values):
+            continue
+        corners = facet_vertices(body.tagged.mesh, body.tagged.facets(effect.where))
+        points = np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]).T
+        acts = any(bool(np.any(sample(value, points) != 0.0)) for value in values)
+        if not parallel.any_rank(body.comm, acts):
+            message = (
+                f"it is 0 on the whole boundary {effect.where!r}, at all nodes and middles of facets: check its "
+                "expression and the unit of lengths"
+            )
+            findings.append(Finding("warning", path, message))
+    return findings
+
+
+def result_findings(
+    deformations: Sequence[Deformation], *, touching: bool | None, unjudged: Sequence[str] = ()
+) -> list[Finding]:
+    """Findings about a result.
+
+    Args:
+        deformations: that of each load step.
+        touching: whether there is contact anywhere; None for a scene without contact.
+        unjudged: names of bodies whose forces are round-off of those of others.
+    """
+    findings = []
+    if unjudged:
+        message = (
+            f"the forces on {', '.join(unjudged)} are round-off of the largest ones of the scene: its results mean "
+            "nothing, and the certificate does not judge it; solve it in a scene of its own"
+        )
+        findings.append(Finding("warning", "body, traction, displacement", message))
+    worst = max(deformations, key=lambda deformation: deformation.largest)
+    far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
+    if worst.gradient > SMALL_DEFORMATION:
+        message = (
+            f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is not small, as "
+            "linear elasticity assumes; check the units of E, of the loads and of the lengths"
+        )
+        findings.append(Finding("warning", "material, traction, body_force, displacement", message))
+    elif worst.displacement > SMALL_DEFORMATION:
+        message = (
+            f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves far, while gap and "
+            "normals are those of its initial position; check the gap and the unit of lengths"
+        )
+        findings.append(Finding("warning", "contact.gap, displacement", message))
+    if touching is False:
+        message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
+        findings.append(Finding("warning", "contact.gap", message))
+    return findings
+
+
+def _pieces(body: Model) -> list[Finding]:
+    """A body in several pieces: each of them must be held."""
+    pieces = body.motions.pieces
+    if pieces.count == 1:
+        return []
+    listed = "; ".join(pieces.describe(piece) for piece in range(min(pieces.count, MOST_LISTED)))
+    suffix = f"; and {pieces.count - MOST_LISTED} more" if pieces.count > MOST_LISTED else ""
+    pairs = [
+        f"{first + 1} and {second + 1}"
+        for first, second in zip(*np.unique(np.sort(pieces.pins), axis=0).T, strict=True)
+    ]
+    hinges = f"; hinges, where they share a single vertex, join {', '.join(pairs[:MOST_LISTED])}" if pairs else ""
+    if any(effect.against is not None for effect in body.statement.contact):
+        return [Finding("note", "mesh", f"there are {pieces.count} bodies: {listed}{suffix}{hinges}")]
+    message = (
+        f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece must be held: "
+        f"{listed}{suffix}{hinges}; if one body is meant, let the cells share their nodes (in gmsh: fragment)"
+    )
+    return [Finding("note", "mesh", message)]
+
+
+# --- gaps and displacements ------------------------------------------------------------------------------------------
+
+
+def _gaps(body: Model, data: RegularisedData, moved: float, *, estimates: bool) -> list[Finding]:
+    boundary = body.boundary
+    assert boundary is not None
+    comm, size = boundary.comm, body.tagged.size
+    unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
+    smallest = -parallel.largest(comm, -data.gap, -np.inf)
+    findings = []
+    if smallest < -NO_FORCE * size and not any(effect.moves for effect in body.statement.contact):
+        level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
+        overlap = "the body penetrates its foundation"
+        if any(effect.against is not None for effect in body.statement.contact):
+            overlap = "a body penetrates another one, or its foundation,"
+        message = f"the gap is negative, down to {smallest:g}: {overlap} before it is loaded"
+        findings.append(Finding(level, "contact.gap", message))
+    two_sided = parallel.any_rank(comm, not unilateral.all())
+    if body.motions.free.shape[1] > 0 or two_sided:
+        return findings
+    if smallest >= -NO_FORCE * size and moved == 0.0:
+        message = "there is no load, and every prescribed displacement is 0: the solution is 0"
+        findings.append(Finding("warning", "traction, body_force, displacement", message))
+    elif estimates and smallest > FAR_GAP * moved:
+        findings.append(
+            Finding(
+                "warning",
+                "contact.gap",
+                f"the smallest gap is {smallest:g}, while prescribed displacements and loads move the body by about "
+                f"{moved:.1g} (an estimate): contact is unlikely to close; check the gap and the units",
+            )
+        )
+    return findings
+
+
+def _inwards(body: Model) -> list[Finding]:
+    """Directions that lead into the body, and not from it to its foundation."""
+    findings = []
+    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    for index, effect in enumerate(body.statement.contact):
+        if effect.direction is None:
+            continue
+        facets = body.tagged.facets(effect.boundary)
+        cells = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
+        outwards = (dmesh.compute_midpoints(mesh, dim - 1, facets) - cells)[:, :dim] @ np.array(effect.direction)
+        inwards, total = parallel.global_sum(body.comm, np.array([np.count_nonzero(outwards < 0), outwards.size]))
+        if 2 * inwards > total:
+            turned = ", ".join(f"{-component + 0.0:g}" for component in effect.direction)
+            message = (
+                f"leads into the body on {inwards:.0f} of {total:.0f} facets: it is the direction from the body to the "
+                f"foundation; direction = [{turned}] is the opposite"
+            )
+            findings.append(Finding("warning", f"contact[{index}].direction", message))
+    return findings
+
+
+def _moving(statement: Statement) -> list[Finding]:
+    """What effects say of themselves, foundations that move with the time, and friction that depends on it."""
+    findings = [
+        Finding(kind, f"{path}.{key}", message)
+        for path, effect in statement.listed()
+        for kind, key, message in effect.remarks
+    ]
+    for index, effect in enumerate(statement.contact):
+        if effect.moves:
+            message = (
+                "it moves with the time t: gap and normals are those of each load step, and slip is relative to it"
+            )
+            findings.append(Finding("note", f"contact[{index}].foundation", message))
+        if effect.friction.timed:
+            message = "it depends on the time t: the bound of the shear is that of each load step"
+            findings.append(Finding("note", f"contact[{index}].friction", message))
+    return findings
+
+
+def _heights(body: Model) -> list[Finding]:
+    """Gaps that look like the height above the foundation although they are measured along varying normals."""
+    boundary = body.boundary
+    assert boundary is not None
+    findings = []
+    for index, effect in enumerate(body.statement.contact):
+        if effect.direction is not None or effect.foundation is not None or isinstance(effect.gap, float):
+            continue
+        on_part = boundary.part == index
+        step = GAP_DIFFERENCE * body.tagged.size
+        slope = _slope(effect.gap, boundary.x[on_part], step)
+        for direction in _fall_lines(slope, boundary.comm):
+            # A height decreases by one per unit of length along its direction, wherever the foundation is.
+            heights = np.abs(slope @ direction + 1.0) <= SLOPE_OF_HEIGHT
+            along = boundary.normal[on_part] @ direction
+            count, number, total = parallel.global_sum(
+                boundary.comm, np.array([np.count_nonzero(heights), heights.size, along[heights].sum()], dtype=float)
+            )
+            least = -parallel.largest(boundary.comm, -along[heights], -1.0)
+            turned = math.degrees(math.acos(min(1.0, max(-1.0, least))))
+            if 2 * count > number and 2 * total > count and turned > TURNED_NORMALS:
+                direction_text = ", ".join(rounded(c) for c in direction)
+                message = (
+                    f"it looks like the distance to the foundation along ({direction_text}), but it is measured along "
+                    f"the normals, which deviate from it by up to {turned:.0f} degrees: write direction = "
+                    f"[{direction_text}], or give the distance along the normals"
+                )
+                findings.append(Finding("warning", f"contact[{index}].gap", message))
+                break
+    return findings
+
+
+def _slope(gap: Any, x: _Rows, step: float) -> _Rows:
+    """Gradient of a gap by differences, shape (n, d); infinite where it is not defined."""
+    slope = np.full(x.shape, np.inf)
+    for axis in range(x.shape[1]):
+        values = []
+        for sign in (1.0, -1.0):
+            points = in_space(x)
+            points[axis] += sign * step
+            values.append(sample(gap, points))
+        with np.errstate(invalid="ignore"):
+            slope[:, axis] = (values[0] - values[1]) / (2 * step)
+    return np.where(np.isfinite(slope).all(axis=1)[:, None], slope, np.inf)
+
+
+def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
+    """Directions along which a gap of this gradient may be a height: the axes, and the line of steepest descent."""
+    dim = slope.shape[1]
+    lines = [sign * axis for axis in np.eye(dim)[::-1] for sign in (-1.0, 1.0)]
+    finite = slope[np.isfinite(slope).all(axis=1)]
+    *total, count = parallel.global_sum(comm, np.append(finite.sum(axis=0), float(len(finite))))
+    mean = np.array(total) / max(count, 1.0)
+    if abs(float(np.hypot.reduce(mean)) - 1.0) <= SLOPE_OF_HEIGHT:
+        lines.append(-mean)
+    return lines
+
+
+def _odd_displacements(body: Model, moved: float, moved_most: float) -> list[Finding]:
+    """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent.
+
+    Args:
+        body: the model.
+        moved: how far a body of the stiffest of its materials would move, an estimate, length.
+        moved_most: the same of the softest one.
+    """
+    size = body.tagged.size
+    if 0 < moved_most < HARDLY_MOVED * size:
+        message = (
+            f"loads and prescribed displacements move the body by about {moved_most:.1g} (an estimate) only, its size "
+            f"is {size:.3g}: are E and the loads in the same units, such as MPa?"
+        )
+        return [Finding("note", f"material, {body.statement.forces_at}, displacement", message)]
+    if moved < size:
+        return []
+    message = (
+        f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate), its size is {size:.3g}: "
+        "the deformation is not small; check the units of E and of the loads"
+    )
+    return [Finding("warning", f"material, {body.statement.forces_at}, displacement", message)]
+
+
+def _acts(body: Model) -> bool:
+    """Whether there is a load or a prescribed displacement in any load step; collective."""
+    steps = range(body.statement.steps)
+    acting = [load for step in steps for factor, load in body.applied_at(step) if factor]
+    return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() or load.drives for load in acting))
+
+
+def _displacement_scale(body: Model, young: float) -> float:
+    """Largest prescribed displacement, the deflection of a beam of the body's outline with this Young's modulus under
+    the loads, and the expansion of the body, lengths; the largest sum of a load step.
+    """
+    return max(_displacement_at(body, step, young) for step in range(body.statement.steps))
+
+
+def _displacement_at(body: Model, step: int, young: float) -> float:
+    """The same of one load step."""
+    applied = body.applied_at(step)
+    owned = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
+    prescribed = parallel.largest(body.comm, np.abs(owned))
+
+    def total(balanced: bool) -> float:
+        forces = (factor * load.forces for factor, load in applied if load.balanced is balanced)
+        loads = np.reshape(sum(forces, np.zeros(body.fixed.size)), (-1, body.tagged.dimension))
+        return float(parallel.global_sum(body.comm, np.linalg.norm(loads, axis=1).sum()))
+
+    force, swelling = total(balanced=False), total(balanced=True)
+    x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)
+    low, high = parallel.global_bounds(body.comm, x)
+    height, *width = sorted(high - low)[:-1]  # in the plane forces are per width
+    bent = 4 * force / young / float(np.prod(width)) * float(body.tagged.size / height) ** 3
+    # Prevented expansion is a pressure on the whole surface, of at least the area of the outline along its edges.
+    size = float(body.tagged.size)
+    return prescribed + bent + swelling / young / body.scales.depth / size ** (body.tagged.dimension - 2)
+
+
+# --- uniqueness, gamma, methods --------------------------------------------------------------------------------------
+
+
+def _uniqueness(statement: Statement, boundary: ContactBoundary, law: PointFriction | None) -> list[Finding]:
+    limit = min(material.friction_indication for material in statement.material)
+    findings = []
+    for index, _ in enumerate(statement.contact):
+        coefficients = np.zeros(0) if law is None else law.coefficient[boundary.part == index]
+        largest = parallel.largest(boundary.comm, coefficients)
+        if largest > limit:
+            findings.append(
+                Finding(
+                    "warning",
+                    f"contact[{index}].friction.coefficient",
+                    f"F = {largest:g} is above {limit:.3g} (an indication from the half-plane, no proven bound): the "
+                    "problem may have several solutions and the fixed-point iteration may not contract; compare "
+                    "solutions from different solver.initial_contact, and try solver.coulomb = 'newton'",
+                )
+            )
+    return findings
+
+
+def _regularisation(statement: Statement, data: RegularisedData, natural: float) -> list[Finding]:
+    """Gamma and sigma compared with E over the size of the body."""
+    settings, findings = statement.solver, []
+    # The pressures of the softest body are the smallest, and the round-off of gamma is as large at each.
+    softest = min(material.natural_modulus for material in statement.material) / statement.young
+    gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
+    if not statement.has_friction:
+        del gammas["gamma_t"]
+    # Path-following determines gamma itself; the result of exact does not depend on it.
+    for name, gamma in gammas.items() if settings.algorithm not in ("path-following", "exact") else ():
+        most = LARGEST_GAMMA * natural * (1.0 if getattr(settings, name) == "auto" else softest)
+        if gamma > most:
+            message = (
+                f"{gamma:g} is above {most:.1g}, {LARGEST_GAMMA:g} times the smallest E over the size of the body: "
+                "round-off spoils the digits of the pressures; set 'auto', or algorithm = 'alm' or 'exact'"
+            )
+            findings.append(Finding("warning", f"solver.{name}", message))
+        if gamma < START_GAMMA * natural and settings.algorithm != "alm":
+            error = "a penetration" if name == "gamma_n" else "an elastic slip"
+            message = (
+                f"{gamma:g} is below {START_GAMMA * natural:.1g}, {START_GAMMA:g} times E over the size of the body: "
+                f"{error} of about {min(1.0, natural / gamma):.0%} of the displacements is to be expected; set "
+                "'auto', or algorithm = 'alm'"
+            )
+            findings.append(Finding("warning", f"solver.{name}", message))
+    if statement.has_friction and data.sigma * data.gamma_t <= 1.0 + 1e-9 and data.gamma_t > START_GAMMA * natural:
+        message = f"{data.sigma:g} is not above 1 / gamma_t: the slip sets cycle where gamma_t is large; set 'auto'"
+        findings.append(Finding("warning", "solver.sigma", message))
+    return findings
+
+
+def _monolithic(statement: Statement) -> list[Finding]:
+    """A note if coulomb = newton cannot be used."""
+    if statement.solver.coulomb != "newton" or not statement.has_coulomb:
+        return []
+    laws = [contact.friction for contact in statement.contact if not contact.friction.has_derivative]
+    obstacles = sorted({name for law in laws for name in law.exceptions})
+    obstacles += ["bilateral contact"] if any(contact.kind == "bilateral" for contact in statement.contact) else []
+    if not obstacles:
+        return []
+    return [
+        Finding(
+            "note",
+            "solver.coulomb",
+            f"newton cannot be combined with {' and '.join(obstacles)}: the fixed point is used",
+        )
+    ]

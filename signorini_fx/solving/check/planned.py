@@ -1,0 +1,61 @@
+"""What a scene will try, in which order, and how many linear solves that may take: its part of the plan of attempts."""
+
+from __future__ import annotations
+
+from signorini_fx.algebra.attempts import (
+    AUGMENTED,
+    EXACT_SOLVES,
+    FULL_STEPS,
+    HALF,
+    METHOD,
+    RAMP_BY_AUGMENTATION,
+    RAMP_WITHOUT_AUGMENTATION,
+    REGULARISED,
+    Attempt,
+    for_coulomb,
+    for_mesh,
+    for_problem,
+    step_limit,
+)
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.tuned import FAILED_RAMP, FAILED_STEP
+
+
+def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str], ...]:
+    """Rows of what is tried for, the attempts in order, and their limit; none without contact.
+
+    Whether contact at the resting place is tried is decided in the solve: it is for bodies that only contact holds.
+    """
+    s, ramp = statement.solver, statement.automatic_steps is not None
+    if not statement.contact:
+        return ()
+    limit = step_limit(s.max_iterations)
+    problem = for_problem(finite_sigma=s.sigma != "auto", eliminated=False)
+    problem = problem if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
+    rows = [("a problem with given friction", problem, f"at most {s.max_iterations} linear solves each")]
+    if statement.has_coulomb:
+        bilateral = any(contact.kind == "bilateral" for contact in statement.contact)
+        ways = for_coulomb(
+            monolithic=not bilateral and all(contact.friction.has_derivative for contact in statement.contact),
+            first=s.coulomb == "newton",
+            fallbacks=s.fallbacks,
+            augmented=s.algorithm != "alm",
+            damped=s.algorithm != "alm",
+        )
+        rows.append(("Coulomb friction", ways, f"at most {s.max_outer_iterations} problems each"))
+    alternative = REGULARISED if s.algorithm == "alm" else AUGMENTED
+    step: tuple[Attempt, ...] = (METHOD, alternative) if s.fallbacks else (METHOD,)
+    rows.append(("a load step", step, f"at most {limit} linear solves together"))
+    if ramp:
+        solves_limit = (
+            f"an increment that fails takes at most {FAILED_STEP} times the linear solves of the load step before it, "
+            f"all that fail together {FAILED_RAMP} times those that do not"
+        )
+        retries = (
+            (RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION) if statement.has_coulomb and AUGMENTED in step else ()
+        )
+        rows.append(("a load step of the ramp", (METHOD, *retries[:1], HALF, *step[1:], *retries[1:]), solves_limit))
+    mesh_attempts = for_mesh(generated=statement.generated, ramp=ramp, fallbacks=s.fallbacks)
+    if mesh_attempts and s.levels == 1 and statement.accuracy is None:
+        rows.append(("the first load step", mesh_attempts, f"at most {limit} linear solves more"))
+    return tuple((purpose, tuple(map(str, names)), solves_limit) for purpose, names, solves_limit in rows)

@@ -1,0 +1,119 @@
+"""What an interface answers, and what it answers if it has nothing to say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from dolfinx import fem
+
+from signorini_fx.algebra.algorithms.strategy import solve_task
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.body.jumps import Jump
+from signorini_fx.mechanics.body.loads import AppliedLoad
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Finding
+
+
+@dataclass(frozen=True)
+class LoadStepStart:
+    """A load step that an interface is to solve.
+
+    Attributes:
+        d: the model.
+        task: its contact problem.
+        start: where the load step starts.
+        max_iterations: linear solves allowed for each contact problem; None: those of a load step.
+        scale: factor of all loads, those of the interface included.
+        earlier: the pressure of loads within the contact at the end of the last load step; None: there is none.
+        holds: whether the certificate of a solution holds with such a pressure; collective.
+        inner: the interfaces that solve it within this one, the outer ones first.
+    """
+
+    d: Model
+    task: Task
+    start: Start
+    max_iterations: int | None = None
+    scale: float = 1.0
+    earlier: JointPressure | None = None
+    holds: Callable[[Model, Outcome, JointPressure], bool] = lambda d, outcome, joint: True
+    inner: tuple[Any, ...] = ()
+
+    def solved(self, d: Model, start: Start) -> LoadStepEnd:
+        """By the inner interfaces, or as one contact problem, from here; collective."""
+        if self.inner:
+            end: LoadStepEnd = self.inner[0].solve(replace(self, d=d, start=start, inner=self.inner[1:]))
+            return end
+        return LoadStepEnd(d, start, solve_task(self.task, start, self.max_iterations))
+
+
+@dataclass(frozen=True)
+class LoadStepEnd:
+    """What an interface has made of it.
+
+    Attributes:
+        d: the model with what was found.
+        start: where the load step starts with that.
+        outcome: how it ended.
+        joint: the pressure of loads within the contact; None: none enters.
+        reason: why there is no solution; None: it is not known.
+    """
+
+    d: Model
+    start: Start
+    outcome: Outcome
+    joint: JointPressure | None = None
+    reason: Finding | None = None
+
+
+@dataclass(frozen=True)
+class Interface:
+    """The interfaces of one kind in a scene; all methods are collective.
+
+    Attributes:
+        statement: what is stated of the problem.
+        entries: those of this kind by their paths.
+    """
+
+    statement: Statement
+    entries: Mapping[str, Any]
+    # Whether it is solved around those that this does not say: what they seek has no solution without what this one has
+    # found, or changes it at once.
+    outer: ClassVar[bool] = False
+
+    def jumps(self, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
+        """The jumps of the displacement that it prescribes inside the body."""
+        return []
+
+    def loads(self, tagged: TaggedMesh, space: fem.FunctionSpace, boundary: ContactBoundary) -> list[AppliedLoad]:
+        """Its loads on the contact points, beside those jumps and what forms say; not asked for without points."""
+        return []
+
+    def solve(self, step: LoadStepStart) -> LoadStepEnd:
+        """Solve a load step at a place where an entry answers ``Effect.sought_at``."""
+        raise NotImplementedError
+
+    def stored(self, d: Model, step: float, contact: ContactState | None) -> tuple[dict[str, Nodal], dict[str, Any]]:
+        """What a checkpoint needs of a load step: values at the contact points, and plain data."""
+        return {}, {}
+
+    def recalled(
+        self, d: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+    ) -> tuple[Model, JointPressure | None]:
+        """Take back what ``stored`` has returned: the scene with it, and the pressure within the contact."""
+        return d, None
+
+
+def solve_step(step: LoadStepStart) -> LoadStepEnd:
+    """Solve a load step: by the interfaces that something is sought of, or as one contact problem; collective."""
+    sought = step.d.statement.sought_at(step.start.place)
+    seeking = [entry for entry in step.d.statement.interfaces if sought and sought.keys() & entry.entries.keys()]
+    inner = tuple(sorted(seeking, key=lambda interface: not interface.outer))
+    return replace(step, inner=inner).solved(step.d, step.start)

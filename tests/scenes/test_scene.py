@@ -1,0 +1,322 @@
+"""Scenes: what is valid, and that every mistake is named by its path."""
+
+import copy
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.laws.coulomb import Coulomb
+from signorini_fx.mechanics.laws.none import NoFriction
+from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.scenes.reading import parse_scene, parse_scene_text, read_scene
+from signorini_fx.scenes.scene import Scene
+
+DEMOS = sorted((Path(__file__).parents[2] / "demos" / "scenes").glob("*.toml"))
+GOOD = {
+    "title": "a block",
+    "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+    "material": {"young": 5000.0, "poisson": 0.4},
+    "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": "0.1*x[1]"}],
+    "traction": [{"boundary": "top", "y": "-20 if 1 <= x[0] <= 2 else 0"}],
+    "contact": [{"boundary": "bottom", "gap": 0.001, "friction": {"law": "tresca", "bound": 1.5}}],
+    "solver": {"gamma_n": 1e8, "initial_contact": {"x": [1.25, 1.75]}},
+}
+NOTHING = object()
+
+
+def changed(*changes):
+    """GOOD with values put in at dotted paths, where NOTHING takes the key away."""
+    data = copy.deepcopy(GOOD)
+    for path, value in changes:
+        *parents, last = (int(part) if part.isdigit() else part for part in path.split("."))
+        node = data
+        for part in parents:
+            node = node[part]
+        if value is NOTHING:
+            del node[last]
+        else:
+            node[last] = value
+    return data
+
+
+def problems(data):
+    """{path: message} of the mistakes in a scene."""
+    with pytest.raises(SceneError) as caught:
+        parse_scene(data)
+    for path, message in caught.value.problems:
+        assert f"{path}: {message}" in str(caught.value)
+    return dict(caught.value.problems)
+
+
+def test_good_scene():
+    """The scene that the bad ones are made from is valid, and its values are what was written."""
+    scene = parse_scene(GOOD)
+    assert scene.contact[0].friction == Tresca(bound=1.5)
+    assert scene.displacement[0].x == 0.0
+    assert scene.displacement[0].y is None
+    assert scene.displacement[1].x == Expression("0.1*x[1]")
+    assert scene.solver.initial_contact.x == (1.25, 1.75)
+    assert scene.solver.gamma_t == "auto"
+
+
+@pytest.mark.parametrize("path", DEMOS, ids=lambda path: path.stem)
+def test_demo_scenes(path):
+    """Every demo scene is valid."""
+    assert read_scene(path).title
+
+
+def test_there_are_demo_scenes():
+    """The parameters above are not empty."""
+    assert len(DEMOS) >= 2
+
+
+def test_defaults():
+    """What a scene does not mention is off."""
+    scene = parse_scene({key: GOOD[key] for key in ("mesh", "material")})
+    assert (scene.displacement, scene.traction, scene.body_force, scene.contact) == ((), (), None, ())
+    assert not scene.statement.has_friction
+    assert not scene.statement.has_coulomb
+
+
+@pytest.mark.parametrize(
+    ("friction", "acts", "coulomb"),
+    [
+        (NoFriction(), False, False),
+        (Tresca(bound=0), False, False),
+        (Tresca(bound=1), True, False),
+        (Coulomb(coefficient=0), False, False),
+        (Coulomb(coefficient=0.3), True, True),
+        (Coulomb(coefficient="0.3*x[0]"), True, True),
+    ],
+)
+def test_which_friction_acts(friction, acts, coulomb):
+    """F = 0 and g = 0 are frictionless contact."""
+    scene = parse_scene(changed(("contact.0.friction", friction)))
+    assert (scene.statement.has_friction, scene.statement.has_coulomb) == (acts, coulomb)
+
+
+def test_one_table_instead_of_a_list():
+    """[contact] is as good as [[contact]]."""
+    assert parse_scene(changed(("contact", GOOD["contact"][0]))) == parse_scene(GOOD)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "expected", "message"),
+    [
+        ("foo", 1, "foo", "unknown key; there are: title, incomplete, mesh, body, element, material"),
+        ("material.rho", 1, "material.rho", "unknown key: weight is written [gravity]"),
+        (
+            "contact.0.slack",
+            1,
+            "contact[0].slack",
+            "unknown key; there are: boundary, against, points, distance, adjust, gap, direction, foundation,",
+        ),
+        ("contact.0.friction.rate", 1, "contact[0].friction.rate", "unknown key; there are: law, bound"),
+        ("traction.0.factors", 5, "traction[0].factors", "must be a list in brackets"),
+        ("material.youngs", 1, "material.youngs", "unknown key: did you mean 'young'?"),
+        ("contact.0.gaps", 1, "contact[0].gaps", "unknown key: did you mean 'gap'?"),
+        ("material.title", "steel", "material.title", "belongs to the top level"),
+        ("material.degree", 2, "material.degree", "it belongs to [element]"),
+        ("material.young", True, "material.young", "must be a number, got true"),
+        ("solver.max_iterations", "many", "solver.max_iterations", "must be an integer, got 'many'"),
+        ("contact.0.friction.coefficient", 0.3, "contact[0].friction.coefficient", "unknown key"),
+        ("mesh", NOTHING, "mesh", "is missing"),
+        ("material.young", NOTHING, "material.young", "is missing"),
+        ("contact.0.friction.bound", NOTHING, "contact[0].friction.bound", "is missing"),
+        ("displacement.0.boundary", NOTHING, "displacement[0]", "give either a boundary or at, a point"),
+        ("mesh", {}, "mesh", "file or generator"),
+        ("mesh", {"file": "a.msh", "generator": "block"}, "mesh", "file or generator"),
+        ("mesh", 3, "mesh", "expected"),
+        ("mesh.generator", 3, "mesh.generator", "string"),
+        ("material", 3, "material", ""),
+        ("material.young", -1.0, "material.young", "greater than 0"),
+        ("material.young", 0, "material.young", "greater than 0"),
+        ("material.young", math.nan, "material.young", "finite"),
+        ("material.young", math.inf, "material.young", "finite"),
+        ("material.young", "5000", "material.young", "number"),
+        ("material.young", True, "material.young", "number"),
+        ("material.poisson", 0.6, "material.poisson", "less than or equal to 0.5"),
+        ("material.poisson", 0.5, "material.poisson", "must be below 0.5"),
+        ("material.poisson", -1, "material.poisson", "greater than -1"),
+        ("material.hypothesis", "plane", "material.hypothesis", "plane strain"),
+        ("element", {"degree": 3}, "element.degree", "2"),
+        ("displacement.0", "left", "displacement[0]", ""),
+        ("displacement.0.x", NOTHING, "displacement[0]", "names no component"),
+        ("displacement.1.x", "0.1*y", "displacement[1].x", "'y'"),
+        ("traction.0.boundary", 3, "traction[0].boundary", "string"),
+        ("traction.0.y", "1 +", "traction[0].y", "syntax error"),
+        ("traction.0.y", "20 MPa", "traction[0].y", "Allowed are numbers"),
+        ("traction.0.y", "x[0]^2", "traction[0].y", "a power is written **"),
+        ("traction.0.y", "__import__('os')", "traction[0].y", "__import__"),
+        ("traction.0.y", "open('/etc/passwd')", "traction[0].y", "open"),
+        ("traction.0.y", "x.__class__", "traction[0].y", "'.__class__' is not known"),
+        ("body_force", {"y": "import os"}, "body_force.y", "syntax error"),
+        ("contact.0.gap", math.nan, "contact[0].gap", "finite"),
+        ("contact.0.gap", 10**400, "contact[0].gap", "finite"),
+        ("contact.0.gap", True, "contact[0].gap", "number"),
+        ("contact.0.gap", [1], "contact[0].gap", "number"),
+        ("contact.0.friction.bound", -1.5, "contact[0].friction.bound", "negative"),
+        ("contact.0.friction", {"law": "coulomb", "coefficient": -0.3}, "contact[0].friction.coefficient", "negative"),
+        ("contact.0.friction", {"law": "stick"}, "contact[0].friction.law", "'none', 'tresca', 'coulomb'"),
+        ("contact.0.friction", 0.3, "contact[0].friction", 'must be a table, such as { law = "coulomb"'),
+        ("contact", 3, "contact", "must be a list"),
+        ("contact", [3], "contact[0]", "must be a table"),
+        ("contact.0.friction", {}, "contact[0].friction.law", "is missing"),
+        (
+            "contact.0.kind",
+            "glued",
+            "contact[0].kind",
+            "must be one of 'unilateral', 'bilateral', 'bonded', got 'glued'",
+        ),
+        ("contact", [{"boundary": "a"}, {"boundary": "a"}], "contact[1]", "in contact twice"),
+        ("displacement", [{"boundary": "bottom", "normal": 0}], "displacement[0]", "in contact as well"),
+        ("solver.gamma_n", 0, "solver.gamma_n", "positive"),
+        ("solver.gamma_t", "large", "solver.gamma_t", "auto"),
+        ("solver.sigma", -1, "solver.sigma", "positive"),
+        ("solver.algorithm", "bisection", "solver.algorithm", "'ssn'"),
+        ("solver.max_iterations", 0, "solver.max_iterations", "greater than 0"),
+        ("solver.initial_contact", "somewhere", "solver.initial_contact", "'somewhere'"),
+        ("solver.initial_contact", {"x": [1]}, "solver.initial_contact.x[1]", "is missing"),
+        ("solver.initial_contact", {"x": [math.nan, 2]}, "solver.initial_contact.x", "low, high"),
+        ("solver.initial_contact", {"w": [0, 1]}, "solver.initial_contact.w", "unknown key"),
+    ],
+)
+def test_one_mistake(path, value, expected, message):
+    """A mistake is reported once, with the path of its key and what is expected."""
+    found = problems(changed((path, value)))
+    assert list(found) == [expected]
+    assert message in found[expected]
+
+
+def test_entries_that_do_not_go_together():
+    """Each of them alone is fine; all of them are reported at once, at the later entry."""
+    two = {"young": 1.0, "poisson": 0.3}
+    found = problems(
+        changed(
+            ("material", [two, {**two, "hypothesis": "plane stress"}]),
+            ("contact", [{"boundary": "a"}, {"boundary": "b"}, {"boundary": "a"}]),
+            ("displacement", [{"boundary": "c", "x": 0}, {"boundary": "b", "normal": 0}]),
+            ("load_steps", {"names": ["one", "two"]}),
+        )
+    )
+    assert set(found) == {"material", "material[1]", "contact[2]", "displacement[1]", "load_steps.names"}
+    assert "own region" in found["material"]
+    assert "same hypothesis" in found["material[1]"]
+
+
+def test_several_mistakes():
+    """All mistakes are reported at once."""
+    found = problems(
+        changed(
+            ("foo", 1), ("material", {"young": -1.0, "poisson": 0.6}), ("traction.0.y", "1 +"), ("solver.gamma_n", -1.0)
+        )
+    )
+    assert set(found) == {"foo", "material.young", "material.poisson", "traction[0].y", "solver.gamma_n"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('mesh = \ntitle = "a"', "line 1"),
+        ('title = "a"\ntitle = "b"', "overwrite"),
+        ("gap = " + "1" * 5000, "syntax"),
+        ("a = " + "[" * 5000, "syntax"),
+    ],
+)
+def test_syntax_errors(text, message):
+    """What is no TOML is refused with the name of the file."""
+    with pytest.raises(SceneError, match=message) as caught:
+        parse_scene_text(text, Path("bad.toml"))
+    assert str(caught.value).startswith("bad.toml: syntax: ")
+
+
+@pytest.mark.parametrize(("given", "told"), [("boundary_3", "is a name: write 3"), ("sole", "needs no other one")])
+def test_names_of_the_mesh_file_are_no_expressions(given, told):
+    mesh = {"file": "part.step", "boundaries": {"foot": given}}
+    with pytest.raises(SceneError, match=rf"mesh.boundaries.foot: .*{told}"):
+        parse_scene({**GOOD, "mesh": mesh})
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe"])
+def test_unreadable_files(tmp_path, content):
+    """A file that is not there, or no text, is a mistake of the user like any other."""
+    path = tmp_path / "scene.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SceneError, match=r"cannot be read|not a text file"):
+        read_scene(path)
+
+
+def test_mesh_files_are_beside_the_scene(tmp_path):
+    """A relative mesh file is looked up where the scene file is."""
+    path = tmp_path / "scene.toml"
+    path.write_text('mesh = { file = "block.msh" }\nmaterial = { young = 1.0, poisson = 0.3 }\n')
+    assert read_scene(path).mesh.file == tmp_path / "block.msh"
+
+
+KEYS = """
+    mesh file generator parameters material young poisson displacement traction body_force contact solver boundary x y
+    gap friction law none tresca coulomb bound coefficient initial_contact gamma_n sigma auto all element degree factors
+"""
+WORDS = st.sampled_from(KEYS.split())
+NUMBERS = st.floats() | st.integers() | st.sampled_from([10**400, -(10**400)])
+LEAVES = st.none() | st.booleans() | NUMBERS | st.text(max_size=8) | WORDS
+DATA = st.recursive(
+    LEAVES,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS | st.text(max_size=4), inner, max_size=4),
+    max_leaves=12,
+)
+
+
+def refused_or_valid(make):
+    """Run ``make``; only a SceneError with a path for each mistake may come out."""
+    problems = [("a path", "a message")]
+    try:
+        assert isinstance(make(), Scene)
+    except SceneError as error:
+        problems = error.problems
+    assert problems
+    assert all(path and message for path, message in problems)
+
+
+@given(st.dictionaries(WORDS | st.text(max_size=4), DATA, max_size=6))
+def test_random_data(data):
+    """Nested data of any shape never raises anything but SceneError."""
+    refused_or_valid(lambda: parse_scene(data))
+
+
+PATHS = st.sampled_from(
+    [
+        "title",
+        *GOOD,
+        "mesh.parameters",
+        "mesh.parameters.nx",
+        "material.young",
+        "displacement.0",
+        "displacement.1.x",
+        "traction.0.y",
+        "contact.0.gap",
+        "contact.0.friction",
+        "contact.0.friction.bound",
+        "solver.initial_contact",
+        "solver.initial_contact.x",
+        "solver.gamma_n",
+    ]
+)
+
+
+@given(PATHS, DATA)
+def test_random_mistake(path, value):
+    """Anything at any place of a good scene never raises anything but SceneError."""
+    refused_or_valid(lambda: parse_scene(changed((path, value))))
+
+
+@given(st.text(max_size=60) | st.lists(WORDS | st.sampled_from(list('=[]{}\n".1,'))).map(" ".join))
+def test_random_text(text):
+    """Text of any kind as a scene file never raises anything but SceneError."""
+    refused_or_valid(lambda: parse_scene_text(text, Path("random.toml")))
