@@ -3467,14 +3467,14 @@ MUTANTS = (
         tests=("tools::test_the_certificate_knows_each_component_in_any_unit",),
     ),
     Mutant(
-        "solving/sweep",
+        "scenes/sweep",
         "scale=self._load",
         "scale=1.0",
         "sweep: certificate with the load of 1",
         tests=("linalg::test_scaled_loads",),
     ),
     Mutant(
-        "solving/sweep",
+        "scenes/sweep",
         "task.system.set_load(load * d.factors(0))",
         "task.system.set_load(d.factors(0))",
         "sweep: interior with the load of 1",

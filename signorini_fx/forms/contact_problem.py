@@ -16,14 +16,13 @@ from signorini_fx.extensions import add_on
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.fields import ContactFields
+from signorini_fx.forms.front import ProblemOfForms
 from signorini_fx.forms.given import given_forms
 from signorini_fx.forms.mechanics import NO_STRESS
 from signorini_fx.forms.results import errors_of, findings_of_last, level_of, model_of, solution_of
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import Clock, FormSteps, checkpoint_of, solve_path
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.contact_table import ContactTable
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
@@ -40,7 +39,7 @@ from signorini_fx.solving.load_steps import StepProgress
 from signorini_fx.solving.restart import MeshCheckpoint
 
 
-class ContactProblem:
+class ContactProblem(ProblemOfForms):
     """Find y with a(y, z) = L(z) for all z, and contact with rigid foundations on parts of the boundary.
 
         problem = ContactProblem(a, L, bcs, contact=[Foundation(facets, gap=0.01, friction=Coulomb(0.3))])
@@ -228,60 +227,12 @@ class ContactProblem:
         Raises:
             RuntimeError: there is none so far.
         """
-        return self._titled("")
+        return self.titled("")
 
-    def _titled(self, title: str) -> Solution:
-        """``solution`` with a title; collective."""
+    def titled(self, title: str) -> Solution:
+        """See ``ProblemOfForms``."""
         path, progress = self._ran or (None, None)
         return solution_of(self.assembled, path, progress, title)
-
-    def table(self) -> ContactTable:
-        """The contact boundary of all ranks, the same on each: positions, gaps, displacements, pressures,
-        shears, slips, and the states as words; collective.
-
-        Raises:
-            RuntimeError: there is no solution so far.
-        """
-        return self.solution.table
-
-    def plot(self, *fields: str) -> Any:
-        """Pictures that a notebook displays, see ``Solution.plot``; collective."""
-        return self.solution.plot(*fields)
-
-    def write(
-        self,
-        folder: str | Path,
-        *,
-        title: str = "",
-        fields: bool | str = True,
-        pictures: bool | Sequence[str] = True,
-        pdf: bool = False,
-        report: bool = False,
-    ) -> dict[str, Any]:
-        """Write the result folder of the last solution, as that of a scene; collective.
-
-        Args:
-            folder: made if it does not exist.
-            title: any text.
-            fields: see ``write_results``.
-            pictures: see ``write_results``.
-            pdf: see ``write_results``.
-            report: whether to write ``report.html``, too.
-
-        Returns:
-            The summary.
-
-        Raises:
-            OutputError: see ``write_results``.
-            RuntimeError: there is no solution so far.
-        """
-        from signorini_fx.results.files import write_results
-
-        solution = self._titled(title)
-        summary = write_results(solution, folder, fields=fields, pictures=pictures, pdf=pdf)
-        if report:
-            parallel.on_root(solution.comm, lambda: add_on("report")(folder))
-        return summary
 
     @property
     def solver(self) -> PETSc.SNES:

@@ -65,6 +65,11 @@ class FormMechanics:
         """See ``Mechanics``."""
         return self.forms.stress is not None
 
+    @property
+    def linear(self) -> bool:
+        """See ``Mechanics``."""
+        return True
+
     def sides(self, model: Model) -> list[ContactSide]:
         """See ``Mechanics``."""
         return self.contact_sides

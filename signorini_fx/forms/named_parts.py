@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -84,6 +84,7 @@ def named_body(
     pairs: Mapping[int, PairedSides],
     rigid: RigidBodies,
     *,
+    arguments: Sequence[str] = (),
     title: str = "",
 ) -> Model:
     """An elastic body of forms with what is known of it by name; collective.
@@ -95,6 +96,7 @@ def named_body(
         law: its friction at the contact points.
         pairs: both sides of each contact of two bodies, by its number.
         rigid: the rigid bodies.
+        arguments: what it was stated by; none: the forms.
         title: of its results.
     """
     names, opposite = names_of(forms)
@@ -113,7 +115,7 @@ def named_body(
         load_steps=steps,
         steps=len(steps.times or (1.0,)),
         solver=elastic.settings,
-        origin={"forms": tuple(listed), "mesh": tagged},
+        origin={"forms": tuple(arguments or listed), "mesh": tagged},
     )
     return Model(
         **{field.name: getattr(elastic, field.name) for field in fields(elastic)},

@@ -17,6 +17,7 @@ from signorini_fx.forms.stress import exterior_facets
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.assembly import action, assemble, facet_nodes
+from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.equilibrium import Balance
 from signorini_fx.results.promised_law import Tractions
@@ -73,6 +74,7 @@ class FormResultants(Resultants):
         integrals: of the forms.
         boundaries: the parts of the boundary with names given by the user.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+        displaced: whether forces act at the displaced points, as on a body with large displacements.
     """
 
     balance: Balance
@@ -80,6 +82,33 @@ class FormResultants(Resultants):
     integrals: Sequence[FormIntegral]
     boundaries: Mapping[str, Facets]
     fixed: npt.NDArray[np.bool_]
+    displaced: bool = False
+
+    @cached_property
+    def _x(self) -> Array:
+        """See ``Resultants``."""
+        places = self._displacements[: self._nodal.owned]
+        return node_positions(self.displacement.function_space)[: self._nodal.owned, : places.shape[1]] + places
+
+    @cached_property
+    def _contact_points(self) -> Array:
+        """See ``Resultants``."""
+        assert self.contact is not None
+        boundary = self.contact.boundary
+        return boundary.centre + self._displacements[boundary.nodes]
+
+    @property
+    def _displacements(self) -> Array:
+        """By which points are moved, shape (nodes, d)."""
+        dim = self.tagged.mesh.geometry.dim
+        return np.asarray(
+            self.displacement.x.array.reshape(-1, dim) if self.displaced else np.zeros((self.fixed.size // dim, dim))
+        )
+
+    def _middle(self, boundary: str) -> tuple[Array, Array | None]:
+        """See ``Resultants``; a displaced boundary is not flat."""
+        middle, normal = super()._middle(boundary)
+        return middle, None if self.displaced else normal
 
     @property
     def _names(self) -> list[str]:

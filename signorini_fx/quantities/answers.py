@@ -158,6 +158,8 @@ class Strength:
                 return cls("strength is not judged: no fields were written, leave --no-fields out")
             if materials and not any("yield_stress" in material for material in materials):
                 return cls("strength is not judged: no yield stress is known of such a material")
+            if _arguments(summary):
+                return cls("strength is not judged: forms do not say at which stress a material yields")
             return cls("strength is not judged: give yield_stress in [[material]]")
         share = share_in_words(summary, "the yield stress")
         told = share = f"{share} used" if "%" in share else share
@@ -245,6 +247,10 @@ def _stress(summary: dict[str, Any]) -> Answer:
         details.append(f"of {load_step(summary['results_of'])} alone")
     stress = largest_von_mises(summary)
     if stress is None:
+        arguments = _arguments(summary)
+        if arguments and "stress" not in arguments:
+            alone = "the residual alone knows" if "F" in arguments else "forms alone do not say: give stress="
+            return Answer("", "not known", (f"it is what {alone}", *details))
         return Answer("", "not computed", ("no stress was written: leave --no-fields out", *details))
     if why := stress.get("no_limit"):
         details.insert(0, f"no limit as the mesh is refined: {why}")
@@ -252,6 +258,11 @@ def _stress(summary: dict[str, Any]) -> Answer:
     place = with_unit(point_in_words(stress["place"]), "length")
     region = f" in {stress['region']}" if stress.get("region") else ""
     return Answer("", f"at {place}", (f"von Mises stress {value}{region}, {stress['of']}", *details))
+
+
+def _arguments(summary: dict[str, Any]) -> list[str]:
+    """Of a problem of forms what it was stated by; of a scene nothing."""
+    return list((summary.get("scene") or {}).get("forms") or [])
 
 
 def _sure(summary: dict[str, Any]) -> Answer:

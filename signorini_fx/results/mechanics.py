@@ -20,12 +20,20 @@ if TYPE_CHECKING:
     from signorini_fx.results.sections import SectionForce
 
 
+NO_ESTIMATE = "nonlinear bodies have no estimate of their error: compare solutions on two meshes"
+
+
 class Mechanics(Protocol):
     """What forces, stresses and contact sides of a body are.  The entries of a statement say it, or forms do."""
 
     @property
     def has_stress(self) -> bool:
         """Whether stresses are known."""
+        ...
+
+    @property
+    def linear(self) -> bool:
+        """Whether forces are linear in the displacement, so that there is a strain energy, and errors are estimated."""
         ...
 
     def sides(self, model: Model) -> list[ContactSide]:
@@ -72,6 +80,7 @@ class StatedMechanics:
     """What the entries of a statement say, see ``Mechanics``."""
 
     has_stress: bool = True
+    linear: bool = True
 
     def sides(self, model: Model) -> list[ContactSide]:
         """See ``Mechanics``."""

@@ -169,6 +169,12 @@ class Resultants:
         space = self.displacement.function_space
         return node_positions(space)[: self._nodal.owned, : self.tagged.mesh.geometry.dim]
 
+    @cached_property
+    def _contact_points(self) -> Array:
+        """Positions of the contact points."""
+        assert self.contact is not None
+        return self.contact.boundary.centre
+
     def _through(self, boundary: str) -> dict[str, NodalForcesAt]:
         """The forces on the body at the nodes of a boundary, by what exerts them."""
         by_cause = self._of_supports(boundary) | self._of_effects(boundary)
@@ -178,12 +184,12 @@ class Resultants:
                 state = self.contact
                 on_boundary = np.isin(state.boundary.part, parts)
                 forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
-                by_cause["contact"] = NodalForcesAt(state.boundary.centre[on_boundary], forces[on_boundary])
+                by_cause["contact"] = NodalForcesAt(self._contact_points[on_boundary], forces[on_boundary])
                 if state.joint is not None:
                     forces = sign * state.boundary.nodal_forces(state.joint.pressure, np.zeros_like(state.shear))
                     label = next(iter(self.statement.joint_loads.values())).label
                     cause = f"{label} in contact"
-                    by_cause[cause] = NodalForcesAt(state.boundary.centre[on_boundary], forces[on_boundary])
+                    by_cause[cause] = NodalForcesAt(self._contact_points[on_boundary], forces[on_boundary])
         return by_cause
 
     def _of_supports(self, boundary: str) -> dict[str, NodalForcesAt]:

@@ -35,7 +35,7 @@ from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.functionals import Functionals
-from signorini_fx.results.mechanics import Mechanics, StatedMechanics
+from signorini_fx.results.mechanics import NO_ESTIMATE, Mechanics, StatedMechanics
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety
 from signorini_fx.results.stresses import RawStresses
@@ -336,8 +336,10 @@ class Solution:
 
     @cached_property
     def uniqueness(self) -> Uniqueness | None:
-        """Whether this is the only solution on its mesh; None without contact, or if it is none; collective."""
-        if self.contact is None or not self.certified:
+        """Whether this is the only solution on its mesh; None without contact, of a nonlinear body, or if it is none;
+        collective.
+        """
+        if self.contact is None or not self.certified or not self.mechanics.linear:
             return None
         return add_on("uniqueness")(self.model, self.contact, place=self._position)
 
@@ -360,10 +362,10 @@ class Solution:
 
     @cached_property
     def fixed_point(self) -> FixedPoint | None:
-        """The proved distance from the solution with Coulomb friction on the same mesh; None without this friction, or
-        if this is no solution; collective.
+        """The proved distance from the solution with Coulomb friction on the same mesh; None without this friction, of
+        a nonlinear body, or if this is no solution; collective.
         """
-        if self.contact is None or not self.certified or not self.statement.has_coulomb:
+        if self.contact is None or not self.certified or not self.statement.has_coulomb or not self.mechanics.linear:
             return None
         return add_on("fixed_point")(self.model, self.contact, self._position)
 
@@ -378,6 +380,8 @@ class Solution:
         if self.price_list:
             asked = None if self.statement.accuracy is None else self.statement.accuracy.of
             return from_prices(self.price_list, dimension, degree, iterative_from, asked)
+        if not self.mechanics.linear:
+            return NO_ESTIMATE
         if not self.has_stress:
             return "forms alone have no error estimate: give stress="
         if not (error := self.stress.error):

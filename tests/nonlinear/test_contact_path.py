@@ -10,7 +10,7 @@ from mpi4py import MPI
 from support.nonlinear_bodies import PLATE, held, rectangle, residual
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
-from signorini_fx.forms.nonlinear.certificate import certified
+from signorini_fx.forms.nonlinear.certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.tangent import round_off
 from signorini_fx.results.promised_law import Tractions
 
@@ -38,18 +38,8 @@ def test_pressed_and_released(algorithm, friction):
         problem._forces_at(values)
         linear = problem.linear
         tractions, before = change(Tractions.of(problem.state)), linear.previous_step
-        return certified(
-            u,
-            forces,
-            linear.prescribed,
-            linear.scales,
-            (linear.data, linear.contact, linear.forms.facets),
-            problem.shapes,
-            tractions,
-            linear.law,
-            before,
-            lost,
-        )
+        mechanics = mechanics_at(u, forces, linear, problem.contact, problem.shapes, lost)
+        return certified(u, mechanics, problem.shapes, tractions, linear.law, before)
 
     # The whole modulus times 1e-12 is a pressure that is none of round-off, as is a displacement of 1e-12.
     assert judged().holds

@@ -30,7 +30,7 @@ from signorini_fx import (
     Pair,
     Status,
 )
-from signorini_fx.forms.nonlinear.certificate import certified
+from signorini_fx.forms.nonlinear.certificate import certified, mechanics_at
 from signorini_fx.results.promised_law import Law, Tractions
 
 
@@ -347,17 +347,9 @@ def test_certificate_notices_what_is_wrong():
     linear, form = problem.linear, fem.form(residual(u))
 
     def judged(of=lambda tractions: tractions):
-        return certified(
-            u,
-            fem.assemble_vector(form).array,
-            linear.prescribed,
-            linear.scales,
-            (linear.data, problem.contact, linear.forms.facets),
-            problem.shapes,
-            of(Tractions.of(problem.state)),
-            Law(*linear.task.promised(linear.outcome)),
-            linear.previous_step,
-        )
+        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear, problem.contact, problem.shapes)
+        tractions, law = of(Tractions.of(problem.state)), Law(*linear.task.promised(linear.outcome))
+        return certified(u, mechanics, problem.shapes, tractions, law, linear.previous_step)
 
     from dataclasses import replace
 

@@ -41,15 +41,15 @@ def magnification(points: Floats, displacement: Floats, parted: float = 0.0) -> 
             not magnified, length: at most 0.3 % of the diagonal in the picture.
 
     Returns:
-        1, 2 or 5 times a power of ten; 1 for a body that does not move.
+        1, 2 or 5 times a power of ten, 1 or more; 1 for a body that does not move.
     """
     largest = float(np.hypot.reduce(np.asarray(displacement, dtype=np.float64), axis=1).max(initial=0.0))
     if not (math.isfinite(largest) and largest > 0):
         return 1.0
     ideal = 0.08 * _diagonal(points) / largest
     if parted > 0:
-        ideal = max(min(ideal, 0.003 * _diagonal(points) / parted), 1.0)
-    return readable(ideal) if ideal > 0 else 1.0
+        ideal = min(ideal, 0.003 * _diagonal(points) / parted)
+    return readable(max(ideal, 1.0))
 
 
 def _diagonal(points: Floats) -> float:

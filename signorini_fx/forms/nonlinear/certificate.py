@@ -15,10 +15,11 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.forms.mechanics import prescribed_nodes, sides_of
+from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.forms.solver import FormSolver
 from signorini_fx.mechanics.body.foundation import Foundation
-from signorini_fx.mechanics.body.foundations import FoundationData, ShapeDistances
-from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.body.foundations import ShapeDistances
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.equilibrium import Balance
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
@@ -27,53 +28,66 @@ from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 Array = npt.NDArray[np.float64]
 
 
-def certified(
+def mechanics_at(
     u: fem.Function,
     residual: Array,
-    prescribed: tuple[npt.NDArray[np.bool_], Array],
-    scales: Scales,
-    foundations: tuple[Sequence[FoundationData], Sequence[Foundation], Sequence[npt.NDArray[np.int32]]],
+    linear: FormSolver,
+    contact: Sequence[Foundation],
+    shapes: Mapping[int, MovingShape],
+    lost: Array | None = None,
+) -> ResidualMechanics:
+    """The forces on a body and its contact sides at a displacement; collective.
+
+    Args:
+        u: the displacement.
+        residual: F(u; .) at the owned unknowns, forces.
+        linear: the contact problem of the last iteration, which knows what is prescribed and the data of foundations.
+        contact: the foundations as the user gave them.
+        shapes: those of the foundations that have one, by their numbers.
+        lost: round-off of the residual, forces, of its shape; None: it is not known.
+    """
+    space, scales, (fixed, values) = u.function_space, linear.scales, linear.prescribed
+    dim = space.mesh.geometry.dim
+    places, data = u.x.array.reshape(-1, dim), list(linear.data)
+    for number, moving in shapes.items():
+        nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
+        nodal_gap[moving.nodes], along[moving.nodes] = moving.seen_from(places[moving.nodes])
+        distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
+        data[number] = replace(data[number], gap=nodal_gap, shape=distances)
+    forces = residual.reshape(-1, dim)
+    nothing = np.zeros_like(forces)
+    known = nothing if lost is None else lost.reshape(-1, dim)
+    supports = prescribed_nodes(fixed, values, space)
+    balance = Balance(
+        SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known, with_loads=True
+    )
+    return ResidualMechanics(
+        balance, sides_of(data, contact, linear.forms.facets, {}, space), linear.forms.boundaries, fixed
+    )
+
+
+def certified(
+    u: fem.Function,
+    mechanics: ResidualMechanics,
     shapes: Mapping[int, MovingShape],
     tractions: Tractions,
     law: Law,
     before: PreviousStep | None,
-    lost: Array | None = None,
 ) -> Certificate:
     """Check equilibrium and contact conditions at a displacement; collective.
 
     Args:
         u: the displacement.
-        residual: F(u; .) at the owned unknowns, forces.
-        prescribed: which unknowns are prescribed, ghosts included, and to what, shapes (dofs,).
-        scales: of lengths and stresses.
-        foundations: their data at the nodes, what the user gave, and their facets.
-        shapes: those of the foundations that have one, by their numbers.
+        mechanics: see ``mechanics_at``.
+        shapes: see ``mechanics_at``.
         tractions: what the solver claims, per area of the undeformed boundary.
         law: that the method promises.
         before: the end of the last step; None: there is none.
-        lost: round-off of the residual, forces, of its shape; None: it is not known.
     """
-    space = u.function_space
-    dim = space.mesh.geometry.dim
-    places, (fixed, values) = u.x.array.reshape(-1, dim), prescribed
-    data, contact, facets = foundations
-    now = list(data)
-    for number, moving in shapes.items():
-        nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
-        nodal_gap[moving.nodes], along[moving.nodes] = moving.seen_from(places[moving.nodes])
-        now[number] = replace(
-            data[number], gap=nodal_gap, shape=ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
-        )
+    places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
     if before is not None:
         before = replace(before, moved=_motion(shapes, places, before.tractions))
-    supports = prescribed_nodes(fixed, values, space)
-    forces = residual.reshape(-1, dim)
-    nothing = np.zeros_like(forces)
-    known = nothing if lost is None else lost.reshape(-1, dim)
-    balance = Balance(
-        SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known, with_loads=True
-    )
-    return judged(u, balance, sides_of(now, contact, facets, {}, space), tractions, law=law, before=before)
+    return judged(u, mechanics.balance, mechanics.contact_sides, tractions, law=law, before=before)
 
 
 def _motion(shapes: Mapping[int, MovingShape], places: Array, points: Tractions) -> Array:

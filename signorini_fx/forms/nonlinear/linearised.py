@@ -75,7 +75,7 @@ class LinearisedProblem(FormSolver):
         tangent: F', a compiled form.
         residual: F, a compiled form.
         at: the displacement where both are evaluated.
-        bcs, contact, settings: see ``ContactProblem``.
+        bcs, contact, boundaries, settings: see ``ContactProblem``.
 
     Attributes:
         curvature: what the shapes add to the tangent.
@@ -96,9 +96,11 @@ class LinearisedProblem(FormSolver):
         *,
         petsc_options_prefix: str,
         petsc_options: Mapping[str, Any],
+        boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        forms, increment = given_forms(tangent, residual, contact, fem.Function(at.function_space))
+        increment = fem.Function(at.function_space)
+        forms, increment = given_forms(tangent, residual, contact, increment, boundaries=boundaries)
         super().__init__(
             forms,
             increment,

@@ -22,9 +22,10 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault
+from signorini_fx.forms.front import ProblemOfForms
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.arguments import checked
-from signorini_fx.forms.nonlinear.certificate import certified
+from signorini_fx.forms.nonlinear.certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, place, spin_at
@@ -32,6 +33,7 @@ from signorini_fx.forms.nonlinear.overlap import overlap
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.ramp import RampStep, StepSizes
 from signorini_fx.forms.nonlinear.residual import Residual
+from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
@@ -42,16 +44,17 @@ from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.foundation import Foundation
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
-from signorini_fx.records import Finding, History, Status
+from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.tuned import LEAST_INCREMENT, SMALL_INCREMENT, SMALLEST_STEP
 
 Array = npt.NDArray[np.float64]
 
 
-class NonlinearContactProblem:
+class NonlinearContactProblem(ProblemOfForms):
     """Find u with F(u; v) = 0 for all v, and contact with rigid foundations on parts of the boundary.
 
         problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets, shape=circle))
@@ -79,6 +82,7 @@ class NonlinearContactProblem:
             *converged* means that the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J``
             that differs from it, tried by a difference, only leads Newton's method.
         max_newton: iterations of Newton's method.
+        boundaries: see ``ContactProblem``.
         settings: algorithm, coulomb, ..., see ``SolverSettings``.
 
     Attributes:
@@ -114,6 +118,7 @@ class NonlinearContactProblem:
         jit_options: dict[str, Any] | None = None,
         stability: bool = True,
         max_newton: int = 30,
+        boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
         self.u, self.contact = u, checked(F, u, J, foundations_of(contact), update, commit, max_newton, settings)
@@ -136,6 +141,7 @@ class NonlinearContactProblem:
             [self._seen(k, entry) if k in shaped else entry for k, entry in enumerate(self.contact)],
             petsc_options_prefix=petsc_options_prefix,
             petsc_options=dict(petsc_options or {}),
+            boundaries=boundaries,
             **settings,
         )
         self.linear.begin(
@@ -157,6 +163,9 @@ class NonlinearContactProblem:
         self._overlap = ""  # where a shape was inside the body in the last solve
         self._failure = ""  # how the last solve failed that did
         self._inner = ""  # how the last contact problem of a tangent ended that had no solution
+        self._solved: SolvedBody | None = None  # the last solution
+        self._ramped: list[StepResult] = []  # the steps of the last ramp, until the next solve
+        self._timings = Timings()  # of the last solve or ramp
 
     @property
     def bcs(self) -> Any:
@@ -180,7 +189,27 @@ class NonlinearContactProblem:
     @property
     def cost(self) -> str:
         """Why it is not known what a better accuracy would take, see ``Solution``."""
-        return "nonlinear bodies have no estimate of their error: compare solutions on two meshes"
+        return NO_ESTIMATE
+
+    @property
+    def solution(self) -> Solution:
+        """The last solution with all that results are made of; after a ramp with all of its steps, whose times are the
+        sizes of their loads; collective.
+
+        Of what needs a strain energy (estimates of errors, bounds, uniqueness) it says that a nonlinear body has none.
+
+        Raises:
+            RuntimeError: there is none so far.
+        """
+        return self.titled("")
+
+    def titled(self, title: str) -> Solution:
+        """See ``ProblemOfForms``."""
+        if self._solved is None:
+            raise RuntimeError("there is no solution so far: call solve()")
+        ended = self.status or Status.CONVERGED, self.findings
+        spent = self.history, self._timings
+        return self._solved.solution(self.linear.rigid, self._ramped, ended, spent, title)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -241,6 +270,7 @@ class NonlinearContactProblem:
             ConvergenceError: no solution was reached; ``status`` says why, and all else is as the last solution was.
             FormError: a value is not finite, cannot be evaluated, or ``update`` raised an exception.
         """
+        self._ramped, self._timings = [], Timings()
         self._attempt()
         return self.u
 
@@ -255,8 +285,10 @@ class NonlinearContactProblem:
             moving.check(number, self._space.mesh.comm)
         self._good = self._good or self._snapshot()
         self.certificate, self.status, self._says_no = None, None, ""
+        solves = len(self.history.iterations)
         try:
-            status = self._iterate(damps=damps)
+            with self._timings.phase("iterate"):
+                status = self._iterate(damps=damps)
             if status is Status.CONVERGED and self._asks_stability:
                 status = self._stability.verdict()
             elif damps and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self._says_no:
@@ -266,7 +298,10 @@ class NonlinearContactProblem:
             raise
         self.status = status
         if status is Status.CONVERGED:
-            self._good = self._snapshot()
+            self._good, foundations = self._snapshot(), (self.contact, self.shapes)
+            assert self.certificate is not None
+            count = len(self.history.iterations) - solves
+            self._solved = SolvedBody.of(self.linear, self.u, self.certificate, self._mechanics, foundations, count)
             return
         self._failure = outcomes.failure(status, self.certificate, self._says_no, self._inner, self._overlap)
         self._go_back(self._good)
@@ -381,18 +416,10 @@ class NonlinearContactProblem:
             return Status.INSIDE
         lost = round_off(self.u, residual, self._forces_at)
         self._forces_at(values)
-        self.certificate = certified(
-            self.u,
-            residual,
-            linear.prescribed,
-            linear.scales,
-            (linear.data, self.contact, linear.forms.facets),
-            self.shapes,
-            Tractions.of(self.state),
-            linear.law,
-            linear.previous_step,
-            lost,
-        )
+        mechanics = mechanics_at(self.u, residual, linear, self.contact, self.shapes, lost)
+        tractions = Tractions.of(self.state)
+        self.certificate = certified(self.u, mechanics, self.shapes, tractions, linear.law, linear.previous_step)
+        self._mechanics = mechanics
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
     # --- load steps ---------------------------------------------------------------------------------------------------
@@ -443,6 +470,7 @@ class NonlinearContactProblem:
             FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
         """
         sizes, steps = StepSizes(to, first, largest, smallest), list[RampStep]()
+        self._ramped, self._timings = [], Timings()
         while not sizes.done:
             begun, load, solves = self._snapshot(), sizes.next, len(self.history.iterations)
             try:
@@ -458,6 +486,10 @@ class NonlinearContactProblem:
                     continue
                 last = outcomes.last_solution(sizes.reached if steps else None, to)
                 raise self._ended(error, load, last) from error.__cause__
+            assert self._solved is not None
+            step = replace(self._solved.step, step=len(steps) + 1, place=float(len(steps)), time=abs(load))
+            self._solved = replace(self._solved, step=step)
+            self._ramped.append(step)
             self.advance()
             sizes.accept(self.iterations)
             steps.append(RampStep(load, self.iterations, len(self.history.iterations) - solves))

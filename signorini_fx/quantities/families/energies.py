@@ -25,13 +25,13 @@ class FrictionWork(Quantity):
 class StrainEnergy(Quantity):
     """Of the body."""
 
-    key, unit, scope, stage, steps = "strain_energy", "energy", "all", "results", "number"
-    title = "a(y, y) / 2, an energy, in the plane per unit thickness."
+    key, unit, stage, steps = "strain_energy", "energy", "results", "number"
+    title = "a(y, y) / 2, an energy, in the plane per unit thickness; of a body whose forces are linear in y."
     terminal, report = "strain energy", "strain energy"
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
-        return solution.last_step.strain_energy
+        return solution.last_step.strain_energy if solution.mechanics.linear else None
 
     def error(self, summary: Summary) -> float | None:
         """See ``Quantity``: the square of that in the energy norm."""

@@ -1,0 +1,77 @@
+"""What the problems of forms have in common for those who look at their results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from signorini_fx.extensions import add_on
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.results.solution import Solution
+
+
+class ProblemOfForms:
+    """A problem with the results of a ``Solution``."""
+
+    def titled(self, title: str) -> Solution:
+        """``solution`` with a title; collective.
+
+        Raises:
+            RuntimeError: there is none so far.
+        """
+        raise NotImplementedError
+
+    @property
+    def solution(self) -> Solution:
+        """See the class that is derived; collective."""
+        return self.titled("")
+
+    def table(self) -> ContactTable:
+        """The contact boundary of all ranks, the same on each: positions, gaps, displacements, pressures,
+        shears, slips, and the states as words; collective.
+
+        Raises:
+            RuntimeError: there is no solution so far.
+        """
+        return self.solution.table
+
+    def plot(self, *fields: str) -> Any:
+        """Pictures that a notebook displays, see ``Solution.plot``; collective."""
+        return self.solution.plot(*fields)
+
+    def write(
+        self,
+        folder: str | Path,
+        *,
+        title: str = "",
+        fields: bool | str = True,
+        pictures: bool | Sequence[str] = True,
+        pdf: bool = False,
+        report: bool = False,
+    ) -> dict[str, Any]:
+        """Write the result folder of the last solution, as that of a scene; collective.
+
+        Args:
+            folder: made if it does not exist.
+            title: any text.
+            fields: see ``write_results``.
+            pictures: see ``write_results``.
+            pdf: see ``write_results``.
+            report: whether to write ``report.html``, too.
+
+        Returns:
+            The summary.
+
+        Raises:
+            OutputError: see ``write_results``.
+            RuntimeError: there is no solution so far.
+        """
+        from signorini_fx.results.files import write_results
+
+        solution = self.titled(title)
+        summary = write_results(solution, folder, fields=fields, pictures=pictures, pdf=pdf)
+        if report:
+            parallel.on_root(solution.comm, lambda: add_on("report")(folder))
+        return summary

@@ -1,0 +1,75 @@
+"""What a residual says of the results of a nonlinear body: its forces and contact sides at one displacement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.forms.given import Facets
+from signorini_fx.forms.resultants import FormResultants
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.model import Model
+from signorini_fx.quantities.statements import Refused
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.contact_nodes import ContactSide
+from signorini_fx.results.equilibrium import Balance
+from signorini_fx.results.safety import Safety
+from signorini_fx.results.sections import SectionForce
+
+
+@dataclass(frozen=True)
+class ResidualMechanics:
+    """See ``results.mechanics.Mechanics``.
+
+    Attributes:
+        balance: the residual as forces on the body without contact.
+        contact_sides: the parts of the boundary with contact, met at the displaced points.
+        boundaries: the facets of each part of the boundary that was given a name.
+        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+    """
+
+    balance: Balance
+    contact_sides: Sequence[ContactSide]
+    boundaries: Mapping[str, Facets]
+    fixed: npt.NDArray[np.bool_]
+    has_stress: bool = False
+    linear: bool = False
+
+    def sides(self, model: Model) -> list[ContactSide]:
+        """See ``Mechanics``."""
+        return list(self.contact_sides)
+
+    def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> NoReturn:
+        """See ``Mechanics``.
+
+        Raises:
+            RuntimeError: always.
+        """
+        raise RuntimeError("only the residual knows the stresses of a nonlinear body: evaluate its own expression")
+
+    def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> FormResultants:
+        """See ``Mechanics``: of contact and of supports; which loads act is known to the residual alone."""
+        statement, tagged, sides = model.statement, model.tagged, self.contact_sides
+        named, held = self.boundaries, self.fixed
+        return FormResultants(statement, tagged, y, contact, self.balance, sides, [], named, held, displaced=True)
+
+    def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
+        """None: a residual names no sections."""
+        return []
+
+    def safety(self, model: Model, contact: ContactState, step: float) -> Safety | None:
+        """None: a residual does not say which loads are live."""
+        return None
+
+    def stated(self, model: Model) -> NoReturn:
+        """See ``Mechanics``.
+
+        Raises:
+            Refused: always.
+        """
+        raise Refused("a nonlinear body has no guaranteed bound")

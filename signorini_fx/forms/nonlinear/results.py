@@ -1,0 +1,132 @@
+"""The results of a ``NonlinearContactProblem`` as a ``Solution``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from dolfinx import fem
+
+from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.forms.given import GivenForms
+from signorini_fx.forms.named_parts import named_body
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.mechanics.body.deformation import deformation_of
+from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.foundation import Foundation
+from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.solution import Solution, StepResult
+from signorini_fx.solving.load_steps import step_result
+from signorini_fx.solving.one_mesh import algorithm_name, used_parameters
+
+
+@dataclass(frozen=True)
+class SolvedBody:
+    """A nonlinear body at a solution.
+
+    Attributes:
+        forms: tangent and residual, with the foundations where they are.
+        elastic: the body of the last tangent.
+        outcome: how its contact problem has ended.
+        law: its friction; None: no law can act.
+        linear_algebra: which kind of system was used, and why.
+        mechanics: the forces and contact sides.
+        step: the solution as a load step.
+    """
+
+    forms: GivenForms
+    elastic: ElasticBody
+    outcome: Outcome
+    law: PointFriction | None
+    linear_algebra: str
+    mechanics: ResidualMechanics
+    step: StepResult
+
+    @classmethod
+    def of(
+        cls,
+        linear: LinearisedProblem,
+        u: fem.Function,
+        certificate: Certificate,
+        mechanics: ResidualMechanics,
+        foundations: tuple[Sequence[Foundation], Mapping[int, MovingShape]],
+        solves: int,
+    ) -> SolvedBody:
+        """What there is after a solve; collective.
+
+        Args:
+            linear: the contact problem of the last iteration.
+            u: the displacement.
+            certificate: of it.
+            mechanics: its forces and contact sides.
+            foundations: as the user gave them, and the shapes of those that have one, by their numbers.
+            solves: linear solves.
+        """
+        assert linear.outcome is not None
+        contact, shapes = foundations
+        placed = (replace(entry, shape=shapes[k].shape) if k in shapes else entry for k, entry in enumerate(contact))
+        number, y = linear.begun.step, u.copy()
+        y.name = u.name
+        step = step_result(
+            _counted(number),
+            number,
+            number,
+            Status.CONVERGED,
+            y,
+            linear.state,
+            certificate,
+            deformation_of(linear.elastic, u, linear.scales.size),
+            solves,
+        )
+        forms, algebra = replace(linear.forms, contact=tuple(placed)), linear.task.linear_algebra
+        return cls(forms, linear.elastic, linear.outcome, linear.begun.law, algebra, mechanics, step)
+
+    def solution(
+        self,
+        rigid: Any,
+        steps: Sequence[StepResult],
+        ended: tuple[Status, tuple[Finding, ...]],
+        spent: tuple[History, Timings],
+        title: str,
+    ) -> Solution:
+        """It with all that results are made of; collective.
+
+        Args:
+            rigid: the rigid bodies.
+            steps: of a ramp, which end with this one; none: the loop is the user's own.
+            ended: how the last solve or ramp has ended, and what is to be known about it.
+            spent: every linear solve, and the seconds.
+            title: of the results.
+        """
+        path = LoadPath(tuple(step.time for step in steps)) if steps else _counted(self.step.step - 1)
+        model = named_body(self.elastic, self.forms, path, self.law, {}, rigid, arguments=("F",), title=title)
+        parameters = used_parameters(self.outcome, self.outcome.problem.data, 0.0)
+        parameters.pop("regularisation_error", None)  # it is relative to a strain energy, which nobody knows
+        (status, found), (history, timings), shown = ended, spent, self.step
+        return Solution(
+            status=status,
+            algorithm=f"newton, {algorithm_name(model.statement, self.outcome)}",
+            model=model,
+            displacement=shown.displacement,
+            contact=shown.contact,
+            functionals=None,
+            certificate=shown.certificate,
+            steps=tuple(steps) or (shown,),
+            history=history,
+            parameters=parameters,
+            timings=timings,
+            linear_algebra=self.linear_algebra,
+            found=lambda: found,
+            mechanics=self.mechanics,
+        )
+
+
+def _counted(number: int) -> LoadPath:
+    """The load steps of a loop of the user's own, at the times 1, 2, 3 and so on; ``number``: of those before it."""
+    return LoadPath(tuple(map(float, range(1, number + 2))))

@@ -1,0 +1,157 @@
+"""Results of nonlinear bodies: load steps, forces in balance at the displaced points, and the result folder."""
+
+import json
+
+import jsonschema
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
+
+from signorini_fx import (
+    ContactProblem,
+    ConvergenceError,
+    Coulomb,
+    Foundation,
+    NonlinearContactProblem,
+    Status,
+    read_results,
+)
+from signorini_fx.scenes.template import summary_schema
+
+CIRCLE = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+
+
+def pressed(comm=MPI.COMM_SELF, degree=1, **arguments):
+    """A block of rubber on its ground, and a circle over it; its sides have names."""
+    space, side = rectangle([2.0, 1.0], [16, 8], comm, degree=degree)
+    u = fem.Function(space, name="displacement")
+    contact = Foundation(side(1, 1.0), shape=CIRCLE, friction=Coulomb(0.3))
+    names = {"bottom": side(1, 0.0), "top": side(1, 1.0)}
+    bcs = [held(space, names["bottom"])]
+    return NonlinearContactProblem(residual(u, neo_hooke), u, bcs=bcs, contact=contact, boundaries=names, **arguments)
+
+
+def moved(problem):
+    """The circle pressed in and pulled sideways, in proportion to the load."""
+    return lambda load: problem.place(0, shift=(0.2 * load, -0.3 * load))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degree", [1, 2])
+def test_forces_and_moments_are_in_balance(degree):
+    """Of the reactions at the support and of contact, about any point: neo-Hooke's energy does not change with a
+    rotation of all, so that moments balance where forces act, at the displaced points.  At the points before that they
+    do not.
+    """
+    problem = pressed(MPI.COMM_WORLD, degree)
+    problem.ramp(moved(problem), first=0.5, largest=0.5)
+    resultants = problem.solution.resultants
+    bottom, top = (resultants.of(name, about=(0.3, 0.7)) for name in ("bottom", "top"))
+    size = np.linalg.norm(top.force)
+    assert size > 0.5
+    assert np.abs(bottom.force + top.force).max() < 1e-8 * size
+    assert abs(bottom.moment + top.moment) < 1e-8 * size
+    boundary = problem.state.boundary
+    arm, nodal = boundary.centre - (0.3, 0.7), boundary.nodal_forces(problem.state.pressure, problem.state.shear)
+    undeformed = np.sum(arm[:, 0] * nodal[:, 1] - arm[:, 1] * nodal[:, 0])
+    undeformed = problem.u.function_space.mesh.comm.allreduce(undeformed)
+    assert abs(abs(undeformed) - abs(top.moment)) > 1e-2 * size
+
+
+@pytest.mark.mpi
+def test_a_ramp_has_load_steps():
+    """The times are the loads, each with the displacement that ``u`` had; the foundation is where the last left it."""
+    problem, seen = pressed(MPI.COMM_WORLD), []
+    problem.ramp(moved(problem), first=0.25, largest=0.25, on_step=lambda step: seen.append(problem.u.x.array.copy()))
+    solution = problem.solution
+    assert [step.time for step in solution.steps] == [0.25, 0.5, 0.75, 1.0]
+    assert [step.step for step in solution.steps] == [1, 2, 3, 4]
+    assert all(np.array_equal(step.displacement.x.array, u) for step, u in zip(solution.steps, seen, strict=True))
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate is problem.certificate
+    assert solution.statement.contact[0].foundation.shift == (0.2, -0.3)
+    assert solution.at(solution.steps[1]).displacement is solution.steps[1].displacement
+    assert sum(step.linear_solves for step in solution.steps) == problem.history.linear_solves
+    problem.solve()
+    assert len(problem.solution.steps) == 1
+
+
+def test_what_a_nonlinear_body_does_not_have():
+    """Energy, stress, estimates, bounds and uniqueness, each with its reason where there is one."""
+    problem = pressed()
+    with pytest.raises(RuntimeError, match="no solution so far"):
+        problem.solution  # noqa: B018
+    problem.ramp(moved(problem), to=0.5)
+    solution = problem.solution
+    assert solution.uniqueness is None
+    assert solution.fixed_point is None
+    assert solution.error_bound == "a nonlinear body has no guaranteed bound"
+    assert solution.force_bounds("bottom", (0.0, 1.0)) == "a nonlinear body has no guaranteed bound"
+    assert solution.cost == problem.cost
+    with pytest.raises(RuntimeError, match="only the residual knows"):
+        solution.stress  # noqa: B018
+
+
+def test_folder(tmp_path):
+    """A result folder with a report, as of linear bodies, without what is not known."""
+    problem = pressed()
+    problem.ramp(moved(problem), first=0.5, largest=0.5)
+    summary = problem.write(tmp_path, title="rubber", report=True)
+    assert not {"strain_energy", "stress", "price_list", "safety"} & set(summary)
+    jsonschema.Draft202012Validator(summary_schema()).validate(json.loads((tmp_path / "summary.json").read_text()))
+    read = read_results(tmp_path)
+    total = np.sum(problem.state.forces, axis=0)
+    assert np.allclose(np.add(summary["contact_force"], summary["friction_force"]), total, rtol=1e-9)
+    assert [row.time for row in read.summary.steps] == [0.5, 1.0]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "rubber" in page
+    assert "nonlinear bodies have no estimate" in page
+    assert {"deformed.png", "profiles.png", "load_steps.png", "fields.pvd"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
+
+
+def test_after_a_ramp_that_fails():
+    """The solution is the last one that there is, with the outcome of the ramp."""
+    problem = pressed()
+    with pytest.raises(ConvergenceError):
+        problem.ramp(lambda load: problem.place(0, shift=(0.0, -2.0 * load)), first=0.1, smallest=0.05)
+    solution = problem.solution
+    assert solution.status is problem.status is not Status.CONVERGED
+    assert {step.status for step in solution.steps} == {Status.CONVERGED}
+    assert np.array_equal(solution.displacement.x.array, problem.u.x.array)
+    assert solution.certificate.holds
+    assert solution.statement.contact[0].foundation.shift[1] == pytest.approx(-2.0 * solution.last_step.time)
+
+
+@pytest.mark.mpi
+def test_linear_residual():
+    """Of a residual that is linear, with a gap: tables and forces are those of ``ContactProblem``, up to where Newton's
+    method ends.
+    """
+    space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_WORLD)
+    u, v, y = fem.Function(space), ufl.TestFunction(space), ufl.TrialFunction(space)
+
+    def form(displacement):
+        strain = ufl.sym(ufl.grad(displacement))
+        stress = 2 * 40.0 * strain + 60.0 * ufl.tr(strain) * ufl.Identity(2)
+        return ufl.inner(stress, ufl.sym(ufl.grad(v))) * ufl.dx
+
+    load = ufl.inner(ufl.as_vector((0.05, -0.4)), v) * ufl.dx
+    contact = Foundation(side(1, 0.0), gap=lambda x: 0.01 * (x[0] - 0.7) ** 2, friction=Coulomb(0.4))
+    names, bcs = {"left": side(0, 0.0)}, [held(space, side(0, 0.0))]
+    shared = {"bcs": bcs, "contact": contact, "boundaries": names, "gamma_n": 1e5, "gamma_t": 1e5}
+    linear = ContactProblem(form(y), load, **shared)
+    linear.solve()
+    nonlinear = NonlinearContactProblem(form(u) - load, u, **shared)
+    nonlinear.solve()
+    tables = [problem.solution.table for problem in (linear, nonlinear)]
+    for name in ("pressure", "shear", "u_n", "gap"):
+        first, second = (table.columns[name] for table in tables)
+        assert np.abs(first).max() > 0
+        assert np.abs(first - second).max() <= 1e-7 * np.abs(first).max()
+    forces = [problem.solution.resultants.of("left").force for problem in (linear, nonlinear)]
+    assert np.allclose(*forces, rtol=1e-7)
