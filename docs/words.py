@@ -12,8 +12,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LONG = 30
-# What is not for users of the package, or written by a command; the others, with the README, are the guide.
-OTHERS = ("theory", "architecture", "trust", "evidence", "refusals", "answers", "decks")
+# What is not for users of the package, or of results of other programs, or written by a command; the others, with the
+# README, are the guide.
+OTHERS = ("theory", "architecture", "trust", "evidence", "refusals", "answers", "decks", "judge")
 
 
 def guide() -> list[Path]:

@@ -67,7 +67,7 @@ _PUBLIC = {
     "scenes.sweep": ("SweepPoint", "sweep"),
 }
 # Those of add-ons.
-_ADDED = ("plot", "pyvista_grid", "sensitivity")
+_ADDED = ("judge", "plot", "pyvista_grid", "sensitivity")
 # Names of the last version, by the names of this one.
 _RENAMED = {"CoulombFriction": "Coulomb", "TrescaFriction": "Tresca"}
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}

@@ -30,6 +30,7 @@ _ON_RANKS = {
     "run": commands.run,
     "check": commands.check,
     "sweep": commands.sweep,
+    "judge": commands.judge,
     "sensitivity": commands.sensitivity,
     "work-precision": commands.work_precision,
     "info": commands.info,

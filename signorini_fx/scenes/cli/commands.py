@@ -370,6 +370,23 @@ def show(options: argparse.Namespace) -> str:
     return str(page) if opened else f"{page}: no browser was found, open it yourself"
 
 
+def judge(options: argparse.Namespace) -> int:
+    """Print a verdict on another program's result."""
+    from mpi4py import MPI
+
+    from signorini_fx.machine import parallel
+    from signorini_fx.machine.petsc_start import start_petsc
+
+    comm = MPI.COMM_WORLD
+    if comm.size > 1:
+        raise SceneError([("judge", "judges on one rank: run it without mpirun")])
+    start_petsc(comm, options.petsc_options)
+    judgement = add_on("judge")(options.problem, options.result, compare=not options.alone)
+    text = json.dumps(judgement.as_dict(), indent=2) if options.json else str(judgement)
+    parallel.log_on_root(comm, text)
+    return int(judgement.exit_code)
+
+
 def compare(options: argparse.Namespace) -> str:
     """Put two result folders side by side."""
     return str(add_on("compare")(options.one, options.other))

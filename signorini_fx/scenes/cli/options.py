@@ -66,6 +66,16 @@ def parser() -> argparse.ArgumentParser:
     compare = commands.add_parser("compare", help="put two result folders side by side")
     compare.add_argument("one", type=named_path, metavar="FOLDER", help="result folder")
     compare.add_argument("other", type=named_path, metavar="OTHER", help="result folder to compare it with")
+    judge = commands.add_parser(
+        "judge",
+        help="a verdict on another program's result",
+        epilog="Exit codes: 0 it agrees, 2 bad input, 3 internal error, 4 it agrees with what was read of the deck, 5 "
+        "it is of another problem, 6 it violates the problem, 7 it cannot be judged.",
+    )
+    judge.add_argument("problem", type=named_path, metavar="PROBLEM", help="input file, .inp, or scene file (TOML)")
+    judge.add_argument("result", type=named_path, metavar="RESULT", help="displacements: .dat, .frd, .csv or .vtu")
+    judge.add_argument("--json", action="store_true", help="print JSON instead of text")
+    judge.add_argument("--alone", action="store_true", help="do not solve the problem, too, to compare with")
     sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
     sweep.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     sweep.add_argument(

@@ -1,0 +1,128 @@
+"""Results of CalculiX: the tables of a .dat file and the fields of a .frd file, of the last increment."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from signorini_fx.addons.judging.printed_digits import last_digit, printed_number
+from signorini_fx.errors import MeshError
+
+# Values by numbers of nodes, each with half a unit of its last digit.
+Table = dict[int, tuple[list[float], list[float]]]
+_HEADING = re.compile(
+    r"^ (displacements|forces|total force)\b.*? for set (\S+) and time\s+([-+.\dEe]+)\s*$", re.IGNORECASE
+)
+
+
+@dataclass
+class NodeTables:
+    """Results at nodes by their numbers.
+
+    Attributes:
+        displacement: three components of each, length, each with half a unit of its last digit.
+        forces: of supports and loads, force, likewise.
+        positions: of the nodes, length; none in tables.
+        time: of the increment.
+        program: that wrote them; "": it does not say.
+    """
+
+    displacement: Table = field(default_factory=dict)
+    forces: Table = field(default_factory=dict)
+    positions: dict[int, list[float]] = field(default_factory=dict)
+    time: float | None = None
+    program: str = ""
+
+
+def read_dat(file: Path) -> NodeTables:
+    """The tables of the last increment of a .dat file.
+
+    Raises:
+        MeshError: it cannot be read, a row is none, or no table has displacements.
+    """
+    tables = NodeTables(program="CalculiX")
+    rows: Table | None = None
+    for row, line in _lines(file):
+        if match := _HEADING.match(line):
+            time = float(match[3])
+            if tables.time is not None and time != tables.time:
+                tables.displacement, tables.forces = {}, {}
+            tables.time = time
+            kind = match[1].lower()
+            rows = tables.displacement if kind == "displacements" else tables.forces if kind == "forces" else None
+            continue
+        words = line.split()
+        if not words:
+            continue
+        if not words[0].isdigit():
+            rows = None
+        elif rows is not None:
+            rows[int(words[0])] = _row(file, row, words[1:4])
+    return _with_displacements(file, tables)
+
+
+def read_frd(file: Path) -> NodeTables:
+    """The fields of the last increment of a .frd file.
+
+    Raises:
+        MeshError: it cannot be read, a row is none, or no field has displacements.
+    """
+    tables = NodeTables()
+    rows: Table | None = None
+    places = False
+    for row, line in _lines(file):
+        head = line[:5]
+        if line.startswith("    1UPGM"):
+            tables.program = line[9:].strip() or tables.program
+        elif head == "    2":
+            places, rows = True, None
+        elif line.startswith("  100C"):
+            time = _number(file, row, line[12:24])
+            if tables.time is not None and time != tables.time:
+                tables.displacement, tables.forces = {}, {}
+            tables.time = time
+        elif line.startswith(" -4"):
+            name = line[5:13].strip()
+            rows = tables.displacement if name == "DISP" else tables.forces if name == "FORC" else None
+            places = False
+        elif line.startswith(" -3"):
+            rows, places = None, False
+        elif line.startswith(" -1") and (rows is not None or places):
+            node = int(_number(file, row, line[3:13]))
+            words = [line[k : k + 12] for k in range(13, len(line.rstrip("\n")), 12)][:3]
+            if places:
+                tables.positions[node] = [_number(file, row, word) for word in words]
+            elif rows is not None:
+                rows[node] = _row(file, row, words)
+    tables.program = tables.program or "a program that writes .frd"
+    return _with_displacements(file, tables)
+
+
+def _lines(file: Path) -> Iterator[tuple[int, str]]:
+    try:
+        with file.open(encoding="utf-8", errors="replace") as stream:
+            yield from enumerate(stream, start=1)
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
+
+
+def _number(file: Path, line: int, word: str) -> float:
+    try:
+        return printed_number(word)
+    except ValueError:
+        raise MeshError(f"{file}: line {line}: a number is expected, not {word.strip()!r}") from None
+
+
+def _row(file: Path, line: int, words: list[str]) -> tuple[list[float], list[float]]:
+    if len(words) < 3:
+        raise MeshError(f"{file}: line {line}: three components are expected, not {len(words)}")
+    return [_number(file, line, word) for word in words], [last_digit(word) / 2 for word in words]
+
+
+def _with_displacements(file: Path, tables: NodeTables) -> NodeTables:
+    if not tables.displacement:
+        cure = "print them: *NODE PRINT, NSET=ALL with U, or *NODE FILE with U"
+        raise MeshError(f"{file}: has no displacements: {cure}")
+    return tables

@@ -1,0 +1,174 @@
+"""Figures of contact and friction of a foreign result, each with the share of force or energy that it concerns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.addons.judging.problem_data import JudgedProblem
+from signorini_fx.addons.judging.touching_surface import TouchingSurface
+from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.tuned import (
+    JUDGED_APART,
+    JUDGED_CARRIES,
+    JUDGED_CONE_MARGIN,
+    JUDGED_DEEP,
+    JUDGED_ELASTIC_SLIP,
+    JUDGED_PENETRATION_OF_PRESSURE,
+    JUDGED_SAME_WAY,
+)
+
+
+@dataclass(frozen=True)
+class JudgedContactFigures:
+    """Figures of one contact; shares of ``force``, the sum of the sizes of the forces at corners.
+
+    Attributes:
+        surface: of which they are.
+        force: force.
+        tension: share that pulls.
+        pulling: the corner that pulls most.
+        penetration: largest, over the largest displacement.
+        entered: what of it the stiffness of contact does not explain, likewise.
+        deepest: the corner where that is.
+        stiffness: measured, stress per length; nan: nothing enters.
+        penalty_energy: work of forces on what enters, over a(v, v).
+        apart: share of corners around which the sides are apart.
+        beside: the corner of these with most force.
+        cone: shear over its bound where it is above it, 1 elsewhere; without friction the share of shear.
+        cone_share: share of force of these corners.
+        above: the corner that is most above it.
+        cone_count: how many they are.
+        wrong_way: work of shear along slip over a(v, v).
+        forward: the corner with most of it.
+        slips_below: share of the work of friction at its bound that is missing where nodes slip.
+        slips_energy: the same over a(v, v).
+        slack: the corner with most of it.
+        touching: how many corners are pressed.
+    """
+
+    surface: TouchingSurface
+    force: float
+    tension: float
+    pulling: int
+    penetration: float
+    entered: float
+    deepest: int
+    stiffness: float
+    penalty_energy: float
+    apart: float
+    beside: int
+    cone: float
+    cone_share: float
+    above: int
+    cone_count: int
+    wrong_way: float
+    forward: int
+    slips_below: float
+    slips_energy: float
+    slack: int
+    touching: int
+
+
+def contact_stiffness(problem: JudgedProblem, surface: TouchingSurface) -> float:
+    """That of the deck, stress per length: 0 for contact that is hard."""
+    contact = surface.contact
+    if contact.stiffness is not None:
+        return contact.stiffness
+    owners = problem.mesh.owners(contact.facets)
+    young = max(entry.young for entry in problem.materials if np.isin(owners, entry.cells).any())
+    return problem.hard * young
+
+
+def contact_figures(
+    problem: JudgedProblem, surface: TouchingSurface, energy: float, largest: float
+) -> JudgedContactFigures:
+    """The figures of a surface.
+
+    Args:
+        problem: the problem.
+        surface: one side of a contact.
+        energy: a(v, v).
+        largest: the largest displacement, length.
+    """
+    s = surface
+    push = np.where(s.judged, s.push, 0.0)
+    force = float(np.abs(push).sum())
+    if not force > 0:
+        force = np.inf
+    pulls = (-push).clip(min=0.0)
+    pressed = push > JUDGED_CARRIES * push.max(initial=0.0)
+    stated = contact_stiffness(problem, s)
+    deep = s.judged & (s.penetration > JUDGED_DEEP * s.penetration[s.judged].max(initial=0.0)) & (s.penetration > 0)
+    volume = float((s.area * s.penetration)[deep].sum())
+    stiffness = float(push[deep].sum()) / volume if volume > 0 else np.nan
+    pressure = (push / s.area).clip(min=0.0)
+    around = np.array([pressure[s.neighbours[[row]].indices].max(initial=0.0) for row in range(len(s.corners))])
+    hardness = stated if stated > 0 else stiffness
+    allowed = JUDGED_PENETRATION_OF_PRESSURE * around / hardness if hardness > 0 else np.zeros_like(around)
+    entered = np.where(s.judged, s.penetration - allowed, 0.0)
+    is_apart = (s.clearance > JUDGED_APART * largest) & s.judged
+    apart = np.where(is_apart, np.abs(push), 0.0)
+    figures = _friction(s, push, force, energy)
+    return JudgedContactFigures(
+        surface=s,
+        force=force if np.isfinite(force) else 0.0,
+        tension=float(pulls.sum() / force),
+        pulling=int(np.argmax(pulls)),
+        penetration=float(s.penetration[s.judged].max(initial=0.0) / largest),
+        entered=float(entered.max(initial=0.0) / largest),
+        deepest=int(np.argmax(entered)),
+        stiffness=stiffness,
+        penalty_energy=float((push.clip(min=0.0) * s.penetration).sum() / energy),
+        apart=float(apart.sum() / force),
+        beside=int(np.argmax(apart)),
+        touching=int(np.count_nonzero(pressed & s.judged)),
+        **figures,
+    )
+
+
+def _friction(s: TouchingSurface, push: Floats, force: float, energy: float) -> dict[str, Any]:
+    """The figures of friction."""
+    push = np.where(s.sliding, push.clip(min=0.0), 0.0)
+    shear = np.where(s.sliding[:, None], s.shear, 0.0)
+    size = np.linalg.norm(shear, axis=1)
+    carries = push > JUDGED_CARRIES * push.sum()
+    margin = (JUDGED_CONE_MARGIN - 1) * (s.bound if s.contact.rubs else push) + s.rotation * push
+    over = carries & (size > s.bound + margin)
+    cone = 1.0
+    if s.contact.rubs and over.any():
+        bound = float(s.bound[over].sum())
+        cone = float((size - s.rotation * push)[over].sum()) / bound if bound > 0 else np.inf
+    elif not s.contact.rubs:
+        cone = 1.0 + (float(size[over].sum() / push[carries].sum()) if over.any() else 0.0)
+    along = np.einsum("cd,cd->c", shear, s.slip).clip(min=0.0)
+    slip = np.linalg.norm(s.slip, axis=1)
+    stick = s.contact.stick
+    elastic = size / (stick * s.area) if stick else np.zeros_like(size)
+    missing = (s.bound - size).clip(min=0.0) * (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0)
+    missing = np.where(carries & _same_way(s, slip), missing, 0.0)
+    work = float((s.bound * slip)[carries].sum())
+    return {
+        "cone": cone,
+        "cone_share": float(push[over].sum() / force),
+        "above": int(np.argmax(np.where(over, size / np.maximum(s.bound, 1e-300), 0.0))),
+        "cone_count": int(np.count_nonzero(over)),
+        "wrong_way": float(along.sum() / energy) if s.contact.rubs else 0.0,
+        "forward": int(np.argmax(along)),
+        "slips_below": float(missing.sum() / work) if s.contact.rubs and work > 0 else 0.0,
+        "slips_energy": float(missing.sum() / energy) if s.contact.rubs else 0.0,
+        "slack": int(np.argmax(missing)),
+    }
+
+
+def _same_way(s: TouchingSurface, slip: Floats) -> npt.NDArray[np.bool_]:
+    """Whether all neighbours slip as a corner does: where slip turns inside a facet friction is below its bound."""
+    unit = s.slip / np.maximum(slip, 1e-300)[:, None]
+    rows, columns = s.neighbours.nonzero()
+    cosines = np.einsum("nd,nd->n", unit[rows], s.slip[columns])
+    aligned = np.ones(len(slip), dtype=bool)
+    np.logical_and.at(aligned, rows, cosines >= JUDGED_SAME_WAY * slip[rows])
+    return aligned

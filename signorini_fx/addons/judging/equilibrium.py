@@ -1,0 +1,267 @@
+"""Equilibrium of a foreign displacement, in the formulation that fits best.
+
+The residual r = f_int(v) - L of the components that are free (neither held nor of a node in contact) is taken in the
+dual norm,
+
+    rho = sqrt(r . K^-1 r) / sqrt(v . K v),
+
+K that of full integration, which is the relative distance in the energy norm of v from the displacement in equilibrium
+with the same values on supports and contact: it has no unit and does not depend on the mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import splu
+
+from signorini_fx.addons.judging.formulations import FULL, INCOMPATIBLE, Formulation, candidates, stiffness_by_material
+from signorini_fx.addons.judging.problem_data import JudgedProblem
+from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.tuned import (
+    JUDGED_EQUILIBRIUM,
+    JUDGED_EQUILIBRIUM_OF_PRINT,
+    JUDGED_HOURGLASS,
+    JUDGED_HOURGLASS_LEFT,
+    JUDGED_HOURGLASS_NODE,
+    JUDGED_SHIFT,
+)
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Internal forces of a displacement in one formulation.
+
+    Attributes:
+        formulation: it.
+        by_material: those of each material, force, shape (materials, n d).
+        columns: what unknowns of the formulation add that only contact determines, shape (n d, k).
+    """
+
+    formulation: Formulation
+    by_material: Floats
+    columns: Floats
+
+    @property
+    def total(self) -> Floats:
+        """Their sum, shape (n d,)."""
+        return np.asarray(self.by_material.sum(axis=0))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The equilibrium of a displacement in one formulation.
+
+    Attributes:
+        forces: its internal forces.
+        rho: relative dual norm of the residual.
+        residual: internal forces less loads, force, shape (n, d): on supports and contact what these exert.
+        worst: the node whose free components do not fit most; and the share of the residual that it has.
+        worst_share: see ``worst``.
+    """
+
+    forces: Forces
+    rho: float
+    residual: Floats
+    worst: int
+    worst_share: float
+
+    @property
+    def formulation(self) -> Formulation:
+        """In which it is."""
+        return self.forces.formulation
+
+
+class Equilibrium:
+    """The equilibrium of one displacement.
+
+    Args:
+        problem: the problem.
+        v: the displacement, length, shape (n, d).
+        half_digits: half a unit of the last digit that was printed, length, shape (n, d).
+    """
+
+    def __init__(self, problem: JudgedProblem, v: Floats, half_digits: Floats) -> None:
+        self.problem, self.v = problem, v
+        self._half_digits = half_digits
+        self._free = np.flatnonzero(problem.free.ravel())
+        self._plain = stiffness_by_material(problem, FULL)
+        self.energies = np.array([float(v.ravel() @ (matrix @ v.ravel())) for matrix in self._plain])
+        self.loads = np.array([forces.ravel() for forces in problem.loads.values()]).reshape(-1, v.size)
+
+    @property
+    def energy(self) -> float:
+        """a(v, v), an energy."""
+        return float(self.energies.sum())
+
+    @cached_property
+    def stiffness(self) -> csr_array:
+        """K, shape (n d, n d)."""
+        return sum(self._plain[1:], self._plain[0])
+
+    @cached_property
+    def _factor(self) -> splu:
+        inner = self.stiffness[self._free][:, self._free].tocsc()
+        shift = JUDGED_SHIFT * inner.diagonal().max()  # of bodies that nothing holds
+        inner.setdiag(inner.diagonal() + shift)
+        options = {"SymmetricMode": True}
+        return splu(inner, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+
+    def solved(self, columns: Floats) -> Floats:
+        """K^-1 of the free components of forces, shape (n d, k) -> (free, k)."""
+        if not self._free.size or not columns.shape[1]:
+            return np.zeros((self._free.size, columns.shape[1]))
+        return np.asarray(self._factor.solve(np.ascontiguousarray(columns[self._free])))
+
+    def least(self, start: Floats, columns: Floats) -> tuple[Floats, Floats]:
+        """The factors z with which start + columns z is smallest in the dual norm, and what remains.
+
+        Args:
+            start: forces, shape (n d,).
+            columns: forces, shape (n d, k).
+        """
+        scales = np.linalg.norm(columns[self._free], axis=0)
+        used = scales > 0
+        factors = np.zeros(columns.shape[1])
+        if used.any():
+            chosen = columns[:, used] / scales[used]
+            solved = self.solved(chosen)
+            gram = chosen[self._free].T @ solved
+            right = solved.T @ start[self._free]
+            factors[used] = -np.linalg.lstsq(gram, right, rcond=1e-12)[0] / scales[used]
+        return factors, np.asarray(start + columns @ factors)
+
+    def size(self, forces: Floats) -> float:
+        """The dual norm of the free components of forces, relative to the energy norm of v."""
+        square = float(forces[self._free] @ self.solved(forces[:, None])[:, 0])
+        return float(np.sqrt(max(square, 0.0) / self.energy)) if self.energy > 0 else np.inf
+
+    @cached_property
+    def printed(self) -> float:
+        """Rho that the digits of the displacement leave, independent at each node."""
+        diagonal = self.stiffness.diagonal()[self._free]
+        square = float(diagonal @ self._half_digits.ravel()[self._free] ** 2) / 3
+        return float(np.sqrt(square / self.energy)) if self.energy > 0 else np.inf
+
+    @property
+    def threshold(self) -> float:
+        """Of rho."""
+        return max(JUDGED_EQUILIBRIUM, JUDGED_EQUILIBRIUM_OF_PRINT * self.printed)
+
+    def forces(self, formulation: Formulation) -> Forces:
+        """The internal forces in a formulation."""
+        matrices = self._plain if formulation == FULL else stiffness_by_material(self.problem, formulation)
+        if not formulation.layer:
+            by_material = np.array([matrix @ self.v.ravel() for matrix in matrices])
+            return Forces(formulation, by_material, np.zeros((self.v.size, 0)))
+        return self._forces_of_layer(formulation, matrices)
+
+    def _forces_of_layer(self, formulation: Formulation, matrices: list[csr_array]) -> Forces:
+        """Of a layer of bricks, whose displacement out of the plane is free but where friction holds it."""
+        count = len(self.v)
+        total = sum(matrices[1:], matrices[0])
+        rubbing = np.zeros(count, dtype=bool)
+        for contact in self.problem.contacts:
+            if contact.rubs or contact.bonded:
+                rubbing[contact.nodes] = True
+        in_plane, across = np.arange(3 * count).reshape(-1, 3)[:, :2].ravel(), 3 * np.arange(count) + 2
+        loose, held = across[~rubbing], across[rubbing]
+        inner = total[loose][:, loose].tocsc()
+        inner.setdiag(inner.diagonal() + JUDGED_SHIFT * inner.diagonal().max())
+        factor = splu(inner)
+        unknown = np.zeros((3 * count, 1 + held.size))
+        unknown[in_plane, 0] = self.v.ravel()
+        unknown[held, 1:] = np.eye(held.size)
+        unknown[loose] = -factor.solve(np.ascontiguousarray(total[loose] @ unknown))
+        parts = np.array([matrix[in_plane] @ unknown[:, 0] for matrix in matrices])
+        return Forces(formulation, parts, np.asarray(total[in_plane] @ unknown[:, 1:]))
+
+    def fit(self, formulation: Formulation) -> Fit:
+        """The equilibrium in a formulation."""
+        forces = self.forces(formulation)
+        _, residual = self.least(forces.total - self.loads.sum(axis=0), forces.columns)
+        missed = self.solved(residual[:, None])[:, 0]
+        work = np.zeros(self.v.size)
+        work[self._free] = np.abs(missed * residual[self._free])
+        by_node = work.reshape(self.v.shape).sum(axis=1)
+        worst = int(np.argmax(by_node))
+        share = float(by_node[worst] / by_node.sum()) if by_node.any() else 0.0
+        return Fit(forces, self.size(residual), residual.reshape(self.v.shape), worst, share)
+
+    def moved_by(self, fit: Fit) -> Floats:
+        """By how much the free components must move to be in equilibrium, length, shape (n, d)."""
+        missed = np.zeros(self.v.size)
+        missed[self._free] = -self.solved(fit.residual.reshape(-1, 1))[:, 0]
+        return missed.reshape(self.v.shape)
+
+
+def own_formulation(problem: JudgedProblem) -> Formulation | None:
+    """That of the elements of its deck; None: not known, or with a stiffness against hourglassing."""
+    kind = problem.element
+    if not kind:
+        return None
+    layer = problem.hypothesis == "plane stress"
+    reduced = kind.endswith("R") or kind.endswith("RH")
+    if kind.startswith("C3D8I") or kind.endswith("I"):
+        return Formulation(INCOMPATIBLE)
+    if reduced and problem.mesh.element.degree == 1 and not problem.mesh.element.simplex:
+        return None
+    return Formulation("reduced" if reduced and not problem.mesh.element.simplex else "full", layer)
+
+
+def hourglass(problem: JudgedProblem) -> bool:
+    """Whether the elements of its deck have a stiffness against hourglassing, which is not known."""
+    return bool(problem.element) and own_formulation(problem) is None
+
+
+@dataclass(frozen=True)
+class BestFit:
+    """The formulation that fits best.
+
+    Attributes:
+        fit: in it.
+        tried: all fits.
+        as_stated: whether it is that of the elements of the deck, or of a problem without a deck the plain one.
+        exact: whether the residual is below its threshold.
+        resolution: what rho means nothing below: the threshold, or rho of a formulation that is not known.
+        similar: whether the reduced formulation fits much better than others, as with a stiffness against hourglassing.
+    """
+
+    fit: Fit
+    tried: tuple[Fit, ...]
+    as_stated: bool
+    exact: bool
+    resolution: float
+    similar: bool
+
+
+def best_fit(equilibrium: Equilibrium) -> BestFit:
+    """Try the formulation of the deck first, then others until one fits."""
+    problem = equilibrium.problem
+    stated = own_formulation(problem)
+    order = candidates(problem)
+    if stated in order:
+        order = [stated, *(entry for entry in order if entry != stated)]
+    tried: list[Fit] = []
+    for formulation in order:
+        tried.append(equilibrium.fit(formulation))
+        if tried[-1].rho <= equilibrium.threshold:
+            break
+    best = min(tried, key=lambda entry: entry.rho)
+    exact = best.rho <= equilibrium.threshold
+    unreduced = [entry.rho for entry in tried if entry.formulation.name != "reduced"]
+    much_better = best.rho <= JUDGED_HOURGLASS * min(unreduced, default=0.0)
+    similar = (
+        not exact
+        and problem.mesh.element.degree == 1
+        and best.formulation.name == "reduced"
+        and best.rho <= JUDGED_HOURGLASS_LEFT
+        and (hourglass(problem) or (best.worst_share <= JUDGED_HOURGLASS_NODE and much_better))
+    )
+    plain = stated if stated is not None else order[0]
+    as_stated = exact and best.formulation.name == plain.name and not hourglass(problem)
+    resolution = max(best.rho, equilibrium.threshold) if similar else equilibrium.threshold
+    return BestFit(best, tuple(tried), as_stated, exact, resolution, similar)

@@ -1,0 +1,152 @@
+"""A result of another program at the nodes of a problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from signorini_fx.addons.judging.calculix_results import NodeTables, Table, read_dat, read_frd
+from signorini_fx.addons.judging.printed_digits import significant_digits
+from signorini_fx.addons.judging.problem_data import JudgedMesh, JudgedProblem
+from signorini_fx.addons.judging.tables_of_points import PointTable, read_csv, read_vtu
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.arrays import plain
+from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.tuned import JUDGED_SAME_PLACE
+
+
+@dataclass(frozen=True)
+class ForeignResult:
+    """A result.
+
+    Attributes:
+        name: of its file, or what it is.
+        program: that made it; "": not known.
+        displacement: length, NaN where there is none, shape (n, d).
+        half_units: half a unit of the last digit of each component, length, shape (n, d).
+        forces: of supports, as the problem counts force, NaN where there is none, shape (n, d); None: there are none.
+        time: of the increment; None: not known.
+        digits: with which it was printed; None: with all.
+    """
+
+    name: str
+    program: str
+    displacement: Floats
+    half_units: Floats
+    forces: Floats | None
+    time: float | None
+    digits: int | None
+
+
+def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
+    """A result at the nodes of a problem.
+
+    Args:
+        result: the path of a .dat, .frd, .csv or .vtu file; or an array of shape (n, d), in the order of the nodes of
+            the deck or of the mesh file; or a mapping from numbers of nodes to displacements.
+        problem: the problem.
+
+    Raises:
+        MeshError: the file cannot be read, or the array has another shape.
+    """
+    if isinstance(result, str | Path):
+        return _read(Path(result), problem)
+    if isinstance(result, Mapping):
+        rows: Table = {int(node): ([float(u) for u in value], [0.0] * len(value)) for node, value in result.items()}
+        return _of_tables("the result", NodeTables(displacement=rows), problem)
+    values = np.asarray(result, dtype=np.float64)
+    expected = problem.mesh.points.shape
+    if values.ndim != 2 or len(values) != expected[0] or values.shape[1] not in (expected[1], 3):
+        raise MeshError(f"the result: an array of shape {expected} is expected, not {values.shape}")
+    values = _finite(values[:, : expected[1]])
+    return ForeignResult("the result", "", values, np.zeros_like(values), None, None, None)
+
+
+def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
+    readers: dict[str, Any] = {".dat": read_dat, ".frd": read_frd}
+    points: dict[str, Any] = {".csv": read_csv, ".vtu": read_vtu}
+    kind = file.suffix.lower()
+    if kind in readers:
+        return _of_tables(file.name, readers[kind](file), problem)
+    if kind in points:
+        return _of_points(file, points[kind](file), problem)
+    raise MeshError(f"{file}: results are read from {', '.join([*readers, *points])}")
+
+
+def _of_tables(name: str, tables: NodeTables, problem: JudgedProblem) -> ForeignResult:
+    """By the numbers of the nodes."""
+    mesh = problem.mesh
+    displacement, half = _rows(tables.displacement, mesh)
+    forces: Floats | None = None
+    if tables.forces:
+        forces = np.asarray(_rows(tables.forces, mesh)[0] / problem.printed_share, dtype=np.float64)
+    if tables.positions and (away := _misplaced(tables, mesh)):
+        raise MeshError(f"{name}: {away}: it is the result of another mesh")
+    digits = significant_digits(np.nan_to_num(displacement), half)
+    return ForeignResult(name, tables.program, displacement, half, forces, tables.time, digits)
+
+
+def _finite(values: Floats) -> Floats:
+    """Values of which those that are no numbers are infinite: NaN is where there are none."""
+    return np.where(np.isnan(values), np.inf, values)
+
+
+def _rows(table: Table, mesh: JudgedMesh) -> tuple[Floats, Floats]:
+    values, half = np.full(mesh.points.shape, np.nan), np.zeros(mesh.points.shape)
+    for row, name in enumerate(plain(mesh.names)):
+        if name in table:
+            components, units = table[name]
+            values[row] = _finite(np.array(components[: mesh.dim]))
+            half[row] = units[: mesh.dim]
+    return values, half
+
+
+def _misplaced(tables: NodeTables, mesh: JudgedMesh) -> str:
+    """A node that is somewhere else than in the problem, in words; "": none is."""
+    for name, x in zip(plain(mesh.names), plain(mesh.points), strict=True):
+        at = tables.positions.get(name)
+        if at is not None and np.linalg.norm(np.subtract(at[: mesh.dim], x)) > JUDGED_SAME_PLACE * mesh.size:
+            return f"node {name} is at {tuple(at[: mesh.dim])}, in the problem at {tuple(x)}"
+    return ""
+
+
+def _of_points(file: Path, table: PointTable, problem: JudgedProblem) -> ForeignResult:
+    """By the numbers of nodes where there are some, else by their positions."""
+    mesh = problem.mesh
+    shape = mesh.points.shape
+    displacement, half = np.full(shape, np.nan), np.zeros(shape)
+    if table.numbers is not None:
+        order = np.argsort(table.numbers)
+        at = np.minimum(np.searchsorted(table.numbers[order], mesh.names), len(order) - 1)
+        rows = order[at]
+        held = table.numbers[rows] == mesh.names
+    else:
+        rows, held = _rows_at(file, table, mesh)
+    displacement[held] = _finite(table.displacement[rows[held], : mesh.dim])
+    half[held] = table.half_units[rows[held], : mesh.dim]
+    digits = significant_digits(np.nan_to_num(displacement), half)
+    return ForeignResult(file.name, "", displacement, half, None, None, digits)
+
+
+def _rows_at(file: Path, table: PointTable, mesh: JudgedMesh) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """The row of the table at each node, and which nodes have one."""
+    near = JUDGED_SAME_PLACE * mesh.size
+    if table.points is None:
+        raise MeshError(f"{file}: has neither numbers nor positions of nodes: give columns node, or x and y")
+    x = np.pad(mesh.points, ((0, 0), (0, table.points.shape[1] - mesh.dim)))
+    tree = cKDTree(table.points)
+    away, rows = tree.query(x)
+    held = away <= near
+    several = [len(rows) for rows in tree.query_ball_point(x, near)]
+    at_nodes = [len(rows) for rows in cKDTree(x).query_ball_point(x, near)]
+    if max(at_nodes) > 1 and max(several) > 1:
+        node = int(np.argmax(at_nodes))
+        cure = "give a column node with the numbers of the problem"
+        raise MeshError(f"{file}: several nodes are at {tuple(plain(mesh.points[node]))}, as in contact: {cure}")
+    return rows.astype(np.int64), held

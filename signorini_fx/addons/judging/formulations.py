@@ -1,0 +1,212 @@
+"""Stiffness of a mesh in several element formulations, of which one is that of the program that made a result.
+
+Strains are xx, yy, zz, xy, xz, yz, of shear twice the tensor's; of a body of revolution zz is along the circumference.
+
+- ``full``: as many points as the program takes for its plain elements;
+- ``reduced``: one point less along each axis;
+- ``B-bar``: the mean dilatation of each element (T. J. R. Hughes, The Finite Element Method, 1987, 4.5.2);
+- ``incompatible``: quadratic modes that neighbours do not share, condensed, with the Jacobian of the centre, as in
+  CalculiX (E. L. Wilson, R. L. Taylor, W. P. Doherty, J. Ghaboussi, Incompatible displacement models, 1973);
+- ``incompatible, scaled``: the same times its determinant over that of the point, which represents uniform strain on
+  distorted cells, too (R. L. Taylor, P. J. Beresford, E. L. Wilson, Int. J. Numer. Meth. Engng 10 (1976) 1211-1219).
+
+Plane stress is also computed as programs do that know solids alone: a layer of bricks, whose displacements in the plane
+are constant over the thickness, and whose faces move out of the plane by +w and -w, which is an unknown of each node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from signorini_fx.addons.judging.problem_data import JudgedProblem
+from signorini_fx.addons.judging.reference_elements import stiffness_rule
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+
+INCOMPATIBLE, SCALED = "incompatible", "incompatible, scaled"
+# Numbers of strains that are made at once.
+_AT_ONCE = 4_000_000
+_IN_PLANE = (0, 1, 3)
+
+
+@dataclass(frozen=True)
+class Formulation:
+    """An element formulation.
+
+    Attributes:
+        name: that of the list above; or ``exact``, which integrates distorted cells, too, to many digits.
+        layer: whether plane stress is a layer of bricks.
+    """
+
+    name: str
+    layer: bool = False
+
+    @property
+    def further_points(self) -> int:
+        """Of quadrature along each axis, besides those of plain elements."""
+        return {"reduced": -1, "exact": 3}.get(self.name, 0)
+
+    @property
+    def words(self) -> str:
+        """For messages."""
+        words = {
+            "full": "full integration",
+            "reduced": "reduced integration",
+            "B-bar": "mean dilatation (B-bar)",
+            INCOMPATIBLE: "incompatible modes",
+            SCALED: "incompatible modes (Taylor)",
+            "exact": "exact integration",
+        }[self.name]
+        return f"{words}, as a layer of bricks" if self.layer else words
+
+
+FULL, EXACT = Formulation("full"), Formulation("exact")
+
+
+def candidates(problem: JudgedProblem) -> list[Formulation]:
+    """All formulations that there are for the cells of a problem; the plain ones first."""
+    element = problem.mesh.element
+    names = ["full"]
+    if not element.simplex:
+        names.append("reduced")
+        if element.degree == 1:
+            names += ["B-bar"] * (problem.hypothesis != "plane stress")
+            names += [INCOMPATIBLE, SCALED] * (problem.hypothesis != "axisymmetric")
+    plain = [Formulation(name) for name in names]
+    if problem.hypothesis != "plane stress":
+        return plain
+    return [Formulation(name, layer=True) for name in names if name not in (INCOMPATIBLE, SCALED)] + plain
+
+
+def stiffness_by_material(problem: JudgedProblem, formulation: Formulation) -> list[csr_array]:
+    """The stiffness that each material contributes, shape (n c, n c) with c unknowns at a node; see ``components``."""
+    count = len(problem.mesh.points) * components(problem, formulation)
+    matrices = []
+    for material in problem.materials:
+        parts = list(_element_matrices(problem, formulation, material.cells, material.stiffness))
+        rows = [np.repeat(numbers, numbers.shape[1], axis=1).ravel() for numbers, _ in parts]
+        columns = [np.tile(numbers, numbers.shape[1]).ravel() for numbers, _ in parts]
+        values = [matrix.ravel() for _, matrix in parts]
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        matrices.append(coo_array(entries, shape=(count, count)).tocsr())
+    return matrices
+
+
+def components(problem: JudgedProblem, formulation: Formulation) -> int:
+    """Unknowns at a node: those of the displacement, and of a layer the one out of its plane."""
+    return problem.mesh.dim + formulation.layer
+
+
+def _element_matrices(
+    problem: JudgedProblem, formulation: Formulation, cells: Ints, stiffness: Floats
+) -> Iterator[tuple[Ints, Floats]]:
+    """Numbers of the unknowns of some cells after others, and their stiffness, shapes (m, a) and (m, a, a)."""
+    mesh, c = problem.mesh, components(problem, formulation)
+    width = mesh.cells.shape[1] * c
+    places, _ = stiffness_rule(mesh.element, formulation.further_points)
+    at_once = max(1, _AT_ONCE // (len(places) * 6 * width))
+    if not formulation.layer:
+        stiffness = elastic_stiffness(problem, stiffness)
+    for start in range(0, len(cells), at_once):
+        nodes = mesh.cells[cells[start : start + at_once]]
+        numbers = (nodes[:, :, None] * c + np.arange(c)).reshape(len(nodes), -1)
+        yield numbers, _stiffness_of_cells(problem, formulation, mesh.points[nodes], stiffness)
+
+
+def elastic_stiffness(problem: JudgedProblem, stiffness: Floats) -> Floats:
+    """That of a material in a problem, shape (6, 6): in plane stress there is no stress across the plane."""
+    if problem.hypothesis != "plane stress":
+        return stiffness
+    plane = np.zeros_like(stiffness)
+    plane[np.ix_(_IN_PLANE, _IN_PLANE)] = np.linalg.inv(np.linalg.inv(stiffness)[np.ix_(_IN_PLANE, _IN_PLANE)])
+    return plane
+
+
+def _stiffness_of_cells(problem: JudgedProblem, formulation: Formulation, x: Floats, stiffness: Floats) -> Floats:
+    """The stiffness of cells with the nodes x, shape (m, k, d) -> (m, a, a)."""
+    element = problem.mesh.element
+    places, weights = stiffness_rule(element, formulation.further_points)
+    shape, reference = element.shape(places), element.gradient(places)
+    jacobian = np.einsum("qkj,mkd->mqdj", reference, x)
+    size = np.linalg.det(jacobian)
+    gradient = np.einsum("qkj,mqjd->mqkd", reference, np.linalg.inv(jacobian))
+    radius = np.einsum("qk,mk->mq", shape, x[..., 0]) if problem.hypothesis == "axisymmetric" else None
+    measure = np.abs(size) * weights * (1.0 if radius is None else radius)
+    strains = _strains(gradient, shape, radius)
+    if formulation.layer:
+        strains, measure = _in_a_layer(strains, gradient, shape, measure, problem.thickness)
+    if formulation.name == "B-bar":
+        strains = _mean_dilatation(strains, measure)
+    if formulation.name in (INCOMPATIBLE, SCALED):
+        centre = np.einsum("qkj,mkd->mqdj", element.gradient(np.full((1, element.dim), 0.5)), x)[:, 0]
+        further = _incompatible_modes(places, jacobian, centre, scaled=formulation.name == SCALED)
+        strains = np.concatenate((strains, _strains(further, shape, None)), axis=3)
+    rows = strains.reshape(len(x), -1, strains.shape[3])
+    stresses = (measure[..., None, None] * (stiffness @ strains)).reshape(rows.shape)
+    matrix = np.asarray(rows.transpose(0, 2, 1) @ stresses)
+    if formulation.name not in (INCOMPATIBLE, SCALED):
+        return matrix
+    inner = x.shape[1] * x.shape[2]
+    coupling = matrix[:, :inner, inner:]
+    return np.asarray(
+        matrix[:, :inner, :inner] - coupling @ np.linalg.solve(matrix[:, inner:, inner:], matrix[:, inner:, :inner])
+    )
+
+
+def _strains(gradient: Floats, shape: Floats, radius: Floats | None) -> Floats:
+    """Strains of unit displacements, node by node, shape (m, q, 6, k d).
+
+    Args:
+        gradient: of the shape functions, shape (m, q, k, d).
+        shape: themselves, shape (q, k).
+        radius: of the points of a body of revolution, shape (m, q); None: it is another one.
+    """
+    m, q, k, d = gradient.shape
+    strains = np.zeros((m, q, 6, k, d))
+    for axis in range(d):
+        strains[:, :, axis, :, axis] = gradient[..., axis]
+    shears = ((3, 0, 1),) if d == 2 else ((3, 0, 1), (4, 0, 2), (5, 1, 2))
+    for row, first, second in shears:
+        strains[:, :, row, :, first] = gradient[..., second]
+        strains[:, :, row, :, second] = gradient[..., first]
+    if radius is not None:
+        strains[:, :, 2, :, 0] = shape[None] / radius[..., None]
+    return strains.reshape(m, q, 6, k * d)
+
+
+def _in_a_layer(
+    strains: Floats, gradient: Floats, shape: Floats, measure: Floats, thickness: float
+) -> tuple[Floats, Floats]:
+    """Strains with the displacement of the faces out of the plane, at two heights, and the measure of each."""
+    m, q, _, width = strains.shape
+    k = gradient.shape[2]
+    at_heights = []
+    for height in (-1 / np.sqrt(3), 1 / np.sqrt(3)):
+        layer = np.zeros((m, q, 6, k, 3))
+        layer[..., :2] = strains.reshape(m, q, 6, k, width // k)
+        layer[:, :, 2, :, 2] = 2 / thickness * shape
+        layer[:, :, 4, :, 2] = height * gradient[..., 0]
+        layer[:, :, 5, :, 2] = height * gradient[..., 1]
+        at_heights.append(layer.reshape(m, q, 6, 3 * k))
+    return np.concatenate(at_heights, axis=1), np.concatenate((measure, measure), axis=1) / 2
+
+
+def _mean_dilatation(strains: Floats, measure: Floats) -> Floats:
+    """Strains whose dilatation is its mean over the cell."""
+    dilatation = strains[:, :, :3].sum(axis=2)
+    mean = np.einsum("mq,mqa->ma", measure, dilatation) / measure.sum(axis=1)[:, None]
+    strains = strains.copy()
+    strains[:, :, :3] += ((mean[:, None] - dilatation) / 3)[:, :, None]
+    return strains
+
+
+def _incompatible_modes(places: Floats, jacobian: Floats, centre: Floats, *, scaled: bool) -> Floats:
+    """Gradients of the modes 1 - xi^2 along each axis, with the Jacobian of the centre, shape (m, q, d, d)."""
+    modes = np.einsum("qj,jl->qjl", 1 - 2 * places, np.eye(places.shape[1]))
+    gradients = np.einsum("qkj,mjd->mqkd", modes, np.linalg.inv(centre))
+    if scaled:
+        gradients *= (np.linalg.det(centre)[:, None] / np.linalg.det(jacobian))[..., None, None]
+    return np.asarray(gradients)

@@ -1,0 +1,269 @@
+"""``judge``: a verdict on another program's displacement of a contact problem.
+
+The order: is it a result of this mesh; are units and supports those of the problem; is it in equilibrium in some
+element formulation, or with other loads or moduli; do contact and friction hold; how far is it from the solution.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.addons.judging.contact_figures import JudgedContactFigures, contact_figures
+from signorini_fx.addons.judging.contact_findings import contact_findings, contact_lines, figures_of_contact, reactions
+from signorini_fx.addons.judging.distance import measured_distance
+from signorini_fx.addons.judging.equilibrium import BestFit, Equilibrium, best_fit, hourglass
+from signorini_fx.addons.judging.factors import FoundFactors, force_factor, found_factors
+from signorini_fx.addons.judging.foreign_result import ForeignResult, read_result
+from signorini_fx.addons.judging.judgement import JudgedFinding, Judgement, sorted_findings
+from signorini_fx.addons.judging.problem_data import JudgedProblem
+from signorini_fx.addons.judging.problems import judged_problem
+from signorini_fx.addons.judging.touching_surface import touching_surface
+from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.tuned import (
+    JUDGED_DIGITS,
+    JUDGED_FACTOR_LEFT,
+    JUDGED_FORCES,
+    JUDGED_SAME_TIME,
+    JUDGED_SUPPORTS,
+    JUDGED_UNITS,
+)
+
+
+def judge(problem: object, result: object, *, compare: bool = True) -> Judgement:
+    """Judge another program's result.
+
+    Args:
+        problem: the path of an input file (.inp) of Abaqus or CalculiX, or of a scene file; or a ``Scene``.
+        result: the displacements: the path of a .dat or .frd file of CalculiX, of a .csv or .vtu; or an array of shape
+            (n, d), in the order of the nodes of the input file or of the mesh of the scene; or a mapping from numbers
+            of nodes to displacements.
+        compare: solve the problem, too, for the distance from the solution and what stands beside it.
+
+    Raises:
+        MeshError: a file cannot be read, or the array has another shape.
+        SceneError: the scene is wrong.
+    """
+    begun = time.perf_counter()
+    stated, reasons = judged_problem(problem)
+    theirs = read_result(result, stated)
+    about: dict[str, Any] = {
+        "program": theirs.program,
+        "element": stated.element,
+        "formulation": None,
+        "step": None if stated.deck is None else max(1, len(stated.deck.steps)),
+        "time": theirs.time,
+        "digits": theirs.digits,
+    }
+    findings = [JudgedFinding("judged", reason) for reason in reasons] or _unusable(stated, theirs)
+    if findings:
+        return Judgement(theirs.name, sorted_findings(findings), about, lost=stated.lost)
+    return _Judging(stated, theirs, about, begun).judgement(compare=compare)
+
+
+def _unusable(problem: JudgedProblem, theirs: ForeignResult) -> list[JudgedFinding]:
+    """Why a result is none, or cannot be judged."""
+    values, needed = theirs.displacement, problem.deformable
+    if np.isinf(values).any():
+        return [JudgedFinding("result", "it has values that are not finite")]
+    missing = needed & np.isnan(values).any(axis=1)
+    if missing.any():
+        count, name = np.count_nonzero(missing), problem.mesh.names[np.argmax(missing)]
+        text = f"{count} of {np.count_nonzero(needed)} nodes have no displacement, such as node {name}"
+        if missing[needed].all() and problem.mesh.dim == 2:
+            text += "; of plane elements write *NODE FILE without OUTPUT=3D"
+        return [JudgedFinding("judged", text)]
+    if not np.abs(values[needed]).max(initial=0.0) > 0:
+        return [JudgedFinding("result", "nothing moves at all")]
+    times = theirs.time, problem.time
+    if times[0] is not None and times[1] is not None and not np.isclose(times[0], times[1], rtol=JUDGED_SAME_TIME):
+        return [JudgedFinding("result", f"it ends at time {times[0]:g}, and the problem at {times[1]:g}")]
+    if theirs.digits is not None and theirs.digits < JUDGED_DIGITS:
+        text = f"it is printed with {theirs.digits} digits, of which {JUDGED_DIGITS} at least are needed"
+        return [JudgedFinding("judged", text)]
+    return []
+
+
+@dataclass
+class _Judging:
+    """The way to a verdict.
+
+    Attributes:
+        problem: the problem.
+        theirs: the result.
+        about: what is known of it.
+        begun: when it began, seconds.
+    """
+
+    problem: JudgedProblem
+    theirs: ForeignResult
+    about: dict[str, Any]
+    begun: float
+
+    def judgement(self, *, compare: bool) -> Judgement:
+        """See ``judge``."""
+        problem = self.problem
+        v = np.where(np.isnan(self.theirs.displacement), np.nan_to_num(problem.prescribed), self.theirs.displacement)
+        largest = float(np.linalg.norm(v[problem.deformable], axis=1).max())
+        equilibrium = Equilibrium(problem, v, self.theirs.half_units)
+        findings: list[JudgedFinding] = []
+        lines: dict[str, str] = {}
+        figures: dict[str, dict[str, Any]] = {}
+        factors: Mapping[str, float] = {}
+        supports, finding = self._supports(v, largest)
+        figures["supports"] = supports
+        lines["supports"] = f"kept, largest deviation {supports['value']:.2g} of the largest displacement"
+        if finding is not None:
+            findings.append(finding)
+            lines["supports"] = finding.text
+        best = best_fit(equilibrium)
+        residual = best.fit.residual
+        self.about["formulation"] = best.fit.formulation.words
+        unit = self._unit_factor(equilibrium, best, v)
+        explained = None if best.exact or unit is not None else found_factors(equilibrium, best)
+        if unit is not None:
+            text = f"it is {unit:.4g} times what the problem has in its units"
+            findings.append(JudgedFinding("units", text, unit))
+        elif explained is not None:
+            factors, residual = explained.changed, explained.residual
+            findings.append(JudgedFinding("factors", self._of_factors(explained), explained.remainder))
+        elif not best.exact and not best.similar and not self._hourglass(best):
+            findings.append(self._unbalanced(equilibrium, best))
+        elif not best.as_stated and not self._hourglass(best):
+            findings.append(JudgedFinding("element", f"it is in equilibrium with {best.fit.formulation.words}"))
+        if best.exact and self.theirs.forces is not None:
+            findings += self._of_forces(best, self.theirs.forces)
+        lines["balance"] = _balance(equilibrium, best, explained)
+        if self._hourglass(best):
+            lines["balance"] += f"; the stiffness of {problem.element} against hourglassing is not known"
+        figures["equilibrium"] = {"value": best.fit.rho, "threshold": best.resolution}
+        figures["printed"] = {"value": equilibrium.printed, "threshold": None}
+        unknown = not best.exact and explained is None
+        contacts = self._contacts(v, residual, equilibrium.energy, largest)
+        named = reactions(problem, residual)
+        if unit is None:
+            for figure in contacts:
+                findings += contact_findings(problem, figure, unknown=unknown)
+            balanced = best.exact or explained is not None
+            for side in named:
+                findings += (
+                    [finding] if (finding := side.finding(balanced=balanced, unknown=unknown)) is not None else []
+                )
+        figures |= figures_of_contact(problem, contacts, named, unknown=unknown)
+        lines |= contact_lines(problem, contacts, largest)
+        error: Mapping[str, Any] = {}
+        beside: Mapping[str, Any] = {}
+        if compare and unit is None:
+            distance = measured_distance(problem, v, contacts, supported=finding is None)
+            error, beside = distance.error, distance.beside
+            lines |= distance.lines
+        head = self._head(best, equilibrium)
+        lines = {"theirs": head, **lines, "effort": f"{time.perf_counter() - self.begun:.1f} s"}
+        return Judgement(
+            self.theirs.name,
+            sorted_findings(findings),
+            self.about,
+            figures,
+            factors,
+            error,
+            beside,
+            problem.lost,
+            lines,
+        )
+
+    def _head(self, best: BestFit, equilibrium: Equilibrium) -> str:
+        words = [self.theirs.program, self.problem.element]
+        fit = f"{best.fit.formulation.words} fits to {best.fit.rho:.0e}, print round-off {equilibrium.printed:.0e}"
+        when = "" if self.theirs.time is None else f"step {self.about['step']}, time {self.theirs.time:g}"
+        return ", ".join(filter(None, [*words, fit, when]))
+
+    def _hourglass(self, best: BestFit) -> bool:
+        return hourglass(self.problem) and best.similar
+
+    def _supports(self, v: Floats, largest: float) -> tuple[dict[str, Any], JudgedFinding | None]:
+        away = np.abs(np.nan_to_num(v - self.problem.prescribed))
+        node, axis = divmod(int(np.argmax(away)), away.shape[1])
+        value = float(away.max() / largest)
+        figure = {"value": value, "threshold": JUDGED_SUPPORTS}
+        if value <= JUDGED_SUPPORTS:
+            return figure, None
+        name, at = self._named(int(node))
+        meant = float(self.problem.prescribed[node, axis])
+        text = (
+            f"node {name} {_shown(at)} is moved by {v[node, axis]:.4g} along {'xyz'[axis]}, prescribed is {meant:.4g}"
+        )
+        return figure, JudgedFinding("supports", text, value, JUDGED_SUPPORTS, None, name, at)
+
+    def _named(self, node: int) -> tuple[int, tuple[float, ...]]:
+        return int(self.problem.mesh.names[node]), tuple(self.problem.mesh.points[node].tolist())
+
+    def _unit_factor(self, equilibrium: Equilibrium, best: BestFit, v: Floats) -> float | None:
+        """By which factor all of it is too large, if that is one of units; None: it is not."""
+        meant = np.nan_to_num(self.problem.prescribed)
+        square = float((meant**2).sum())
+        factors = [float((v * meant).sum()) / square] if square > 0 else []
+        loads = -equilibrium.loads.sum(axis=0)
+        if not best.exact and loads.any():
+            internal = best.fit.forces.total
+            (value, *_), residual = equilibrium.least(internal, np.column_stack((loads, best.fit.forces.columns)))
+            if equilibrium.size(residual) <= max(equilibrium.threshold, JUDGED_FACTOR_LEFT * best.fit.rho):
+                factors.append(float(value))
+        return next((f for f in factors if f > 0 and abs(np.log10(f)) > JUDGED_UNITS), None)
+
+    def _of_factors(self, explained: FoundFactors) -> str:
+        """In words whose problem it is."""
+        if explained.kind == "moduli":
+            named = ", ".join(
+                f"its moduli{' of ' + name if name else ''} are {value:.4g} times the problem's"
+                for name, value in explained.changed.items()
+            )
+            return named
+        named = ", ".join(f"its {name} is {value:.4g} times the problem's" for name, value in explained.changed.items())
+        alike = np.ptp(list(explained.factors.values())) <= 1e-3 * max(explained.factors.values())
+        return f"{named}, or its moduli are {1 / max(explained.factors.values()):.4g} times" if alike else named
+
+    def _unbalanced(self, equilibrium: Equilibrium, best: BestFit) -> JudgedFinding:
+        fit = best.fit
+        name, at = self._named(fit.worst)
+        moved = float(np.linalg.norm(equilibrium.moved_by(fit)[fit.worst]))
+        text = f"residual {100 * fit.rho:.2g} % of the energy norm, most at node {name} {_shown(at)}"
+        if fit.worst_share > 0.5:
+            text = f"node {name} {_shown(at)} does not fit: it must move by {moved:.2g} to be in balance"
+        return JudgedFinding("equilibrium", text, fit.rho, equilibrium.threshold, fit.worst_share, name, at)
+
+    def _of_forces(self, best: BestFit, theirs: Floats) -> list[JudgedFinding]:
+        """Their own reactions against those that their displacement exerts."""
+        problem = self.problem
+        nodes = ~problem.touching & problem.deformable
+        for forces in problem.loads.values():  # programs differ in whether loads at supports are part of reactions
+            nodes &= ~forces.any(axis=1)
+        held = np.asarray(~np.isnan(problem.prescribed) & nodes[:, None] & ~np.isnan(theirs))
+        if not held.any():
+            return []
+        factor, remainder = force_factor(theirs, best.fit.residual, held)
+        if abs(factor - 1) <= JUDGED_FORCES or remainder > JUDGED_FACTOR_LEFT * abs(factor - 1):
+            return []
+        text = f"its reactions are {factor:.4g} times those of its displacement with the problem's moduli"
+        return [JudgedFinding("factors", text, factor, JUDGED_FORCES)]
+
+    def _contacts(self, v: Floats, residual: Floats, energy: float, largest: float) -> list[JudgedContactFigures]:
+        return [
+            contact_figures(self.problem, touching_surface(self.problem, contact, v, residual), energy, largest)
+            for contact in self.problem.contacts
+            if not contact.bonded
+        ]
+
+
+def _balance(equilibrium: Equilibrium, best: BestFit, explained: FoundFactors | None) -> str:
+    if explained is not None:
+        return f"in equilibrium with {explained.words}"
+    residual, allowed = (f"{100 * value:.2g} %" for value in (best.fit.rho, equilibrium.threshold))
+    return f"residual {residual} of the energy norm, {allowed} is allowed"
+
+
+def _shown(at: tuple[float, ...]) -> str:
+    return f"({', '.join(f'{x:g}' for x in at)})"

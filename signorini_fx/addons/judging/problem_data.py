@@ -1,0 +1,247 @@
+"""What a foreign result is judged against: mesh, moduli, supports, loads and contact as plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss, reference_element
+from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.raw import rows_of
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+
+# The kind of the facets of each kind of cell; those of serendipity elements are of that family.
+_FACET = {"quad8": "line3", "hexahedron20": "quad8"}
+_COMPLETE = {"quad8": "quad9", "hexahedron20": "hexahedron27"}
+
+
+@dataclass(frozen=True)
+class JudgedMesh:
+    """The mesh of a problem.
+
+    Attributes:
+        points: positions, length, shape (n, d).
+        kind: of its cells, of ``reference_elements``.
+        cells: nodes of each, shape (m, k).
+        boundaries: name -> nodes of its facets, shape (f, l).
+        regions: name -> cells.
+        names: the number of each node in its file, shape (n,).
+    """
+
+    points: Floats
+    kind: str
+    cells: Ints
+    boundaries: Mapping[str, Ints]
+    regions: Mapping[str, Ints]
+    names: Ints
+
+    @property
+    def dim(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.points.shape[1]
+
+    @property
+    def element(self) -> ReferenceElement:
+        """That of the cells."""
+        return reference_element(self.kind)
+
+    @property
+    def facet(self) -> ReferenceElement:
+        """That of the facets."""
+        return reference_element(_FACET.get(self.kind, CELLS[_COMPLETE.get(self.kind, self.kind)].facet))
+
+    @cached_property
+    def size(self) -> float:
+        """Diagonal of the box around it, length."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    def owners(self, facets: Ints) -> Ints:
+        """The cell of each exterior facet."""
+        sides = np.array(CELLS[_COMPLETE.get(self.kind, self.kind)].facets)
+        width = sides.shape[1]
+        table = self.cells[:, sides].reshape(-1, width)
+        order = rows_of(table, facets[:, :width])
+        owner = np.full(len(facets), -1)
+        held = np.flatnonzero(order >= 0)
+        owner[order[held]] = held // len(sides)
+        return owner
+
+    @cached_property
+    def bodies(self) -> Ints:
+        """The number of the body of each node: bodies share no node."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        first, further = np.repeat(self.cells[:, :1], self.cells.shape[1] - 1, axis=1), self.cells[:, 1:]
+        pairs = (np.ones(further.size), (first.ravel(), further.ravel()))
+        graph = coo_array(pairs, shape=(len(self.points),) * 2)
+        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class JudgedMaterial:
+    """A material.
+
+    Attributes:
+        name: its region; "": the whole body.
+        cells: that consist of it.
+        stiffness: stresses from strains, xx, yy, zz, xy, xz, yz, of shear twice the tensor's, stress, shape (6, 6).
+        young: its natural modulus, stress.
+        density: mass per volume; None: not known.
+    """
+
+    name: str
+    cells: Ints
+    stiffness: Floats
+    young: float
+    density: float | None
+
+
+@dataclass(frozen=True)
+class JudgedContact:
+    """Contact of two surfaces, or of one with a rigid foundation.
+
+    Attributes:
+        name: of the boundary that carries it.
+        against: of that of the other body; "": a rigid foundation.
+        facets: nodes, shape (f, l).
+        opposite: of the other side, shape (g, l); none with a rigid foundation.
+        entry: that of the scene.
+        bonded: whether both sides are tied.
+        stiffness: stress per length that the deck gives; None: hard.
+        stick: the same of sticking.
+        nodal: whether a node of one side touches a surface, as *TYPE=NODE TO SURFACE* says.
+    """
+
+    name: str
+    against: str
+    facets: Ints
+    opposite: Ints
+    entry: Any
+    bonded: bool
+    stiffness: float | None = None
+    stick: float | None = None
+    nodal: bool = False
+
+    @property
+    def nodes(self) -> Ints:
+        """Of both sides."""
+        return np.unique(np.concatenate((self.facets.ravel(), self.opposite.ravel())))
+
+    @property
+    def rubs(self) -> bool:
+        """Whether it has friction."""
+        return not self.bonded and bool(self.entry.friction.acts)
+
+
+@dataclass(frozen=True)
+class JudgedProblem:
+    """A problem.
+
+    Attributes:
+        mesh: its mesh.
+        hypothesis: plane strain, plane stress, axisymmetric or space.
+        thickness: of a body under plane stress, length.
+        materials: of which each cell has one.
+        prescribed: displacements, length, NaN where they are free, shape (n, d).
+        loads: name -> forces at the nodes, in the plane per thickness, of revolution per radian, shape (n, d).
+        contacts: its contacts.
+        element: how a deck calls the elements, such as CPE4; "": not known.
+        hard: stress per length by which the program of the deck makes hard contact; 0: it is hard.
+        printed_share: of these forces those that the program of the deck prints.
+        several_steps: whether slip counts from a load step before the last one.
+        time: at the end of the last step; None: not known.
+        scene: what ``solve`` takes.
+        deck: what was read from the input file; None: the problem is none.
+        lost: what the problem lacks of the deck.
+        rigid_bodies: numbers of bodies all of whose nodes are held.
+    """
+
+    mesh: JudgedMesh
+    hypothesis: str
+    thickness: float
+    materials: tuple[JudgedMaterial, ...]
+    prescribed: Floats
+    loads: Mapping[str, Floats]
+    contacts: tuple[JudgedContact, ...]
+    element: str
+    hard: float
+    printed_share: float
+    several_steps: bool
+    time: float | None
+    scene: Any
+    deck: Any
+    lost: tuple[str, ...] = ()
+
+    @cached_property
+    def rigid_bodies(self) -> Ints:
+        """Numbers of bodies all of whose nodes are held."""
+        bodies = self.mesh.bodies
+        loose = np.unique(bodies[np.isnan(self.prescribed).any(axis=1)])
+        return np.setdiff1d(np.unique(bodies), loose)
+
+    @cached_property
+    def deformable(self) -> npt.NDArray[np.bool_]:
+        """Which nodes are of a body that is not held everywhere, shape (n,)."""
+        return ~np.isin(self.mesh.bodies, self.rigid_bodies)
+
+    @cached_property
+    def touching(self) -> npt.NDArray[np.bool_]:
+        """Which nodes are on a surface in contact, shape (n,)."""
+        marked = np.zeros(len(self.mesh.points), dtype=bool)
+        for contact in self.contacts:
+            marked[contact.nodes] = True
+        return marked
+
+    @cached_property
+    def free(self) -> npt.NDArray[np.bool_]:
+        """Which components are neither held nor of a node in contact, shape (n, d)."""
+        return np.isnan(self.prescribed) & ~self.touching[:, None] & self.deformable[:, None]
+
+
+@dataclass(frozen=True)
+class FacetPoints:
+    """Points of quadrature on facets.
+
+    Attributes:
+        x: positions, shape (f, q, d).
+        normal: outward, shape (f, q, d).
+        weight: area (in the plane: length; of revolution: per radian), shape (f, q).
+        shape: of the nodes of a facet there, shape (q, l).
+    """
+
+    x: Floats
+    normal: Floats
+    weight: Floats
+    shape: Floats
+
+
+def facet_points(mesh: JudgedMesh, facets: Ints, count: int, *, revolved: bool) -> FacetPoints:
+    """Points of Gauss's rule on facets.
+
+    Args:
+        mesh: the mesh.
+        facets: nodes, shape (f, l).
+        count: of points along each axis.
+        revolved: whether the mesh is a section whose points lie on circles.
+    """
+    element = mesh.facet
+    places, weights = gauss(count, element.dim, simplex=element.simplex)
+    shape, gradient = element.shape(places), element.gradient(places)
+    x = np.einsum("qk,fkd->fqd", shape, mesh.points[facets])
+    tangents = np.einsum("qkj,fkd->fqdj", gradient, mesh.points[facets])
+    if mesh.dim == 2:
+        normal = np.stack((tangents[..., 1, 0], -tangents[..., 0, 0]), axis=2)
+    else:
+        normal = np.cross(tangents[..., 0], tangents[..., 1])
+    size = np.linalg.norm(normal, axis=2)
+    inside = mesh.points[mesh.cells[mesh.owners(facets)]].mean(axis=1)
+    toward = np.einsum("fqd,fqd->fq", normal, x - inside[:, None])
+    normal = normal / size[..., None] * np.where(toward < 0, -1.0, 1.0)[..., None]
+    weight = size * weights * (x[..., 0] if revolved else 1.0)
+    return FacetPoints(x, normal, weight, shape)

@@ -1,0 +1,267 @@
+"""The problem that a result is judged against, from an input file or a scene."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+import numpy as np
+from dolfinx import cpp
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx.addons.decks.content import Deck
+from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.judging.problem_data import (
+    JudgedContact,
+    JudgedMaterial,
+    JudgedMesh,
+    JudgedProblem,
+    facet_points,
+)
+from signorini_fx.addons.judging.stated_loads import loads_of, prescribed_of
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.materials.protocol import PAIRS
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
+from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.mechanics.mesh.files.raw import rows_of
+from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
+from signorini_fx.mechanics.statement.expressions import in_space
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import as_scene, read_scene
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.tuned import HARD_OF_CALCULIX, SAME_LENGTH
+
+# Elements of the serendipity family by the complete ones that they are read as.
+_SERENDIPITY = {"quad9": ("quad8", 8, 3), "hexahedron27": ("hexahedron20", 20, 8)}
+
+
+def judged_problem(problem: object) -> tuple[JudgedProblem, list[str]]:
+    """The problem as arrays, and what it has that cannot be judged.
+
+    Args:
+        problem: the path of an input file (.inp) or of a scene, a ``Scene``, or its mapping.
+
+    Raises:
+        MeshError: the file is no such input file.
+        SceneError: the scene is wrong, or what was drafted from the input file.
+    """
+    if isinstance(problem, str | Path) and Path(problem).suffix.lower() == ".inp":
+        return _of_deck(Path(problem))
+    scene = as_scene(problem)
+    tagged = load_mesh(scene, MPI.COMM_SELF)
+    check_fits(scene.statement, tagged)
+    return _problem(scene, _mesh_of_tagged(tagged, scene), None, ())
+
+
+def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
+    arrays = read_file(file)
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / f"{file.stem}.toml"
+        drafted = draft(file, arrays, target)
+        for path, text in drafted.files.items():
+            path.write_text(text, encoding="utf-8")
+        try:
+            scene = read_scene(target)
+        except SceneError as error:
+            raise error.of(file) from None
+        scene = scene.model_copy(update={"mesh": MeshFile(file=file.resolve())})
+    return _problem(scene, _mesh_of_deck(arrays, drafted.deck), drafted.deck, tuple(drafted.lost))
+
+
+def _mesh_of_deck(arrays: MeshArrays, deck: Deck) -> JudgedMesh:
+    """The nodes and cells of the file itself, without nodes that complete cells."""
+    count = len(deck.numbers)
+    kind, width, facet_width = arrays.kind, arrays.cells.shape[1], arrays.facets.shape[1]
+    if len(arrays.points) > count and kind in _SERENDIPITY:
+        kind, width, facet_width = _SERENDIPITY[kind]
+    facets = arrays.facets[:, :facet_width]
+    boundaries = {name: facets[rows] for name, rows in arrays.boundaries.items()}
+    return JudgedMesh(
+        arrays.points[:count], kind, arrays.cells[:, :width], boundaries, dict(arrays.regions), deck.names
+    )
+
+
+def _mesh_of_tagged(tagged: TaggedMesh, scene: Scene) -> JudgedMesh:
+    """The mesh of a scene."""
+    mesh, dim = tagged.mesh, tagged.dimension
+    degree, name = compat.geometry_degree(mesh), mesh.topology.cell_name()
+    kind = next(
+        kind
+        for kind, cell in CELLS.items()
+        if cell.dim == dim and cell.degree == degree and len(cell.corners) == _corners(name)
+    )
+    width = len(CELLS[kind].nodes)
+    order = np.argsort(cpp.io.perm_vtk(mesh.topology.cell_type, width))
+    cells = compat.geometry_cells(mesh)[:, order].astype(np.int64)
+    sides = sides_of(cells, CELLS[kind])
+    corner_count = len(CELLS[CELLS[kind].facet].corners)
+    boundaries = {}
+    for label in tagged.boundaries:
+        facets = tagged.facets(label)
+        ends = dmesh.entities_to_geometry(mesh, dim - 1, facets)[:, :corner_count] if facets.size else facets
+        _, first = np.unique(np.sort(sides[:, :corner_count], axis=1), axis=0, return_index=True)
+        rows = rows_of(ends.astype(np.int64), sides[first, :corner_count]) if facets.size else facets
+        boundaries[label] = sides[first[rows]]
+    regions = {label: tagged.cells(label).astype(np.int64) for label in tagged.regions}
+    points = mesh.geometry.x[:, :dim].astype(np.float64)
+    return JudgedMesh(points, kind, cells, boundaries, regions, np.arange(1, len(points) + 1))
+
+
+def _corners(cell: str) -> int:
+    return {"triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}[cell]
+
+
+def _problem(
+    scene: Scene, mesh: JudgedMesh, deck: Deck | None, lost: tuple[str, ...]
+) -> tuple[JudgedProblem, list[str]]:
+    statement = scene.statement
+    position = float(statement.steps - 1)
+    placed = statement.placed(position)
+    hypothesis = "space" if mesh.dim == 3 else statement.kinematics.words
+    revolved = hypothesis == "axisymmetric"
+    reasons: list[str] = []
+    if hypothesis not in ("plane strain", "plane stress", "axisymmetric", "space"):
+        reasons.append(f"{hypothesis} is not judged yet")
+    if scene.element.degree != mesh.element.degree:
+        reasons.append("elements of degree 2 on cells of degree 1 are not judged yet: take cells of degree 2")
+    materials, misfits = _materials(statement, mesh)
+    reasons += misfits
+    loads, misfits = loads_of(statement, position, mesh, materials, revolved=revolved)
+    reasons += misfits
+    reasons += [
+        f"{entry.name} is not judged yet"
+        for _, entry in statement.listed()
+        if entry.label in ("springs", "preload", "fluid") or entry.interface
+    ]
+    prescribed, misfits = prescribed_of(statement, position, mesh)
+    reasons += misfits
+    contacts = tuple(_contact(entry, mesh, deck) for entry in placed.contact)
+    for entry in placed.contact:
+        if entry.tool:
+            reasons.append(f"the foundation of {entry.boundary} is driven, which is not judged yet")
+        if entry.kind == "bilateral":
+            reasons.append(f"contact of {entry.boundary} cannot open, which is not judged yet")
+    return JudgedProblem(
+        mesh=mesh,
+        hypothesis=hypothesis,
+        thickness=1.0 if deck is None else deck.thickness,
+        materials=materials,
+        prescribed=prescribed,
+        loads=loads,
+        contacts=contacts,
+        element="" if deck is None else _element(deck),
+        hard=0.0 if deck is None else HARD_OF_CALCULIX,
+        printed_share=1.0 if deck is None else deck.printed_share * (2 * np.pi if revolved else 1.0),
+        several_steps=statement.several_steps,
+        time=None if deck is None else deck.ends.get(len(deck.steps) - 1, float(max(1, len(deck.steps)))),
+        scene=scene,
+        deck=deck,
+        lost=lost,
+    ), reasons
+
+
+def _element(deck: Deck) -> str:
+    """How most of its elements are called."""
+    counts: dict[str, int] = {}
+    rigid = deck.mesh.dim
+    for block in deck.model.blocks:
+        if block.keyword == "ELEMENT" and re.match(r"C3D|CPE|CPS|CAX|[SM]\d", kind := block.parameters["TYPE"].upper()):
+            counts[kind] = counts.get(kind, 0) + len(block.rows)
+    return max(counts, key=lambda kind: counts[kind]) if counts and rigid else ""
+
+
+def _materials(statement: Any, mesh: JudgedMesh) -> tuple[tuple[JudgedMaterial, ...], list[str]]:
+    everything = np.arange(len(mesh.cells))
+    reasons = []
+    materials = []
+    owner = np.full(len(mesh.cells), -1)
+    for number, entry in enumerate(statement.material):
+        owner[everything if entry.region is None else mesh.regions[entry.region]] = number
+    for number, entry in enumerate(statement.material):
+        name = "" if entry.region is None else str(entry.region)
+        if entry.varies:
+            reasons.append(f"the material {name or 'of the body'} varies, which is not judged yet")
+        axes = np.eye(3) if entry.isotropic else entry.axes(in_space(mesh.points[:1]))[0]
+        stiffness = isotropic_stiffness(entry.young, entry.poisson) if entry.isotropic else turned(entry, axes)
+        cells = np.flatnonzero(owner == number)
+        materials.append(JudgedMaterial(name, cells, stiffness, entry.natural_modulus, entry.density))
+    return tuple(materials), reasons
+
+
+def isotropic_stiffness(young: float, poisson: float) -> Floats:
+    """Stresses from strains, xx, yy, zz, xy, xz, yz, of shear twice the tensor's, stress, shape (6, 6)."""
+    shear = young / (2 * (1 + poisson))
+    stiffness = np.diag([2 * shear] * 3 + [shear] * 3)
+    stiffness[:3, :3] += young * poisson / ((1 + poisson) * (1 - 2 * poisson))
+    return stiffness
+
+
+def turned(material: Any, axes: Floats) -> Floats:
+    """The stiffness of a material along the axes of the mesh; ``axes`` has its own as columns, shape (3, 3)."""
+    first = np.array([pair[0] for pair in PAIRS])
+    second = np.array([pair[1] for pair in PAIRS])
+    twice = np.where(first == second, 1.0, 2.0)
+    # Strains along its axes from those along the axes of the mesh, both of shear twice the tensor's.
+    change = np.empty((6, 6))
+    for row, (i, j) in enumerate(PAIRS):
+        for column, (k, m) in enumerate(PAIRS):
+            mean = (axes[k, i] * axes[m, j] + axes[m, i] * axes[k, j]) / 2
+            change[row, column] = twice[row] * mean
+    return np.asarray(change.T @ material.stiffness @ change)
+
+
+def _contact(entry: Any, mesh: JudgedMesh, deck: Deck | None) -> JudgedContact:
+    facets = mesh.boundaries[entry.boundary]
+    opposite = mesh.boundaries[entry.against] if entry.against else facets[:0]
+    stiffness = stick = None
+    nodal = False
+    if deck is not None:
+        for names, interaction in _interactions(deck):
+            if entry.boundary in names:
+                stiffness, stick = deck.stiffness.get(interaction), deck.sticking.get(interaction)
+                block = deck.pairing[(*deck_names(deck, names), interaction)] if interaction else None
+                kind = "" if block is None else block.parameters.get("TYPE", "NODE TO SURFACE").upper()
+                nodal = kind.replace(" ", "").startswith("NODE")
+    bonded = not entry.opens and entry.kind == "bonded"
+    return JudgedContact(entry.boundary, entry.against or "", facets, opposite, entry, bonded, stiffness, stick, nodal)
+
+
+def _interactions(deck: Deck) -> list[tuple[tuple[str | None, str | None], str]]:
+    """The boundaries of each pair of a deck, and its interaction."""
+    return [((deck.boundary(slave), deck.boundary(master)), name) for slave, master, name in deck.pairs]
+
+
+def deck_names(deck: Deck, boundaries: tuple[str | None, str | None]) -> tuple[str, str]:
+    """How a pair of boundaries is called in its deck."""
+    return next(
+        (slave, master)
+        for slave, master, _ in deck.pairs
+        if (deck.boundary(slave), deck.boundary(master)) == boundaries
+    )
+
+
+def rigid_planes(problem: JudgedProblem) -> Mapping[str, tuple[Floats, Floats]]:
+    """Of contacts with a body that is held everywhere, and whose surface is flat, a point and the outward normal of it,
+    by the name of the contact.
+    """
+    planes = {}
+    for contact in problem.contacts:
+        nodes = np.unique(contact.opposite)
+        if not nodes.size or not np.isin(problem.mesh.bodies[nodes], problem.rigid_bodies).all():
+            continue
+        normals = facet_points(problem.mesh, contact.opposite, 2, revolved=False).normal.reshape(-1, problem.mesh.dim)
+        normal = normals.mean(axis=0)
+        flat = (np.abs(normals - normal) <= SAME_LENGTH).all()
+        points: Floats = problem.mesh.points[nodes]
+        if flat and (np.abs((points - points[0]) @ normal) <= SAME_LENGTH * problem.mesh.size).all():
+            planes[contact.name] = (points[0], normal)
+    return planes

@@ -1,0 +1,117 @@
+"""Results at points: .csv with columns of positions or numbers of nodes and of displacements, and .vtu."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from signorini_fx.addons.judging.printed_digits import printed_number, units_of_column
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+
+# Names of columns and fields, in small letters.
+_NUMBERS = ("node", "number", "id", "label")
+_POSITIONS = (("x", "y", "z"), ("x0", "x1", "x2"), ("points:0", "points:1", "points:2"), ("x[0]", "x[1]", "x[2]"))
+_DISPLACEMENTS = (
+    *(("ux", "uy", "uz"), ("u_x", "u_y", "u_z"), ("u1", "u2", "u3"), ("d1", "d2", "d3"), ("vx", "vy", "vz")),
+    *(("u0", "u1", "u2"), ("y_x", "y_y", "y_z"), ("u:0", "u:1", "u:2")),
+    *(("displacement_x", "displacement_y", "displacement_z"), ("displacement:0", "displacement:1", "displacement:2")),
+)
+_FIELDS = ("displacement", "u", "disp", "displacements", "uu", "y")
+
+
+@dataclass(frozen=True)
+class PointTable:
+    """Displacements at points.
+
+    Attributes:
+        numbers: of the nodes, shape (n,); None: not known.
+        points: positions, length, shape (n, 2 or 3); None: not known.
+        displacement: length, shape (n, 2 or 3).
+        half_units: half a unit of the last digit of each, shape (n, 2 or 3).
+    """
+
+    numbers: Ints | None
+    points: Floats | None
+    displacement: Floats
+    half_units: Floats
+
+
+def read_csv(file: Path) -> PointTable:
+    """A table with a heading.
+
+    Raises:
+        MeshError: it cannot be read, has no columns of displacements, or a word is no number.
+    """
+    try:
+        with file.open(encoding="utf-8-sig", newline="") as stream:
+            lines = list(csv.reader(line for line in stream if not line.startswith("#")))
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise MeshError(f"{file}: is no table of text") from None
+    rows = [row for row in lines[1:] if row]
+    heading = [word.strip().lower() for word in lines[0]] if lines else []
+    at = {word: column for column, word in enumerate(heading)}
+    moved = _columns(at, _DISPLACEMENTS)
+    if not moved or not rows:
+        raise MeshError(
+            f"{file}: columns ux, uy (and uz) are expected, with x, y (and z) or node; there are: {heading}"
+        )
+    places = _columns(at, [names for names in _POSITIONS if not {at.get(name) for name in names} & {*moved}])
+    number = next((at[name] for name in _NUMBERS if name in at), None)
+
+    def values(columns: list[int]) -> Floats:
+        table = np.empty((len(rows), len(columns)))
+        for line, row in enumerate(rows):
+            for k, column in enumerate(columns):
+                try:
+                    table[line, k] = printed_number(row[column])
+                except (ValueError, IndexError):
+                    raise MeshError(f"{file}: row {line + 1}: a number is expected in {heading[column]!r}") from None
+        return table
+
+    moved_values = values(moved)
+    half = np.stack([units_of_column([row[column] for row in rows]) / 2 for column in moved], axis=1)
+    numbers = None if number is None else np.rint(values([number])[:, 0]).astype(np.int64)
+    return PointTable(numbers, values(places) if places else None, moved_values, half)
+
+
+def _columns(at: dict[str, int], choices: object) -> list[int]:
+    """The first of several choices of names of which there are two columns or three."""
+    for names in choices:  # type: ignore[attr-defined]
+        columns = [at[name] for name in names if name in at]
+        if len(columns) >= 2 and names[0] in at and names[1] in at:
+            return columns
+    return []
+
+
+def read_vtu(file: Path) -> PointTable:
+    """A field of vectors at the points of a .vtu file.
+
+    Raises:
+        MeshError: it cannot be read, or has no such field.
+    """
+    import meshio
+
+    try:
+        mesh = meshio.read(file)
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
+    except (Exception, SystemExit) as error:
+        raise MeshError(f"{file}: is no .vtu file that meshio reads: {error}") from None
+    vectors = {name: data for name, data in mesh.point_data.items() if data.ndim == 2 and data.shape[1] in (2, 3)}
+    by_name = {name.lower(): name for name in vectors}
+    chosen = next((by_name[name] for name in _FIELDS if name in by_name), None)
+    if chosen is None and len(vectors) == 1:
+        (chosen,) = vectors
+    if chosen is None:
+        raise MeshError(f"{file}: a field of vectors called displacement is expected; there are: {sorted(vectors)}")
+    values = np.asarray(vectors[chosen], dtype=np.float64)
+    half = np.zeros_like(values)
+    if vectors[chosen].dtype == np.float32:
+        half = np.abs(values) * np.finfo(np.float32).eps / 2
+    return PointTable(None, np.asarray(mesh.points, dtype=np.float64), values, half)

@@ -1,0 +1,207 @@
+"""One side of a contact at its corners: forces, areas, clearances and slips, averaged by hat functions.
+
+The hat of a corner is linear on the facets around it.  Forces of nodes are weighted by its values at the nodes, so that
+elements of degree 2, whose forces at corners are none or pull under constant pressure, are judged like those of degree
+1.  Clearance and slip are means over the hat, or of node-to-surface contact those of the corner itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array, csr_array
+
+from signorini_fx.addons.judging.problem_data import JudgedContact, JudgedProblem, facet_points
+from signorini_fx.addons.judging.projection import closest_points, rotated_by
+from signorini_fx.addons.judging.reference_elements import gauss, reference_element
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.statement.expressions import in_space, sample
+from signorini_fx.tuned import JUDGED_FACET_POINTS
+
+_LINEAR = {"line": "line", "line3": "line", "triangle": "triangle", "triangle6": "triangle"}
+
+
+@dataclass(frozen=True)
+class TouchingSurface:
+    """One side of a contact.
+
+    Attributes:
+        contact: it.
+        corners: nodes, shape (c,).
+        area: of each hat, shape (c,).
+        push: force that presses onto the body, shape (c,).
+        shear: force across the normal, shape (c, d).
+        penetration: mean of what enters the other side, length, shape (c,).
+        clearance: least on the facets around a corner, length, shape (c,).
+        slip: across the normal, of this side against the other one, length, shape (c, d).
+        normal: to the other side, shape (c, d).
+        judged: which corners no support holds and no other contact shares, shape (c,).
+        sliding: of these the ones that no support holds in any direction, shape (c,).
+        neighbours: which corners share a facet, shape (c, c).
+        rotation: by which facets in contact turn at most, radians.
+        bound: force that friction can have, shape (c,); zero without friction.
+    """
+
+    contact: JudgedContact
+    corners: Ints
+    area: Floats
+    push: Floats
+    shear: Floats
+    penetration: Floats
+    clearance: Floats
+    slip: Floats
+    normal: Floats
+    judged: npt.NDArray[np.bool_]
+    sliding: npt.NDArray[np.bool_]
+    neighbours: csr_array
+    rotation: float
+    bound: Floats
+
+
+def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, residual: Floats) -> TouchingSurface:
+    """The side of a contact that carries it.
+
+    Args:
+        problem: the problem.
+        contact: one of its contacts.
+        v: the displacement, length, shape (n, d).
+        residual: internal forces less loads, force, shape (n, d).
+    """
+    mesh, facets = problem.mesh, contact.facets
+    linear = reference_element(_LINEAR.get(mesh.facet.kind, "quad"))
+    width = linear.corner_count
+    corners, local = np.unique(facets[:, :width], return_inverse=True)
+    local = local.reshape(-1, width)
+    weights = _hats_at_nodes(facets, local, linear.shape(mesh.facet.nodes), len(corners), len(mesh.points))
+    revolved = problem.hypothesis == "axisymmetric"
+    at = facet_points(mesh, facets, JUDGED_FACET_POINTS, revolved=revolved)
+    hats = linear.shape(gauss(JUDGED_FACET_POINTS, mesh.facet.dim, simplex=mesh.facet.simplex)[0])
+
+    def mean(values: Floats) -> Floats:
+        """Over the hats, of values at points, shape (f, q, ...) -> (c, ...)."""
+        parts = np.einsum("fq,qc,fq...->fc...", at.weight, hats, values)
+        sums = np.zeros((len(corners), *parts.shape[2:]))
+        np.add.at(sums, local, parts)
+        return np.asarray(sums / area.reshape(-1, *[1] * (sums.ndim - 1)))
+
+    area: Floats = np.ones(len(corners))
+    area = mean(np.ones(at.weight.shape))
+    moved = np.einsum("qk,fkd->fqd", at.shape, v[facets])
+    flat = at.x.reshape(-1, mesh.dim)
+    gap, normal, slip = _opposite(problem, contact, v, flat, moved.reshape(flat.shape), at.normal.reshape(flat.shape))
+    gap, normal, slip = gap.reshape(at.weight.shape), normal.reshape(at.x.shape), slip.reshape(at.x.shape)
+    penetration, mean_slip = mean((-gap).clip(min=0.0)), mean(slip)
+    clearance = np.full(len(corners), np.inf)
+    np.minimum.at(clearance, local, np.repeat(gap.min(axis=1)[:, None], width, axis=1))
+    toward = mean(normal)
+    toward /= np.linalg.norm(toward, axis=1)[:, None]
+    if contact.nodal:
+        outward = mean(at.normal)
+        gap_at, _, mean_slip = _opposite(problem, contact, v, mesh.points[corners], v[corners], outward)
+        penetration = (-gap_at).clip(min=0.0)
+    force = weights @ residual
+    held = ~np.isnan(problem.prescribed)
+    along = weights @ held.astype(float) > 0
+    # Along what a support holds it has a share of the force.
+    across = np.where(along, 0.0, toward)
+    square = np.einsum("cd,cd->c", across, across)
+    push = -np.einsum("cd,cd->c", force, across) / np.maximum(square, _ACROSS)
+    shear = force + push[:, None] * toward
+    mean_slip = mean_slip - np.einsum("cd,cd->c", mean_slip, toward)[:, None] * toward
+    shared_nodes = np.zeros(len(mesh.points), dtype=bool)
+    for rival in problem.contacts:
+        if rival is not contact:
+            shared_nodes[rival.nodes] = True
+    shared = weights @ (shared_nodes | held.all(axis=1)).astype(float) > 0
+    judged = ~shared & (square > _ACROSS)
+    sliding = judged & ~along.any(axis=1)
+    graph = coo_array(
+        (np.ones(width * width * len(local)), (np.repeat(local, width, 1).ravel(), np.tile(local, width).ravel())),
+        shape=(len(corners),) * 2,
+    ).tocsr()
+    touching = (gap.min(axis=1) <= 0) & (np.abs(residual[facets]).sum(axis=(1, 2)) > 0)
+    turns = rotated_by(mesh, facets[touching], v)
+    if contact.opposite.size:
+        turns = np.concatenate((turns, rotated_by(mesh, _near(problem, contact, facets[touching]), v)))
+    x = in_space(mesh.points[corners])
+    bound = np.zeros(len(corners))
+    if contact.rubs:
+        bound = contact.entry.friction.sampled(x).limit((push / area).clip(min=0.0)) * area
+    return TouchingSurface(
+        contact,
+        corners,
+        area,
+        push,
+        shear,
+        penetration,
+        clearance,
+        mean_slip,
+        toward,
+        judged,
+        sliding,
+        graph,
+        float(turns.max(initial=0.0)),
+        np.asarray(bound),
+    )
+
+
+# The square of the share of the normal that supports must leave free, so that the force along it is that of contact.
+_ACROSS = 0.5
+
+
+def _hats_at_nodes(facets: Ints, local: Ints, values: Floats, corners: int, nodes: int) -> csr_array:
+    """The value of the hat of each corner at each node, shape (corners, nodes)."""
+    rows = np.repeat(local[:, None, :], facets.shape[1], axis=1)
+    columns = np.repeat(facets[:, :, None], local.shape[1], axis=2)
+    entries = np.broadcast_to(values, rows.shape)
+    pairs, first = np.unique(rows.ravel() * nodes + columns.ravel(), return_index=True)
+    held = entries.ravel()[first]
+    return coo_array((held, (pairs // nodes, pairs % nodes)), shape=(corners, nodes)).tocsr()
+
+
+def _near(problem: JudgedProblem, contact: JudgedContact, facets: Ints) -> Ints:
+    """The facets of the other side that are opposite to some of this one."""
+    if not facets.size:
+        return contact.opposite[:0]
+    middle = problem.mesh.points[facets].mean(axis=1)
+    closest = closest_points(problem.mesh, contact.opposite, problem.mesh.points, middle)
+    return contact.opposite[np.unique(closest.facet)]
+
+
+def _opposite(
+    problem: JudgedProblem, contact: JudgedContact, v: Floats, x: Floats, moved: Floats, outward: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Of points of a surface the clearance, the normal to the other side, and the slip against it.
+
+    Args:
+        problem: the problem.
+        contact: the contact.
+        v: the displacement of all nodes, length, shape (n, d).
+        x: points, length, shape (p, d).
+        moved: their displacement, length, shape (p, d).
+        outward: normals of the surface there, shape (p, d).
+    """
+    entry, dim = contact.entry, problem.mesh.dim
+    if not contact.opposite.size:
+        if entry.surface is not None:
+            distance, normal = entry.surface.distance(x + moved)
+            return distance + sample(entry.gap, in_space(x)), -normal, moved
+        toward = outward
+        if entry.direction is not None:
+            unit = np.array(entry.direction[:dim]) / np.linalg.norm(entry.direction[:dim])
+            toward = np.broadcast_to(unit, x.shape)
+        gap = sample(entry.gap, in_space(x))
+        return gap - np.einsum("pd,pd->p", moved, toward), np.array(toward), moved
+    mesh = problem.mesh
+    deformed = closest_points(mesh, contact.opposite, mesh.points + v, x + moved)
+    undeformed = closest_points(mesh, contact.opposite, mesh.points, x)
+    clearance = deformed.distance
+    begun = undeformed.distance
+    if entry.distance == "nominal":
+        clearance = clearance - begun
+    elif entry.adjust is not None:
+        clearance = np.where(begun <= entry.adjust, clearance - begun, clearance)
+    clearance = clearance + sample(entry.gap, in_space(x))
+    return clearance, -deformed.normal, moved - undeformed.values(contact.opposite, v)

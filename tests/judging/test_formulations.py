@@ -1,0 +1,151 @@
+"""Element formulations in NumPy, against what holds for each of them, and against CalculiX."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from signorini_fx.addons.judging.equilibrium import Equilibrium, own_formulation
+from signorini_fx.addons.judging.foreign_result import read_result
+from signorini_fx.addons.judging.formulations import (
+    FULL,
+    INCOMPATIBLE,
+    SCALED,
+    Formulation,
+    candidates,
+    stiffness_by_material,
+)
+from signorini_fx.addons.judging.problems import judged_problem
+from signorini_fx.addons.judging.reference_elements import gauss, reference_element
+
+DATA = Path(__file__).parent / "data"
+KINDS = (
+    *("line", "line3", "triangle", "triangle6", "quad", "quad8", "quad9"),
+    *("tetra", "tetra10", "hexahedron", "hexahedron20", "hexahedron27"),
+)
+# What fits to the elements of each result, and what the others leave at least: of CPS4R none does.
+FITTING = {
+    "shelf_CPE4": Formulation("full"),
+    "shelf_CPE6": Formulation("full"),
+    "shelf_CPE8R": Formulation("reduced"),
+    "shelf_CPS4": Formulation("full", layer=True),
+    "shelf_CAX4": Formulation("full"),
+    "shelf_C3D4": Formulation("full"),
+    "shelf_C3D8I": Formulation(INCOMPATIBLE),
+    "shelf_C3D20R": Formulation("reduced"),
+    "press_CPE4": Formulation("full"),
+    "press_CPS8R": Formulation("reduced", layer=True),
+    "press_C3D8": Formulation("full"),
+    "stack_CPE4": Formulation("full"),
+    "stack_CPE8R": Formulation("reduced"),
+}
+FITS, DOES_NOT = 2e-4, 4e-3
+
+
+def equilibrium_of(name):
+    """Of a result of CalculiX."""
+    problem, reasons = judged_problem(DATA / f"{name}.inp")
+    assert reasons == []
+    result = read_result(DATA / f"{name}.dat", problem)
+    return Equilibrium(problem, result.displacement, result.half_units)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_shape_functions(kind):
+    """They are 1 at their node and 0 at others, add up to 1, and reproduce their degree with its gradient."""
+    element = reference_element(kind)
+    np.testing.assert_allclose(element.shape(element.nodes), np.eye(len(element.nodes)), atol=1e-12)
+    x = np.random.default_rng(1).uniform(0, 1 / element.dim, (5, element.dim))
+    slopes = np.arange(1.0, element.dim + 1)
+
+    def value(at):
+        return 1 + at @ slopes + (element.degree - 1) * (at @ slopes) ** 2
+
+    np.testing.assert_allclose(element.shape(x) @ value(element.nodes), value(x), rtol=1e-12)
+    gradient = np.einsum("qkj,k->qj", element.gradient(x), value(element.nodes))
+    exact = (1 + 2 * (element.degree - 1) * (x @ slopes))[:, None] * slopes
+    np.testing.assert_allclose(gradient, exact, rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("simplex", "powers", "exact"),
+    [(False, (3, 2), 1 / 12), (True, (3, 2), 12 / 5040), (True, (2, 1, 1), 2 / 5040)],
+)
+def test_quadrature(simplex, powers, exact):
+    """The integral of a monomial."""
+    x, weights = gauss(4, len(powers), simplex=simplex)
+    assert weights @ (x ** np.array(powers)).prod(axis=1) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["shelf_CPE6", "shelf_CPS4", "press_CPE4", "shelf_C3D8I", "shelf_C3D20R"])
+def test_rigid_motions_and_uniform_strain(name):
+    """On distorted cells rigid motions have no forces, and uniform strain has none inside, in every formulation."""
+    problem, _ = judged_problem(DATA / f"{name}.inp")
+    x, dim = problem.mesh.points, problem.mesh.dim
+    inside = np.ones(len(x), dtype=bool)
+    for facets in problem.mesh.boundaries.values():
+        inside[facets] = False
+    turned = np.zeros_like(x)
+    turned[:, 0], turned[:, 1] = -x[:, 1], x[:, 0]
+    strained = x @ np.random.default_rng(2).uniform(-1, 1, (dim, dim))
+    for formulation in candidates(problem):
+        if formulation.layer or formulation.name == INCOMPATIBLE:  # that of programs, not on distorted cells
+            continue
+        stiffness = sum(stiffness_by_material(problem, formulation))
+        size = np.abs(stiffness @ strained.ravel()).max()
+        assert np.abs(stiffness @ turned.ravel()).max() < 1e-10 * size, formulation
+        assert np.abs((stiffness @ strained.ravel()).reshape(x.shape)[inside]).max(initial=0.0) < 1e-10 * size, (
+            formulation
+        )
+
+
+def test_a_layer_has_no_stress_across_under_uniform_strain():
+    """A layer of bricks with free faces is plane stress where the strain is uniform, whatever its thickness."""
+    equilibrium = equilibrium_of("shelf_CPS4")
+    problem = equilibrium.problem
+    uniform = problem.mesh.points @ np.array([[0.01, 0.003], [-0.002, 0.004]])
+    plain = Equilibrium(problem, uniform, np.zeros_like(uniform))
+    layer, sheet = (plain.forces(Formulation("full", layer=layer)).total for layer in (True, False))
+    np.testing.assert_allclose(layer, sheet, atol=1e-9 * np.abs(sheet).max())
+
+
+@pytest.mark.parametrize("name", FITTING)
+def test_the_formulation_of_calculix(name):
+    """Its own formulation leaves what print leaves, or the sector of an axisymmetric body, others far more."""
+    equilibrium = equilibrium_of(name)
+    assert own_formulation(equilibrium.problem) == FITTING[name]
+    for formulation in candidates(equilibrium.problem):
+        rho = equilibrium.fit(formulation).rho
+        least = 10 * FITS if formulation.name == SCALED and name.endswith("I") else DOES_NOT
+        assert rho < FITS if formulation == FITTING[name] else rho > least, formulation
+
+
+def test_hourglass_stiffness_is_not_known():
+    """The reduced element of degree 1 is the nearest one, and is not that of CPS4R."""
+    equilibrium = equilibrium_of("shelf_CPS4R")
+    rho = {entry: equilibrium.fit(entry).rho for entry in candidates(equilibrium.problem)}
+    nearest = min(rho, key=rho.get)
+    assert nearest.name == "reduced"
+    assert 1e-3 < rho[nearest] < 0.25 * rho[Formulation("full", layer=True)]
+
+
+def test_the_dual_norm_is_the_distance_to_equilibrium():
+    """It has no unit: the distance in the energy norm to the displacement with the same values on supports and contact,
+    which K itself gives.
+    """
+    equilibrium = equilibrium_of("press_CPE4")
+    problem, free = equilibrium.problem, equilibrium.problem.free
+    away = np.where(free, np.random.default_rng(3).uniform(-1, 1, free.shape), 0.0) * 1e-4
+    stiffness = equilibrium.stiffness
+    moved = Equilibrium(problem, equilibrium.v + away, np.zeros_like(away))
+    distance = np.sqrt(away.ravel() @ (stiffness @ away.ravel()) / moved.energy)
+    assert moved.fit(FULL).rho == pytest.approx(distance, rel=1e-3)
+
+
+def test_print_round_off():
+    """rho of a result that is rounded is about what is expected of so many digits, which says how far it is known."""
+    equilibrium = equilibrium_of("press_CPE4")
+    for digits in (3, 5):
+        unit = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(equilibrium.v), 1e-300))) - digits + 1)
+        rounded = Equilibrium(equilibrium.problem, np.round(equilibrium.v / unit) * unit, unit / 2)
+        assert 0.5 < rounded.fit(FULL).rho / rounded.printed < 2

@@ -1,0 +1,149 @@
+"""Results against scenes: our own solutions agree, in all formats, and what is changed in them is named."""
+
+import meshio
+import numpy as np
+import pytest
+
+import signorini_fx as sfx
+from signorini_fx import MeshError
+from signorini_fx.addons.judging.judge import judge
+from signorini_fx.addons.judging.own_solution import at_nodes_of
+from signorini_fx.addons.judging.problems import judged_problem
+
+RECTANGLE = {"length": 2.0, "height": 0.5, "nx": 12, "ny": 4}
+BOX = {"length": 1.0, "width": 0.5, "height": 0.5, "nx": 4, "ny": 2, "nz": 2}
+
+
+def shelf(generator="rectangle", hypothesis="plane strain", friction=None, **parameters):
+    """A body that is held on the left, and bent down onto a foundation."""
+    down = "y" if generator == "rectangle" else "z"
+    hypothesis = {"hypothesis": hypothesis} if down == "y" else {}
+    sizes = RECTANGLE if generator == "rectangle" else BOX
+    return sfx.Scene(
+        mesh=sfx.MeshGenerator(generator=generator, parameters=sizes | parameters),
+        material=sfx.LinearElastic(young=1000.0, poisson=0.3, **hypothesis),
+        displacement=sfx.PrescribedDisplacement(boundary="left", x=0.0, y=0.0, z=0.0 if down == "z" else None),
+        traction=sfx.SurfaceTraction(boundary="top", **{down: "-1 - 0.5*x[0]"}),
+        body_force=sfx.BodyForce(x=0.2),
+        contact=sfx.UnilateralContact(
+            boundary="bottom",
+            gap="0.005",
+            friction=sfx.NoFriction() if friction is None else sfx.Tresca(bound=friction),
+        ),
+    )
+
+
+@pytest.fixture(scope="module")
+def solved():
+    """A scene, its solution at the nodes of the mesh, and their positions."""
+    scene = shelf()
+    problem, _ = judged_problem(scene)
+    return scene, at_nodes_of(sfx.solve(scene), problem), problem.mesh.points
+
+
+SCENES = {
+    "quadrilaterals": {},
+    "triangles": {"cell": "triangle"},
+    "plane stress": {"hypothesis": "plane stress"},
+    "friction of Tresca": {"friction": 0.3},
+    "hexahedra": {"generator": "box"},
+    "tetrahedra": {"generator": "box", "cell": "tetrahedron"},
+}
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_our_own_solution_agrees(kind):
+    """It shares nothing with the judge but the mesh and the data."""
+    scene = shelf(**SCENES[kind])
+    problem, reasons = judged_problem(scene)
+    assert reasons == []
+    v = at_nodes_of(sfx.solve(scene), problem)
+    judgement = judge(scene, v, compare=False)
+    assert judgement.word == "agrees", str(judgement)
+    assert judgement.figures["equilibrium"]["value"] < 1e-8
+    # Plane stress is plane stress here, and no layer of bricks.
+    assert judgement.theirs["formulation"] == "full integration"
+    wrong = judge(scene, 1.1 * v, compare=False)
+    assert wrong.word == "another problem: load or modulus"
+    assert set(wrong.factors) == {"traction on top", "body force"}
+
+
+def test_formats(tmp_path, solved):
+    """An array, numbers of nodes, tables with positions or numbers, and .vtu: the same verdict."""
+    scene, v, x = solved
+    (tmp_path / "xy.csv").write_text(
+        "x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in np.hstack((x, v))[::-1].tolist())
+    )
+    (tmp_path / "node.csv").write_text(
+        "node;ux;uy\n".replace(";", ",")
+        + "\n".join(f"{n},{a:.8e},{b:.8e}" for n, (a, b) in enumerate(v.tolist(), start=1))
+    )
+    u = np.pad(v, ((0, 0), (0, 1)))
+    cells = [("vertex", np.arange(len(x))[:, None])]
+    meshio.Mesh(np.pad(x, ((0, 0), (0, 1))), cells, point_data={"u": u}).write(tmp_path / "u.vtu")
+    for result in (
+        v,
+        dict(enumerate(v.tolist(), start=1)),
+        *(tmp_path / name for name in ("xy.csv", "node.csv", "u.vtu")),
+    ):
+        judgement = judge(scene, result, compare=False)
+        assert judgement.word == "agrees", str(judgement)
+        assert judgement.figures["equilibrium"]["value"] < 1e-6
+    assert judge(scene, tmp_path / "node.csv", compare=False).theirs["digits"] == 9
+
+
+def test_hard_contact_of_another_penalty(solved):
+    """A little softer agrees with another penalty, much softer enters."""
+    scene, _, _ = solved
+    for gamma, word in ((3e4, "agrees with another penalty"), (1e3, "violates contact: penetration")):
+        soft = sfx.Scene(**dict(scene) | {"solver": {"gamma_n": gamma}})
+        problem, _ = judged_problem(soft)
+        judgement = judge(scene, at_nodes_of(sfx.solve(soft), problem), compare=False)
+        assert judgement.word == word, str(judgement)
+
+
+def test_contact_that_is_ignored(solved):
+    """The body goes through its foundation."""
+    scene, _, _ = solved
+    free = sfx.Scene(**dict(scene) | {"contact": ()})
+    problem, _ = judged_problem(free)
+    judgement = judge(scene, at_nodes_of(sfx.solve(free), problem), compare=False)
+    assert judgement.word == "violates contact: penetration"
+
+
+def test_two_nodes_at_one_place_need_numbers(tmp_path):
+    """A table by positions cannot say which of both it means."""
+    scene = sfx.Scene(
+        body=[
+            {"name": "low", "mesh": {"generator": "rectangle", "parameters": RECTANGLE}},
+            {"name": "up", "mesh": {"generator": "rectangle", "parameters": RECTANGLE}, "shift": [0.0, 0.5]},
+        ],
+        material=sfx.LinearElastic(young=1000.0, poisson=0.3),
+        displacement=[
+            sfx.PrescribedDisplacement(boundary="low.bottom", x=0.0, y=0.0),
+            sfx.PrescribedDisplacement(boundary="up.left", x=0.0),
+        ],
+        traction=sfx.SurfaceTraction(boundary="up.top", y=-1.0),
+        contact=sfx.UnilateralContact(boundary="up.bottom", against="low.top"),
+    )
+    problem, _ = judged_problem(scene)
+    v = at_nodes_of(sfx.solve(scene), problem)
+    assert judge(scene, v, compare=False).word == "agrees"
+    rows = np.hstack((problem.mesh.points, v)).tolist()
+    (tmp_path / "xy.csv").write_text("x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    with pytest.raises(MeshError, match=r"several nodes are at .*, as in contact: give a column node"):
+        judge(scene, tmp_path / "xy.csv", compare=False)
+
+
+def test_what_is_not_judged_yet_is_said():
+    """Springs and a body that turns about its axis with torsion, by their names."""
+    scene = sfx.Scene(**dict(shelf()) | {"springs": [sfx.Springs(boundary="right", normal=1.0)]})
+    problem, _ = judged_problem(scene)
+    judgement = judge(scene, np.ones(problem.mesh.points.shape), compare=False)
+    assert (judgement.word, judgement.exit_code) == ("cannot be judged", 7)
+    assert "springs right is not judged yet" in str(judgement)
+
+
+def test_the_public_function():
+    """``signorini_fx.judge`` is the one of the command."""
+    assert sfx.judge is judge
