@@ -44,7 +44,6 @@ from signorini_fx.results.equilibrium import (
 )
 from signorini_fx.results.nodal_forces import NodalForces, left_over
 from signorini_fx.results.promised_law import UNREGULARISED, Law, PreviousStep, Tractions
-from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.tuned import ABOVE_THE_MEAN, FAINT, LOST_UNITS, NO_FORCE
 
@@ -145,6 +144,7 @@ def certify(
     before: PreviousStep | None = None,
     pairs: Mapping[int, PairedSides] | None = None,
     rigid: tuple[RigidBodyMotion, ...] = (),
+    like: NodalForces | None = None,
 ) -> Certificate:
     """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
 
@@ -160,12 +160,13 @@ def certify(
             one does not, its elastic slip is removed.
         pairs: bodies in contact as the solver has paired them, see ``sides_of``.
         rigid: how rigid bodies have moved.
+        like: what has evaluated another certificate of this space; None: there is none.
 
     Raises:
         ValueError: the tractions are not those of the contact nodes of the scene.
     """
     space = displacement.function_space
-    forces = NodalForces(statement, tagged, space)
+    forces = NodalForces(statement, tagged, space) if like is None else like.of(statement)
     nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
     scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
     pressed = forces.volume.pressed  # then forces are not those of a change of volume
@@ -243,7 +244,7 @@ def judged(
     comm, dim = forces.space.mesh.comm, forces.dimension
     nodal_displacements = displacement.x.array.reshape(-1, dim)
     y, x = nodal_displacements[: forces.owned], forces.at_nodes[: forces.owned, :dim]
-    pieces = RigidPart(forces.space, x)
+    pieces = forces.pieces
     works = pieces.works(
         *(force * y for force in (balance.internal, balance.resisted, balance.external, balance.initial))
     )

@@ -10,6 +10,7 @@ only a compiled form can integrate them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from functools import cached_property, partial
 from typing import Any
 
@@ -65,6 +66,14 @@ class NodalForces(SurfaceQuadrature):
         owned = int(space.mesh.topology.index_map(self.across).size_local)
         self.volume = volume_forces(statement)
         self._owned_cells = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
+
+    def of(self, statement: Statement) -> NodalForces:
+        """Those of another statement on the same mesh, whose nodes, pieces and areas are not computed again."""
+        other = copy(self)
+        vars(other).pop("degree", None)
+        other.statement, other.volume = statement, volume_forces(statement)
+        other.kinematics = statement.kinematics_in(self.tagged.dimension)
+        return other
 
     def facets(self, boundary: Any) -> Indices:
         """Those of a boundary of the mesh, by its name; of another part of it see ``SurfaceQuadrature``."""

@@ -84,6 +84,8 @@ class PrescribedNodes:
             for axis in np.flatnonzero(turning.any(axis=0)):
                 fixed[middle, axis], value[middle, axis], by[middle, axis] = True, 0.0, len(statement.displacement)
         no_nodes = np.zeros(0, dtype=np.int64)
+        if not askew:
+            return cls(fixed, value, no_nodes, np.zeros((0, shape[1])), np.zeros(0), by, no_nodes)
         groups: list[tuple[Any, ...]] = [(no_nodes, np.zeros((0, shape[1])), np.zeros(0), no_nodes)]
         places = np.unique(np.concatenate([no_nodes, *(nodes for nodes, *_ in askew)]))
         offered = [np.eye(shape[1])], [value[places]], [by[places]]

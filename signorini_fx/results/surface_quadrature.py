@@ -17,6 +17,7 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.body import forms
 from signorini_fx.mechanics.body.assembly import adjugates, facet_entities, over_ranks
 from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]
@@ -83,11 +84,17 @@ class SurfaceQuadrature:
         self._corners = compat.geometry_cells(mesh)
         self.cell_nodes = space.dofmap.list
         self._x = mesh.geometry.x[:, : self.across]
+        self._moments: dict[str, Array] = {}
 
     @cached_property
     def at_nodes(self) -> Array:
         """Positions of the nodes of this rank, length, shape (nodes, 3)."""
         return node_positions(self.space)
+
+    @cached_property
+    def pieces(self) -> RigidPart:
+        """The pieces of the mesh."""
+        return RigidPart(self.space, self.at_nodes[: self.owned, : self.dimension])
 
     def facets(self, boundary: Any) -> Indices:
         """The exterior facets of a part of the boundary on this rank: here the part is a list of them."""
@@ -106,6 +113,15 @@ class SurfaceQuadrature:
             boundary: see ``facets``.
             factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
         """
+        if factor is not None or not isinstance(boundary, str):
+            return self._integrated(boundary, factor)
+        if boundary not in self._moments:
+            self._moments[boundary] = self._integrated(boundary, None)
+            self._moments[boundary].setflags(write=False)
+        return self._moments[boundary]
+
+    def _integrated(self, boundary: Any, factor: Array | None) -> Array:
+        """See ``moments``."""
         total, degree = self.zero(), self._shapes.degree
         rule = basix.make_quadrature(self._facet, forms.lumped_degree(degree, self._geometry.degree))
         if self.across == 2 and (factor is None or degree > 1):  # the nodal rule, which has the same integrals

@@ -1,7 +1,8 @@
 """Solves for many values of one parameter, each with what the last one leaves to it.
 
-That is the condensed elastic system where only gaps, friction, forces or a factor of the loads change, else the mesh
-unless the parameter is one of the mesh, and always the active sets to begin with.
+That is the condensed elastic system where only gaps, friction, forces or a factor of the loads change, all but the
+stiffness where Young's modulus or Poisson's ratio does, else the mesh unless the parameter is one of the mesh, and
+always the active sets to begin with.
 """
 
 from __future__ import annotations
@@ -23,17 +24,19 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.discretisation import discretise, with_forces, with_gap_and_friction
+from signorini_fx.mechanics.body.discretisation import discretise, with_forces, with_gap_and_friction, with_moduli
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.effect import Force, InitialStrain
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
+from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scenes.changes import changed
 from signorini_fx.scenes.hierarchy import coarser_scenes
@@ -72,6 +75,7 @@ class SweepPoint:
     _law: Law
     _model: Model
     _load: float
+    _evaluation: NodalForces
     _of_body: Callable[[], tuple[fem.Function, tuple[RigidBodyMotion, ...]]]
 
     def __repr__(self) -> str:
@@ -104,7 +108,15 @@ class SweepPoint:
             contact = replace(contact, joint=contact.joint.times(1 / self._load))
         law, tractions = self._law, Tractions.of(contact)
         return certify(
-            self._statement, d.tagged, displacement, tractions, law=law, scale=self._load, pairs=d.pairs, rigid=rigid
+            self._statement,
+            d.tagged,
+            displacement,
+            tractions,
+            law=law,
+            scale=self._load,
+            pairs=d.pairs,
+            rigid=rigid,
+            like=self._evaluation,
         )
 
 
@@ -184,6 +196,7 @@ class _Body:
         task: its contact problem.
         begin: where the next value starts.
         state: the contact points of the last value that has a solution; None: there is none so far.
+        evaluation: what evaluates the certificates.
     """
 
     scene: Scene
@@ -192,6 +205,7 @@ class _Body:
     task: Task
     begin: Start
     state: ContactState | None
+    evaluation: NodalForces
 
     def solved(self, outcome: Outcome, state: ContactState) -> _Body:
         """The same after a solution."""
@@ -231,10 +245,11 @@ def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History,
         history: records.
         first: the first value, for a start on coarser meshes; nothing: there is no value.
     """
-    if earlier is not None and (body := earlier.with_scene(scene, history)) is not None:
-        return body
+    if earlier is not None and (next_body := earlier.with_scene(scene, history)) is not None:
+        return next_body
     tagged = earlier.tagged if earlier is not None and _same_mesh(scene, earlier.scene) else load_mesh(scene, comm)
-    d = discretise(scene.statement, tagged, Timings())
+    body = with_moduli(earlier.d, scene.statement) if earlier and _other_moduli(scene, earlier.scene) else None
+    d = body or discretise(scene.statement, tagged, Timings())
     refuse_beforehand(d)
     last = None if earlier is None else earlier.state
     # Contact points may be on the other side than the scene says.
@@ -244,7 +259,9 @@ def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History,
     begin = _begun(task, d, coarser, state)
     if last is not None and d.boundary is not None:
         begin = task.start.begin_from(*carry_over(last, d.boundary))
-    return _Body(scene, tagged, d, task, begin, last)
+    stays = earlier is not None and earlier.d.space is d.space
+    evaluation = earlier.evaluation if earlier is not None and stays else NodalForces(d.statement, d.tagged, d.space)
+    return _Body(scene, tagged, d, task, begin, last, evaluation)
 
 
 def _same_mesh(scene: Scene, compared: Scene) -> bool:
@@ -277,6 +294,23 @@ def _other_forces(scene: Scene, compared: Scene) -> set[str] | None:
     return differing if alike else None
 
 
+def _other_moduli(scene: Scene, compared: Scene) -> bool:
+    """Whether nothing differs in two scenes but Young's moduli and Poisson's ratios of isotropic materials, on which no
+    load and no contact of theirs depends.
+    """
+    differing = {key for key in type(scene).model_fields if getattr(scene, key) != getattr(compared, key)}
+    statement = scene.statement
+    depends = statement.interfaces or statement.bodies or any(effect.against is not None for effect in scene.contact)
+    if differing != {"material"} or depends or any(isinstance(load, InitialStrain) for load in statement.loads):
+        return False
+    return all(
+        isinstance(material, LinearElastic)
+        and isinstance(rival, LinearElastic)
+        and material.model_copy(update={"young": rival.young, "poisson": rival.poisson}) == rival
+        for material, rival in zip(scene.statement.material, compared.statement.material, strict=True)
+    )
+
+
 def sweep(
     scene: Scene | str | Path,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -298,7 +332,8 @@ def sweep(
         coefficients: values that replace all coefficients of Coulomb friction in the scene.
         loads: factors for all tractions, body forces, prescribed displacements, and what drives rigid bodies.
         path: of an entry, such as ``contact[0].gap``.  The elastic system stays where it is a gap or a key of friction
-            of a rigid foundation, or one of a force; else the mesh does, unless it is one of the mesh.
+            of a rigid foundation, or one of a force; of Young's modulus and Poisson's ratio all else; of others the
+            mesh, unless it is one of the mesh.
         values: of this entry.
 
     Raises:
@@ -354,6 +389,7 @@ def _solved(value: Any, body: _Body, parameter: _Value, history: History) -> tup
         promised,
         d,
         load,
+        body.evaluation,
         partial(_of_body, d, task, outcome.newton.x.copy(), load, contact),
     )
     return point, body.solved(outcome, contact) if outcome.status is Status.CONVERGED else body

@@ -122,7 +122,7 @@ def solve_contact(
         with timings.phase("condense"):
             return contact_task(d, history)
 
-    steps = SceneSteps(model, timings, renew)
+    steps = SceneSteps.of(model, timings, renew)
     progress = all_load_steps(steps, task, start, _increments(statement), on_step, level_checkpoint)
     model, task = progress.problem.body, progress.task
     assert progress.ended is not None

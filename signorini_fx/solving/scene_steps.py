@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from dolfinx import fem
@@ -19,6 +19,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate import certify
+from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import carried, relative_to
@@ -35,11 +36,18 @@ class SceneSteps:
         body: the model, with foundations, friction and shortenings of the present load step.
         timings: of the mesh.
         renew: makes the contact problem of a scene whose foundations have moved.
+        evaluation: what evaluates the certificates.
     """
 
     body: Model
     timings: Timings
     renew: Callable[[Model], Task]
+    evaluation: NodalForces
+
+    @classmethod
+    def of(cls, body: Model, timings: Timings, renew: Callable[[Model], Task]) -> Self:
+        """Those of a scene at its first load step."""
+        return cls(body, timings, renew, NodalForces(body.statement, body.tagged, body.space))
 
     @property
     def path(self) -> LoadPath:
@@ -104,6 +112,7 @@ class SceneSteps:
                 before=begun.last,
                 pairs=model.pairs,
                 rigid=rigid,
+                like=self.evaluation,
             )
             deformation = deformation_of(model, displacement, self.size)
             status = judged(outcome.status, certificate, deformation, statement.solver)

@@ -467,7 +467,7 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     start = replace(task.start, place=0.5)
     stored = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
     path = Increments(given.statement.path, given.solver, has_coulomb=given.statement.has_coulomb)
-    steps = SceneSteps(d, Timings(), lambda d: tasks[1])
+    steps = SceneSteps.of(d, Timings(), lambda d: tasks[1])
     MeshCheckpoint(stored, 0).store(steps, task, start, outcome, result, path, (0, 0, 0))
     again = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
     found = MeshCheckpoint(again, 0).recall(steps, tasks[1], tasks[1].start)

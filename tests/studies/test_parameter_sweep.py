@@ -1,5 +1,7 @@
 """Many values of one parameter: every point is the solution of its own scene."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -7,6 +9,7 @@ from scenes import alone
 
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
+from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.sweep import sweep
 
@@ -167,6 +170,57 @@ def test_forces_beside_prescribed_displacements():
         np.testing.assert_allclose(point.displacement().x.array, owned, rtol=0, atol=1e-9 * np.abs(owned).max())
     (inventory,) = {id(point._model.inventory): point._model.inventory for point in points}.values()
     assert inventory.matrices.count("stiffness") == 1
+
+
+SPRINGS = {"springs": {"boundary": "right", "x": 50.0, "y": 20.0}}
+# What else is in the scene, the entry, its values, and whether all values have one function space.
+MODULI = {
+    "Poisson's ratio, Q1": ({}, "material.poisson", [0.2, -0.1, 0.4], True),
+    "springs, Q2": ({**SPRINGS, "element": {"degree": 2}}, "material.young", [400.0, 3000.0, 1000.0], True),
+    "axisymmetric": ({"material": {"hypothesis": "axisymmetric"}}, "material.poisson", [0.2, 0.4], True),
+    "graded": ({"material": {"grading": "1 - x[0] / 2"}}, "material.young", [400.0, 3000.0], True),
+    "it begins to lock": ({"element": {"volumetric": "auto"}}, "material.poisson", [0.3, 0.499, 0.49], False),
+    "a pressure": ({"element": {"degree": 2, "volumetric": "mixed"}}, "material.poisson", [0.3, 0.5], False),
+    "warm": (
+        {"material": {"expansion": 1e-5}, "temperature": {"change": "40 * x[1]"}},
+        "material.young",
+        [400.0, 3000.0],
+        False,
+    ),
+}
+
+
+def squeezed(further, path="", value=None):
+    """A block that is moved onto its foundation, to the left of which it is held."""
+    data = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.4, "nx": 10, "ny": 4}},
+        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "y": -2e-4}],
+        "traction": {"boundary": "right", "x": -0.1},
+        "contact": {"boundary": "bottom", "gap": 1e-4, "friction": {"law": "coulomb", "coefficient": 0.3}},
+        "solver": {"coulomb": "newton"},  # to round-off, whatever the start
+        **further,
+    }
+    data["material"] = {"young": 1000.0, "poisson": 0.3, **further.get("material", {})}
+    if path:
+        data["material"][path.removeprefix("material.")] = value
+    return parse_scene(data)
+
+
+@pytest.mark.parametrize("name", MODULI)
+def test_other_moduli_keep_all_but_the_stiffness(name):
+    """Where loads or the element depend on them, nothing but the mesh stays; each value has its own solution."""
+    further, path, values, stays = MODULI[name]
+    points = sweep(squeezed(further), MPI.COMM_SELF, path=path, values=values)
+    for point, wanted in zip(points, (alone(squeezed(further, path, value)) for value in values), strict=True):
+        assert point.certificate().holds
+        evaluated_anew = NodalForces(point._statement, point._model.tagged, point._model.space)
+        assert point.certificate() == replace(point, _evaluation=evaluated_anew).certificate()
+        assert (wanted.contact.pressure > 0).any()
+        owned = wanted.displacement.x.array
+        np.testing.assert_allclose(point.displacement().x.array, owned, rtol=0, atol=1e-9 * np.abs(owned).max())
+        size = np.abs(wanted.contact.forces).max()
+        np.testing.assert_allclose(point.contact.forces, wanted.contact.forces, rtol=0, atol=1e-9 * size)
+    assert (len({id(point._model.space) for point in points}) == 1) == stays
 
 
 def test_a_value_begins_where_the_last_one_ended():

@@ -18,6 +18,7 @@ from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.body.cellwise_stiffness import cellwise_stiffness
+from signorini_fx.mechanics.body.elastic_law import SceneLaw
 from signorini_fx.mechanics.body.elastic_laws import elastic_law
 from signorini_fx.mechanics.body.foundations import Foundations, NodalFriction
 from signorini_fx.mechanics.body.initial_strains import check_strains
@@ -152,7 +153,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
 
     return Model(
         space=space,
-        terms=lambda: (*elastic.compiled(space, inventory), *resists),
+        terms=partial(_terms, elastic, space, inventory, resists),
         resists=resists,
         bcs=[support for _, support in supports.conditions],
         turned=turned,
@@ -162,7 +163,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         settings=statement.solver,
         inventory=inventory,
         kinematics=kinematics,
-        compressible=max(material.mean_poisson for material in statement.material) <= LARGEST_MULTIGRID_POISSON,
+        compressible=_compressible(statement),
         elastic=elastic,
         statement=statement,
         tagged=tagged,
@@ -177,6 +178,18 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         pairs=foundations.pairs,
         rigid=rigid,
     )
+
+
+def _compressible(statement: Statement) -> bool:
+    """See ``ElasticBody``."""
+    return max(material.mean_poisson for material in statement.material) <= LARGEST_MULTIGRID_POISSON
+
+
+def _terms(
+    elastic: SceneLaw, space: fem.FunctionSpace, inventory: Inventory, resists: tuple[fem.Form, ...]
+) -> tuple[fem.Form, ...]:
+    """The compiled terms of a(., .); collective."""
+    return (*elastic.compiled(space, inventory), *resists)
 
 
 def placed(model: Model, step: float) -> Model:
@@ -252,6 +265,29 @@ def with_forces(model: Model, statement: Statement) -> Model | None:
     check_finite(model.tagged.mesh.comm, applied)
     of_body = {name: value for name, value in model.of_body.items() if name != "cases"}
     return replace(model, statement=statement, coefficients=on, applied=tuple(applied), of_body=of_body)
+
+
+def with_moduli(model: Model, statement: Statement) -> Model | None:
+    """The same body with Young's moduli and Poisson's ratios of another statement that differs in nothing else, and
+    whose loads do not depend on them; None: its terms are others; collective.
+    """
+    assert model.coefficients is not None
+    check_materials(statement.material)
+    moduli = lame_coefficients(statement, model.tagged), None, reduced_degree(statement, model.tagged.mesh)
+    space, inventory, resists = model.space, model.inventory, tuple(model.resists or ())
+    elastic = elastic_law(statement, model.tagged, space, inventory, model.pieces, moduli)
+    if elastic.names != model.elastic.names or elastic.pressed or model.elastic.pressed:
+        return None
+    changed = replace(
+        model,
+        terms=partial(_terms, elastic, space, inventory, resists),
+        elastic=elastic,
+        lame=moduli[0],
+        coefficients=replace(model.coefficients, statement=statement),
+        compressible=_compressible(statement),
+        of_body={name: value for name, value in model.of_body.items() if name in ("_supported", "_free")},
+    )
+    return with_gap_and_friction(changed, statement)
 
 
 def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:

@@ -88,14 +88,17 @@ class TaggedMesh(TaggedMeshBase):
             raise MeshError(f"the mesh has no boundary {name!r}; its boundaries are: {names}")
         # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept, on every version.
         tagged = _tagged(self.facet_tags, self.boundaries[name])
-        return np.asarray(tagged[np.isin(tagged, self._exterior)], dtype=np.int32)
+        return tagged[self._exterior[tagged]]
 
     @cached_property
-    def _exterior(self) -> npt.NDArray[np.int32]:
-        """All exterior facets whose cell this rank owns; a topology does not change."""
-        topology = self.mesh.topology
-        topology.create_connectivity(topology.dim - 1, topology.dim)
-        return np.asarray(dmesh.exterior_facet_indices(topology))
+    def _exterior(self) -> npt.NDArray[np.bool_]:
+        """Which facets of this rank are exterior ones whose cell it owns; a topology does not change."""
+        topology, across = self.mesh.topology, self.dimension - 1
+        topology.create_connectivity(across, across + 1)
+        facets = topology.index_map(across)
+        exterior = np.zeros(facets.size_local + facets.num_ghosts, dtype=bool)
+        exterior[dmesh.exterior_facet_indices(topology)] = True
+        return exterior
 
     @cached_property
     def size(self) -> float:
