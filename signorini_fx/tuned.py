@@ -563,6 +563,18 @@ MANY_LOADED, FIRST_DEGREE, SUSPECT_LOAD = 200, 2, 1e-4
 # degrees.  Choice of the last two.
 SHEAR_OF_TILT, NOTABLE_SHEAR, ONE_DIRECTION = 0.55, 0.05, 0.9
 
+# Facets of Hertz's half width that check asks for, and how many times longer they may be before it does.  Choice: with
+# eight the largest pressure of linear elements is right to about 2 %, with five to 5 % (docs/mesh-files.md).
+CONTACT_FACETS, COARSE_IN_CONTACT = 8, 1.5
+# By dimension the facets from whose normals the curvature of a side is taken, and the points from whose gaps.  Choice:
+# few in the plane, where they may be a quarter of an arc; in space normals of triangles scatter.
+FITTED_FACETS, FITTED_NODES = {2: 4, 3: 40}, {2: 5, 3: 20}
+# Shares of the size of a boundary: gaps that differ by less are alike, and sides that part by less over it are flat.
+# Choice.
+FLAT_CONTACT = 1e-4
+# A curvature below this share of that across it makes a line contact.  Choice.
+LINE_CONTACT = 0.02
+
 # --- derivatives and friction laws of users --------------------------------------------------------------------------
 
 # The iteration for chi ends at this change, relative to chi, or after so many solves.  Choice.
@@ -628,6 +640,15 @@ SLENDER_BODY, TILTED_CUT = 10.0, 1e-5
 # The area or volume of a cell with edges of length 1, where it is no formula, from counts: a tetrahedron has less than
 # the regular one, 0.12; four hexahedra have that of one with edges of length 2.
 TETRAHEDRON_VOLUME, HEXAHEDRON_VOLUME = 0.075, 0.15
+# Cells become longer by this much per length away from facets of a given length.  Choice: at the depth of Hertz's half
+# width, eight facets, cells are three facets long.
+SIZE_GROWTH = 0.25
+# Along each edge of a facet of the last mesh so many steps between the places from which distances are measured.
+# Choice: the error is a tenth of an edge.
+FACET_SAMPLES = 5
+# Half of the facets may not be longer than this times what was asked for.  Choice: those of triangles of gmsh are up to
+# 1.4 times as long as their mean.
+LONGEST_FACET = 1.6
 # Newton's steps at most for the place of a point in a cell, and the reference coordinates within which it is sought.
 # Choice.
 STEPS_IN_CELL, REFERENCE_BOUNDS = 20, (-1.0, 2.0)

@@ -27,6 +27,7 @@ from signorini_fx.scenes.hierarchy import coarser_scenes, scene_on
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
+from signorini_fx.solving.check.contact_length import contact_lengths
 from signorini_fx.solving.check.cost import (
     Cost,
     contact_nodes,
@@ -112,7 +113,8 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
     compared = scene.accuracy is not None or bool(coarser)
     d = _validated(scene, comm)
     cost = estimated_cost(d)
-    findings = [*pushed_before(d), *memory_finding(cost, comm), *scene_findings(d), *_uniqueness(d)]
+    findings = [*pushed_before(d), *memory_finding(cost, comm), *scene_findings(d)]
+    findings += [*(contact_lengths(d) if scene.accuracy is None else []), *_uniqueness(d)]
     return Check(
         scene.title,
         tuple(_effects(d, compared=compared)),

@@ -8,9 +8,11 @@ from typing import Any
 from mpi4py import MPI
 
 from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mechanics.mesh.bodies import in_body
 from signorini_fx.mechanics.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, coarser_parameters, load_file
+from signorini_fx.mechanics.statement.contact_sizes import contact_sizes, with_larger_contact_sizes
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
 from signorini_fx.scenes.scene import Scene
 
@@ -21,18 +23,18 @@ def scene_on(scene: Scene, factor: float) -> Scene:
     Raises:
         SceneError: the generator cannot make such a mesh.
     """
+    contacts = with_larger_contact_sizes(scene.contact, factor)
     if scene.body:
-        return scene.model_copy(
-            update={"body": tuple(body.model_copy(update={"mesh": _mesh_on(body.mesh, factor)}) for body in scene.body)}
-        )
-    return scene.model_copy(update={"mesh": _mesh_on(scene.mesh, factor)})
+        bodies = tuple(body.model_copy(update={"mesh": _mesh_on(body.mesh, factor)}) for body in scene.body)
+        return scene.model_copy(update={"body": bodies, "contact": contacts})
+    return scene.model_copy(update={"mesh": _mesh_on(scene.mesh, factor), "contact": contacts})
 
 
 def _mesh_on(mesh: Any, factor: float) -> MeshGenerator:
     assert isinstance(mesh, MeshGenerator)
-    return MeshGenerator(
-        generator=mesh.generator, parameters=coarser_parameters(mesh.generator, mesh.parameters, factor)
-    )
+    parameters = coarser_parameters(mesh.generator, mesh.parameters, factor)
+    size = None if mesh.contact_size is None else factor * mesh.contact_size
+    return MeshGenerator(generator=mesh.generator, parameters=parameters, contact_size=size)
 
 
 def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
@@ -50,20 +52,23 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
         mesh: Any = body.mesh
         try:
             if isinstance(mesh, MeshFile):
-                curved = scene.element.degree == 2 and mesh.file.suffix.lower() in DRAWN  # as without a given accuracy
-                sections = scene.sections_of(body.name)
-                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sections, scene.statement.touching)
+                drawn = mesh.file.suffix.lower() in DRAWN
+                curved = scene.element.degree == 2 and drawn  # as without a given accuracy
+                sections, touching = scene.sections_of(body.name), scene.statement.touching
+                sizes = contact_sizes(scene, number) if drawn else ()
+                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sections, touching, sizes)
             elif isinstance(mesh, TaggedMesh):
                 for _ in range(halvings):
                     mesh = refine(mesh)
         except SceneError as error:
-            raise SceneError([(f"body[{number}].{path}", message) for path, message in error.problems]) from None
+            raise SceneError(in_body(number, error.problems)) from None
         except MeshError as error:
             raise MeshError(f"body {body.name!r}: {error}") from None
         if isinstance(mesh, MeshGenerator):
             mesh = _mesh_on(mesh, 0.5**halvings)
         halved.append(body.model_copy(update={"mesh": mesh}))
-    return scene.model_copy(update={"body": tuple(halved)})
+    contacts = with_larger_contact_sizes(scene.contact, 0.5**halvings)
+    return scene.model_copy(update={"body": tuple(halved), "contact": contacts})
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
 
+from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.bodies import together
 from signorini_fx.mechanics.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_dimension, generate_mesh, load_file
-from signorini_fx.mechanics.statement.mesh_sources import Body, MeshFile, MeshGenerator
+from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
 from signorini_fx.scenes.scene import Scene
 
 
@@ -22,26 +24,51 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         MeshError: the file is not a mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
     """
     if scene.body:
-
-        def load(body: Body, ranks: MPI.Comm) -> TaggedMesh:
-            return _load_one(scene, body.mesh, ranks, scene.sections_of(body.name))
-
-        return TaggedMesh(**together(scene.body, load, scene.statement.touching, comm))
-    return _load_one(scene, scene.mesh, comm, scene.statement.sections)
+        _refuse_contact_sizes(scene)
+        return TaggedMesh(**together(scene.body, partial(_load_one, scene), scene.statement.touching, comm))
+    return _load_one(scene, None, comm)
 
 
-def _load_one(scene: Scene, source: Any, comm: MPI.Comm, sections: Collection[str]) -> TaggedMesh:
-    """The mesh that a table ``mesh`` of a scene names, with sections; see ``load_mesh``."""
+def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
+    """The mesh of one of several bodies, None: the only one, with its sections; see ``load_mesh``."""
+    source: Any = scene.mesh if number is None else scene.body[number].mesh
+    sections = scene.statement.sections if number is None else scene.sections_of(scene.body[number].name)
+    sizes = contact_sizes(scene, number)
     match source:
         case TaggedMesh():
             tagged = source
+            if sizes and number is None and not tagged.origin:
+                reason = "the mesh is given with its cells: make those in contact shorter where it is made"
+                raise SceneError([(sizes[0].path, reason)])
         case MeshFile():
             # A drawing gets curved cells if the degree of the elements permits.
-            curved = scene.element.degree == 2 and source.file.suffix.lower() in DRAWN
-            tagged = load_file(source, comm, 0, 2 if curved else None, sections, scene.statement.touching)
+            drawn = source.file.suffix.lower() in DRAWN
+            curved = scene.element.degree == 2 and drawn
+            if number is not None and not drawn and source.contact_size is None:
+                sizes = ()  # they are for the other body
+            tagged = load_file(source, comm, 0, 2 if curved else None, sections, scene.statement.touching, sizes)
         case MeshGenerator(generator=name, parameters=parameters):
-            tagged = generate_mesh(name, parameters, comm)
+            tagged = generate_mesh(name, parameters, comm, sizes)
         case _:
             raise TypeError(f"no mesh: {source!r}")
     check_dimension(tagged, section=bool(scene.statement.kinematics.out_of_section))
     return tagged
+
+
+def _refuse_contact_sizes(scene: Scene) -> None:
+    """Refuse ``contact_size`` of a contact if all bodies have their cells already.
+
+    Raises:
+        SceneError: they have.
+    """
+    for index, contact in enumerate(scene.contact):
+        if contact.contact_size is not None and not any(_makes_cells(body.mesh) for body in scene.body):
+            reason = "all bodies have their cells already: give a drawing, or make those in contact shorter there"
+            raise SceneError([(f"contact[{index}].contact_size", reason)])
+
+
+def _makes_cells(mesh: Any) -> bool:
+    """Whether gmsh may make the cells of a table ``mesh``, or has made them."""
+    if isinstance(mesh, MeshFile):
+        return mesh.file.suffix.lower() in DRAWN
+    return isinstance(mesh, MeshGenerator) or bool(mesh.origin)

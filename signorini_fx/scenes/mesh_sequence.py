@@ -12,6 +12,7 @@ from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.contact_table import contact_table
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file
+from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import History
@@ -98,15 +99,17 @@ class SceneMesh:
         assert self.plan is not None
         scene, halvings = self.plan.scene, round(log2(times))
         if isinstance(scene.mesh, MeshFile):
-            tagged = load_file(
-                scene.mesh, self.comm, halvings, self.plan.geometry, scene.statement.sections, scene.statement.touching
-            )
-            return self.on(tagged)
+            names = (scene.statement.sections, scene.statement.touching)
+            return self.on(load_file(scene.mesh, self.comm, halvings, self.plan.geometry, *names, contact_sizes(scene)))
         if scene.statement.generated:
             scene = scene_on(scene, self.coarsest / times)
         elif scene.body:
             scene = with_halved_bodies(scene, halvings, self.comm)
-        update = {"mesh": scene.mesh, "body": scene.body}
+        contacts = tuple(
+            contact.model_copy(update={"contact_size": finer.contact_size})
+            for contact, finer in zip(self.scene.contact, scene.contact, strict=True)
+        )
+        update = {"mesh": scene.mesh, "body": scene.body, "contact": contacts}
         return replace(self, scene=self.scene.model_copy(update=update))
 
     def on(self, tagged: TaggedMesh) -> SceneMesh:

@@ -21,6 +21,7 @@ from signorini_fx.mechanics.mesh.tagged import (
     load_file,
     simplex_parameters,
 )
+from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
 from signorini_fx.mechanics.statement.features import refusals
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
@@ -112,7 +113,7 @@ def _with_curved_bodies(scene: Scene) -> Scene:
         parameters = curved_parameters(name, original)
         if parameters is None or generated_cell(name, original) in ("tetrahedron", "hexahedron"):
             return scene
-        mesh = MeshGenerator(generator=name, parameters=parameters)
+        mesh = body.mesh.model_copy(update={"parameters": parameters})
         curved.append(body.model_copy(update={"mesh": mesh}))
     return _of_degree_2(scene).model_copy(update={"body": tuple(curved)})
 
@@ -146,7 +147,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     parameters = curved_parameters(name, original) if triangles is None else triangles
     if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
         return Plan(scene, goal.refinement == "adaptive", replaced=False)
-    mesh = MeshGenerator(generator=name, parameters=parameters)
+    mesh = scene.mesh.model_copy(update={"parameters": parameters})
     better = _of_degree_2(scene).model_copy(update={"mesh": mesh})
     return Plan(better, triangles is not None, replaced=(better.element, mesh) != (scene.element, scene.mesh))
 
@@ -154,7 +155,8 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
     drawn = file.file.suffix.lower() in DRAWN
-    tagged = load_file(file, comm, 0, 2 if drawn else None, scene.statement.sections, scene.statement.touching)
+    sizes, sections = contact_sizes(scene), scene.statement.sections
+    tagged = load_file(file, comm, 0, 2 if drawn else None, sections, scene.statement.touching, sizes)
     curved = curvature(tagged) > SAME_LENGTH * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
     simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
@@ -166,7 +168,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
                 "would stay the polygon that they are; use 'uniform'"
             )
             raise SceneError([("accuracy.refinement", message)])
-        straight = load_file(file, comm, degree=1, sections=scene.statement.sections)
+        straight = load_file(file, comm, degree=1, sections=sections, sizes=sizes)
         check_divisible(straight)
         divided = (_of_degree_2(scene) if better else scene).model_copy(update={"mesh": straight})
         return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)

@@ -29,12 +29,12 @@ class LoadedReader:
         self._process: subprocess.Popen[bytes] | None = None
         self._line: socket.socket | None = None
 
-    def __call__(self, request, output, folder, seconds):
+    def __call__(self, request, source, output, folder, seconds):
         if self._process is None:
             self._begin()
         self._line.settimeout(seconds)
         try:
-            socket.send_fds(self._line, [json.dumps([request, folder]).encode()], [output.fileno()])
+            socket.send_fds(self._line, [json.dumps([request, folder]).encode()], [source.fileno(), output.fileno()])
             return int(self._line.recv(100))
         except TimeoutError:
             self.end()
@@ -78,7 +78,7 @@ def serve(line: socket.socket) -> None:
     gc.freeze()  # a collection would copy the pages that forks share
     line.send(b"loaded")
     while True:
-        message, outputs, *_ = socket.recv_fds(line, _LONGEST, 1)
+        message, files, *_ = socket.recv_fds(line, _LONGEST, 2)
         if not message:
             return
         request, folder = json.loads(message)
@@ -87,12 +87,14 @@ def serve(line: socket.socket) -> None:
             code = 1
             with contextlib.suppress(BaseException):
                 line.close()
-                os.dup2(outputs[0], 1)
+                os.dup2(files[0], 0)
+                os.dup2(files[1], 1)
                 os.chdir(folder)
                 os.environ.update(reading._environment(folder))
                 code = reading_process.main([request])
             os._exit(code)
-        os.close(outputs[0])
+        for number in files:
+            os.close(number)
         line.send(str(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])).encode())
 
 

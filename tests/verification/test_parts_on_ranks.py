@@ -298,3 +298,20 @@ def test_cells_are_distributed_anew(name):
     after = measures(tagged)
     assert after == pytest.approx(before, rel=1e-12)
     assert set(after) == {*tagged.boundaries, "near", "far"}
+
+
+def test_meshes_that_are_fine_where_it_touches():
+    entries = {
+        "mesh": {"generator": "half_disk", "parameters": {"contact_size": 0.2}, "contact_size": 0.2},
+        "material": {"young": 1e3, "poisson": 0.3},
+        "contact": [{"boundary": "arc"}],
+    }
+    tagged, alone = (load_mesh(parse_scene(entries), comm) for comm in (WORLD, ALONE))
+    for dim in (1, 2):
+        tagged.mesh.topology.create_entities(dim)
+        alone.mesh.topology.create_entities(dim)
+        assert tagged.mesh.topology.index_map(dim).size_global == alone.mesh.topology.index_map(dim).size_local
+    facets = tagged.facets("arc")
+    lengths = tagged.mesh.h(1, facets)
+    assert parallel.global_sum(WORLD, np.array([len(facets)]))[0] == len(alone.facets("arc"))
+    assert parallel.largest(WORLD, lengths) < 0.3

@@ -57,13 +57,14 @@ def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any])
         SceneError: the generator makes no such meshes; the element is mixed.
     """
     refuse(scene.statement, REFUSES)
-    mesh = scene_on(scene, factor).mesh
+    finer = scene_on(scene, factor)
+    mesh = finer.mesh
     assert isinstance(mesh, MeshGenerator)
     parameters = {**mesh.parameters, "cell": _CELLS[element[0]]}
     inherited = {"max_iterations", "max_outer_iterations", "tolerance"}
-    return scene.model_copy(
+    return finer.model_copy(
         update={
-            "mesh": MeshGenerator(generator=mesh.generator, parameters=parameters),
+            "mesh": mesh.model_copy(update={"parameters": parameters}),
             "element": scene.element.model_copy(update={"degree": int(element[1])}),
             # Each method is measured by itself, without fall-backs.
             "solver": SolverSettings(**scene.solver.model_dump(include=inherited), **settings, fallbacks=False),

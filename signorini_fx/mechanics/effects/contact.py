@@ -14,7 +14,7 @@ from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
 from signorini_fx.mechanics.statement.rigid_motion import driven_twice
 from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
-from signorini_fx.mechanics.statement.values import Direction, NonNegative, SampledValue, not_at_points, shown
+from signorini_fx.mechanics.statement.values import Direction, NonNegative, Positive, SampledValue, not_at_points, shown
 
 
 class Contact(Effect):
@@ -29,6 +29,7 @@ class Contact(Effect):
     direction: Direction | None = None
     foundation: OneShape = None
     friction: OneLaw = NoFriction()
+    contact_size: Positive | None = None
 
     @model_validator(mode="after")
     def _at_points(self) -> Self:
@@ -156,6 +157,7 @@ class UnilateralContact(Contact):
         direction: from the body to the foundation, any length; None: the outward normal of the body.
         foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
         friction: the friction law.
+        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: that of ``mesh``.
         kind: its name.
     """
 
@@ -176,6 +178,7 @@ class BondedContact(Contact):
         direction: without effect.
         foundation: what drives the rigid body, see ``statement.rigid_motion``; where its surface is does not matter.
         friction: without effect.
+        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: that of ``mesh``.
         kind: its name.
     """
 
@@ -214,6 +217,7 @@ class BilateralContact(Contact):
         direction: from the body to the foundation, any length; None: the outward normal of the body.
         foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
         friction: the friction law.
+        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: that of ``mesh``.
         kind: its name.
     """
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -74,7 +74,7 @@ class BodyArrays:
 
 
 def together(
-    bodies: Sequence[Body], load: Callable[[Body, MPI.Comm], Any], touching: Collection[str], comm: MPI.Comm
+    bodies: Sequence[Body], load: Callable[[int, MPI.Comm], Any], touching: Collection[str], comm: MPI.Comm
 ) -> dict[str, Any]:
     """Several bodies as one mesh, whose cells are cut into equal shares for the ranks; collective.
 
@@ -86,7 +86,7 @@ def together(
 
     Args:
         bodies: their names, meshes and places.
-        load: makes the ``TaggedMesh`` of one of them on some ranks.
+        load: makes the ``TaggedMesh`` of the body with a number on some ranks.
         touching: the names of the boundaries that are in contact, near which cells stay together.
         comm: the ranks that share the mesh.
 
@@ -135,23 +135,28 @@ def together(
     }
 
 
-def _of_body(number: int, body: Body, load: Callable[[Body, MPI.Comm], Any], comm: MPI.Comm) -> BodyArrays:
+def _of_body(number: int, body: Body, load: Callable[[int, MPI.Comm], Any], comm: MPI.Comm) -> BodyArrays:
     """The mesh of one of several bodies; errors name it."""
     made: list[BodyArrays] = []
 
     def make() -> BodyArrays:
-        made.append(_arrays(load(body, MPI.COMM_SELF)))
+        made.append(_arrays(load(number, MPI.COMM_SELF)))
         return made[0].without_cells
 
     try:
         if isinstance(body.mesh, TaggedMeshBase):
-            return _arrays(load(body, comm))
+            return _arrays(load(number, comm))
         arrays = parallel.on_root(comm, make)
     except SceneError as error:
-        raise SceneError([(f"body[{number}].{path}", message) for path, message in error.problems]) from None
+        raise SceneError(in_body(number, error.problems)) from None
     except MeshError as error:
         raise MeshError(f"body {body.name!r}: {error}") from None
     return made[0] if made else arrays
+
+
+def in_body(number: int, problems: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Problems of the mesh of one of several bodies: the keys of its table ``mesh`` are those of the body."""
+    return [(f"body[{number}].{path}" if path.startswith("mesh") else path, message) for path, message in problems]
 
 
 def _arrays(tagged: Any) -> BodyArrays:

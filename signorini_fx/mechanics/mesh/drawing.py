@@ -296,7 +296,7 @@ def mesh_solid(
     gmsh.model.mesh.generate(3)
     gmsh.model.mesh.removeSizeCallback()
     if order > 1:
-        _curve(gmsh, order)
+        set_order(gmsh, order)
     named: dict[str, list[int]] = {}
     for _, tag in gmsh.model.getEntities(2):
         _, x, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)
@@ -350,12 +350,12 @@ def mesh_extruded(
         named[name] = [tag for around, tag in swept.items() if around & swept_curves and tag not in sections]
     gmsh.model.mesh.generate(3)
     if order > 1:
-        _curve(gmsh, order)
+        set_order(gmsh, order)
     _name_solids(gmsh, named)
 
 
-def _curve(gmsh: Any, order: int) -> None:
-    """Add nodes between the corners of solids, on the surfaces, and check that no cell is inverted.
+def set_order(gmsh: Any, order: int) -> None:
+    """Add nodes between the corners of cells, on curves and surfaces, and check that no solid is inverted.
 
     Raises:
         MeshError: the cells are too large for the arcs.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import inspect
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -21,14 +22,20 @@ from pydantic import TypeAdapter, ValidationError
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.distribution import from_root
+from signorini_fx.mechanics.mesh.drawing import set_order
 from signorini_fx.mechanics.mesh.extent import diameter, extremes
 from signorini_fx.mechanics.mesh.files import formats
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations, from_raw
 from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.gmsh_reader import content
 from signorini_fx.mechanics.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
+from signorini_fx.mechanics.mesh.files.local_sizes import check_contact_sizes, contact_field
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.mechanics.mesh.files.size_field import SizeField
+from signorini_fx.mechanics.mesh.halving import straightened
 from signorini_fx.mechanics.mesh.section import is_section
+from signorini_fx.mechanics.statement.contact_sizes import ContactSize
 from signorini_fx.mechanics.statement.dimension import dimension_problems
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.generators import known_generators
@@ -181,10 +188,11 @@ def load_file(
     degree: int | None = None,
     sections: Collection[str] = (),
     touching: Collection[str] = (),
+    sizes: Sequence[ContactSize] | SizeField = (),
 ) -> TaggedMesh:
     """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
     names = (mesh.boundaries, mesh.regions, mesh.data)
-    tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sections, touching)
+    tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sections, touching, sizes)
     return replace(tagged, origin={"file": mesh.file.name})
 
 
@@ -200,13 +208,33 @@ def curvature(tagged: TaggedMesh) -> float:
     return parallel.largest(mesh.comm, np.linalg.norm(away, axis=2))
 
 
-def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> TaggedMesh:
+def generate_mesh(
+    name: str, parameters: Mapping[str, Any], comm: MPI.Comm, sizes: Sequence[ContactSize] | SizeField = ()
+) -> TaggedMesh:
     """Run the generator ``name``, see ``signorini_fx.meshes``.
 
+    Args:
+        name: of the generator.
+        parameters: its keyword arguments.
+        comm: the ranks that share the mesh.
+        sizes: lengths of the facets of some boundaries, or of all cells, on the first rank.
+
     Raises:
-        SceneError: unknown generator, or parameters that it refuses.
+        SceneError: unknown generator, or parameters that it refuses; or lengths that it cannot make.
     """
-    tagged = _generator(name, parameters)(comm, **parameters)
+    generate = _generator(name, parameters)
+    local_sizes = _LocalSizes(sizes)
+    reset = _LOCAL_SIZES.set(local_sizes)
+    try:
+        tagged = generate(comm, **parameters)
+    finally:
+        _LOCAL_SIZES.reset(reset)
+    if isinstance(sizes, Sequence) and sizes and not local_sizes.taken:
+        message = (
+            f"the cells of the generator {name!r} are not made by gmsh: make all of them smaller by its parameters, "
+            "or draw the body in a .geo"
+        )
+        raise SceneError([(sizes[0].path, message)])
     if not isinstance(tagged, TaggedMesh):
         raise SceneError([("mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected")])
     return replace(tagged, origin={"generator": name, "parameters": dict(parameters)})
@@ -264,6 +292,7 @@ def read_mesh(
     size: float | None = None,
     sections: Collection[str] = (),
     touching: Collection[str] = (),
+    sizes: Sequence[ContactSize] | SizeField = (),
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
 
@@ -279,6 +308,7 @@ def read_mesh(
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
         sections: names of the file whose facets inside the body are wanted, too.
         touching: the boundaries with which bodies in the file touch each other; see ``mesh/cuts.py``.
+        sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.
 
     Raises:
         MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
@@ -287,7 +317,7 @@ def read_mesh(
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
     def read() -> tuple[str, formats.Tags, formats.Tags, str]:
-        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sections)
+        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sections, sizes)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
@@ -348,6 +378,23 @@ def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
     return TypeAdapter(_types(generate).get(key, Any))
 
 
+@dataclass
+class _LocalSizes:
+    """Lengths of cells that the generator that runs does not know of.
+
+    Attributes:
+        sizes: see ``generate_mesh``.
+        taken: whether it lets gmsh make its mesh, which has them.
+    """
+
+    sizes: Sequence[ContactSize] | SizeField
+    taken: bool = False
+
+
+# A generator takes the parameters of a scene, and its mesh is made in ``gmsh_mesh``.
+_LOCAL_SIZES: ContextVar[_LocalSizes | None] = ContextVar("_LOCAL_SIZES", default=None)
+
+
 def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:
     """Let ``draw(gmsh)`` make a meshed gmsh model on the first rank, and distribute it.
 
@@ -372,6 +419,8 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
         if top < 2:
             raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
+        if wanted is not None and wanted.sizes:
+            _mesh_again(gmsh, top, wanted.sizes, name, unit)
         regions, boundaries = disjoint_groups(gmsh, top, "region"), disjoint_groups(gmsh, top - 1, "boundary")
         kinds = kinds_of_cells(gmsh, top)
         if not kinds:
@@ -382,12 +431,53 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
             raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
         return top, boundaries, regions
 
+    wanted = _LOCAL_SIZES.get()
+    if wanted is not None:
+        wanted.taken = True
     with gmsh_session() if parallel.is_root(comm) else contextlib.nullcontext() as gmsh:
         dim, boundaries, regions = parallel.on_root(comm, lambda: build(gmsh))
         model = None if gmsh is None else gmsh.model
         mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, dim)
     mesh.geometry.x[:] *= unit
     return TaggedMesh(mesh, facet_tags, _plain(boundaries), cell_tags, _plain(regions))
+
+
+def _mesh_again(gmsh: Any, top: int, sizes: Sequence[ContactSize] | SizeField, name: str, unit: float) -> None:
+    """Mesh the current model a second time, with cells of other lengths.
+
+    Args:
+        gmsh: the module.
+        top: dimension of the body.
+        sizes: lengths of the facets of some boundaries, or of all cells.
+        name: of the mesh in messages.
+        unit: length of the model's unit.
+
+    Raises:
+        SceneError: a length cannot be had.
+        MeshError: cells of degree 2 would be turned inside out.
+    """
+
+    def made() -> MeshArrays:
+        arrays = from_raw(content(gmsh), name)
+        return replace(arrays, points=unit * arrays.points)
+
+    first = made()
+    field = sizes if isinstance(sizes, SizeField) else contact_field(straightened(first), sizes)
+    if field is None:
+        return
+    field.over(unit).apply(gmsh)
+    gmsh.model.mesh.clear()
+    try:
+        gmsh.model.mesh.generate(top)
+        if first.degree > 1:
+            set_order(gmsh, first.degree)
+        if not isinstance(sizes, SizeField):
+            cure = f"the cells of {name} are in rows; make them smaller by its parameters, or draw the body in a .geo"
+            check_contact_sizes(made(), sizes, cure)
+    except SignoriniError:
+        raise
+    except Exception as error:  # gmsh has no exceptions of its own
+        raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
 
 
 def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, ...]]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
-from pydantic import Field, InstanceOf, field_validator
+from pydantic import Field, InstanceOf, field_validator, model_validator
 
-from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, kind_of
 
 # The generators of bodies without arcs.
@@ -25,6 +25,7 @@ class MeshFile(Table):
         regions: names for parts of the body: a number, a list of numbers, or a condition at all vertices of cells.
         data: the cell data that the numbers refer to; None: there is only one.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
+        contact_size: length of the facets of boundaries in contact, of a file that gmsh meshes; None: as elsewhere.
     """
 
     file: Path
@@ -32,6 +33,14 @@ class MeshFile(Table):
     regions: dict[str, Selection] = Field(default={})
     data: str | None = None
     size: Positive | None = None
+    contact_size: Positive | None = None
+
+    @model_validator(mode="after")
+    def _shorter(self) -> Self:
+        if self.size is not None and self.contact_size is not None and self.contact_size > self.size:
+            message = f"{self.contact_size:g} is larger than size = {self.size:g}: facets in contact may be shorter"
+            raise refused("MeshFile", [(("contact_size",), message)])
+        return self
 
 
 class MeshGenerator(Table):
@@ -40,10 +49,12 @@ class MeshGenerator(Table):
     Attributes:
         generator: its name.
         parameters: its keyword arguments; default: none.
+        contact_size: length of the facets of boundaries in contact, if gmsh makes the mesh; None: as it makes them.
     """
 
     generator: str
     parameters: dict[str, float | int | str | bool] = Field(default={})
+    contact_size: Positive | None = None
 
 
 class TaggedMeshBase:

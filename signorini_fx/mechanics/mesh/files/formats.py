@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,13 @@ from signorini_fx.mechanics.mesh.files.arrays import (
 )
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD
 from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
+from signorini_fx.mechanics.mesh.files.local_sizes import check_contact_sizes, contact_field
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.reading import read_separately
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, is_straight
+from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.mesh.halving import halved, straightened
+from signorini_fx.mechanics.statement.contact_sizes import ContactSize
 
 # Name of a boundary or region -> its tags.
 Tags = dict[str, tuple[int, ...]]
@@ -40,6 +43,7 @@ def read_file(
     degree: int | None = None,
     size: float | None = None,
     sections: Collection[str] = (),
+    sizes: Sequence[ContactSize] | SizeField = (),
 ) -> MeshArrays:
     """A mesh in the plane or in space from a file, the format by its suffix.
 
@@ -56,10 +60,11 @@ def read_file(
             curves; None: as the file has it, 1 for a drawing of a CAD program.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
         sections: names of the file whose facets inside the body are wanted, too.
+        sizes: of a drawing the lengths of facets of some boundaries, or of all cells.
 
     Raises:
         MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of cell.
-        SceneError: a selection is empty.
+        SceneError: a selection is empty, or a length cannot be had.
     """
     reader = _READERS.get(file.suffix.lower())
     if reader is None:
@@ -74,10 +79,21 @@ def read_file(
             [("mesh.size", f"a {file.suffix} file determines the size of its cells; a size is for {suffixes}")]
         )
     if file.suffix.lower() in gmsh_files.DRAWN:
-        raw = gmsh_files.read_gmsh(file, halvings, degree, size)
-        drawn = from_raw(raw, str(file), boundaries, regions, data, sections)
+        names = (str(file), boundaries, regions, data, sections)
+        field = sizes if isinstance(sizes, SizeField) else None
+        if not isinstance(sizes, SizeField) and sizes:
+            field = contact_field(from_raw(gmsh_files.read_gmsh(file, 0, 1, size), *names), sizes)
+        drawn = from_raw(gmsh_files.read_gmsh(file, halvings, degree, size, sizes=field), *names)
+        if not isinstance(sizes, SizeField):
+            check_contact_sizes(drawn, sizes, "take Transfinite or Layers there out of the drawing")
         # Nodes between the corners are for curves.
         return straightened(drawn) if degree == 2 and is_straight(drawn.points, drawn.cells, drawn.cell) else drawn
+    if not isinstance(sizes, SizeField) and sizes:
+        message = (
+            f"a {file.suffix} file has its cells already: give its drawing ({', '.join(gmsh_files.DRAWN)}), or let "
+            "[accuracy] with refinement = 'adaptive' divide straight triangles or tetrahedra"
+        )
+        raise SceneError([(sizes[0].path, message)])
     mesh = from_raw(reader(file), str(file), boundaries, regions, data, sections)
     if degree == 1:
         mesh = straightened(mesh)

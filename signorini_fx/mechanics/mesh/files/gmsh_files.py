@@ -20,6 +20,7 @@ from signorini_fx.mechanics.mesh.files.gmsh_script import translated
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.reading import read_separately
 from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.mechanics.mesh.files.size_field import SizeField
 
 # CPU seconds for a drawing, which may be a large one.
 _DRAWING_SECONDS = 1200
@@ -35,7 +36,13 @@ _LARGEST_NAMED = 64 << 20
 
 
 def read_gmsh(
-    file: Path, halvings: int = 0, degree: int | None = None, size: float | None = None, *, skin: bool = False
+    file: Path,
+    halvings: int = 0,
+    degree: int | None = None,
+    size: float | None = None,
+    *,
+    skin: bool = False,
+    sizes: SizeField | None = None,
 ) -> RawMesh:
     """A mesh, a gmsh script or a CAD drawing as arrays; physical groups are sets.
 
@@ -50,6 +57,7 @@ def read_gmsh(
         size: length of the cells of a CAD drawing, in its unit; None: a fraction of the size of the body.
         skin: of a CAD drawing only the triangles on the surface of its solids, or the lines around its plane faces,
             counterclockwise.
+        sizes: lengths of the cells of a drawing, on a mesh of it; None: by ``size``, or what the script asks for.
 
     Raises:
         MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
@@ -72,7 +80,7 @@ def read_gmsh(
         except OSError as error:
             raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
         try:
-            raw = read_separately(file, "gmsh", settings, place=local_file, **_limits_of_drawings(suffix))
+            raw = read_separately(file, "gmsh", settings, place=local_file, sizes=sizes, **_limits_of_drawings(suffix))
         except MeshError as error:
             raise (error if script is None else MeshError(script.original(str(error)))) from None
     if script is not None:

@@ -13,6 +13,7 @@ from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.cutting import BETWEEN, CORNERS, shape_of
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.tuned import BYTES_PER_CELL, DIGITS_OF_FILES, TETRAHEDRON_VOLUME
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
@@ -44,7 +45,9 @@ def files_of(file: Path) -> list[Path]:
     return [file]
 
 
-def read(file: Path, halvings: int, degree: int, size: float, *, skin: bool = False) -> RawMesh:
+def read(
+    file: Path, halvings: int, degree: int, size: float, *, skin: bool = False, sizes: SizeField | None = None
+) -> RawMesh:
     """The content of a mesh, or of a drawing after gmsh has meshed it; physical groups are sets.
 
     Args:
@@ -53,6 +56,7 @@ def read(file: Path, halvings: int, degree: int, size: float, *, skin: bool = Fa
         degree: 2: they get nodes between their corners; 1: they get none; 0: as the drawing asks for.
         size: length of the cells of a CAD drawing; 0: a fraction of the size of the body.
         skin: of a CAD drawing only its ``_skin``.
+        sizes: lengths of the cells of a drawing that take the place of its own; None: there are none.
 
     Raises:
         ValueError: gmsh cannot read it.
@@ -68,10 +72,25 @@ def read(file: Path, halvings: int, degree: int, size: float, *, skin: bool = Fa
         else:
             gmsh.merge(str(file))
         if suffix in CAD or suffix == ".geo":
+            if sizes is not None:
+                sizes.apply(gmsh)
             _mesh(gmsh, halvings, degree)
     except Exception as error:
         reason = str(error).replace(f"'{file}', ", "")
         raise ValueError(f"gmsh cannot read it: {reason}") from None
+    return content(gmsh, corners)
+
+
+def content(gmsh: Any, corners: dict[int, Any] | None = None) -> RawMesh:
+    """The mesh of the current model; physical groups are sets.
+
+    Args:
+        gmsh: the module.
+        corners: see ``RawMesh``.
+
+    Raises:
+        ValueError: two nodes have the same number.
+    """
     tags, x, _ = gmsh.model.mesh.getNodes()
     tags = np.asarray(tags, dtype=np.int64)
     order = np.argsort(tags)
@@ -103,7 +122,7 @@ def read(file: Path, halvings: int, degree: int, size: float, *, skin: bool = Fa
         name: [rows if k in numbers else no_rows for k, rows in enumerate(all_rows)]
         for name, numbers in members.items()
     }
-    return RawMesh(np.asarray(x).reshape(-1, 3), blocks, sets, {}, {"gmsh:physical": physical}, corners)
+    return RawMesh(np.asarray(x).reshape(-1, 3), blocks, sets, {}, {"gmsh:physical": physical}, corners or {})
 
 
 def _order(kind: str, places: Any) -> Any:

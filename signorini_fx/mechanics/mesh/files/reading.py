@@ -20,6 +20,7 @@ from signorini_fx.errors import MeshError
 from signorini_fx.machine import launcher
 from signorini_fx.mechanics.mesh.files import reading_process
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
+from signorini_fx.mechanics.mesh.files.size_field import SizeField
 
 # CPU seconds for reading a file: a constant, and a part per megabyte.
 _READ_SECONDS, _SECONDS_PER_MEGABYTE = 60, 5
@@ -38,6 +39,7 @@ def read_separately(
     seconds: int | None = None,
     memory: int | None = None,
     hint: str = "",
+    sizes: SizeField | None = None,
 ) -> RawMesh:
     """Let the other process read a file.
 
@@ -49,6 +51,7 @@ def read_separately(
         seconds: limit on its computing time; None: by the size of the file.
         memory: limit on its address space, bytes; None: by the size of the file.
         hint: what else the user can do if it takes too long.
+        sizes: lengths of the cells that gmsh makes; None: its own.
 
     Raises:
         MeshError: it cannot be read; the message says why.
@@ -60,10 +63,17 @@ def read_separately(
     seconds = seconds or _READ_SECONDS + _SECONDS_PER_MEGABYTE * (size >> 20)
     memory = memory or _BASE_BYTES + _BYTES_PER_BYTE * size
     request = {"file": str(place or file.absolute()), "reader": reader, "settings": settings, "sandbox": SANDBOX}
-    request |= {"seconds": seconds, "bytes": memory}
-    with tempfile.TemporaryFile() as output, tempfile.TemporaryDirectory() as empty:
+    request |= {"seconds": seconds, "bytes": memory, "sized": sizes is not None}
+    with (
+        tempfile.TemporaryFile() as source,
+        tempfile.TemporaryFile() as output,
+        tempfile.TemporaryDirectory() as empty,
+    ):
+        if sizes is not None:
+            sizes.save(source)
+            source.seek(0)
         try:
-            code = _run(json.dumps(request), output, empty, 4.0 * seconds)
+            code = _run(json.dumps(request), source, output, empty, 4.0 * seconds)
         except subprocess.TimeoutExpired:
             code = -signal.SIGXCPU
         output.seek(0)
@@ -81,7 +91,7 @@ def read_separately(
     raise MeshError(f"{file}: {reader} cannot read it: {reason}")
 
 
-def _run(request: str, output: IO[bytes], folder: str, seconds: float) -> int:
+def _run(request: str, source: IO[bytes], output: IO[bytes], folder: str, seconds: float) -> int:
     """Let the program read the file in an empty folder; the tests fork it from one that is loaded already.
 
     Returns:
@@ -92,7 +102,7 @@ def _run(request: str, output: IO[bytes], folder: str, seconds: float) -> int:
     """
     return subprocess.run(
         [sys.executable, "-P", reading_process.__file__, request],
-        stdin=subprocess.DEVNULL,
+        stdin=source,
         stdout=output,
         stderr=subprocess.DEVNULL,
         cwd=folder,

@@ -1,6 +1,7 @@
 """The program that reads a foreign file: within limits, and in a sandbox from before it opens the file.
 
-python3 -P reading_process.py REQUEST, a JSON object with the names in ``main``.  The content of the file is written to
+python3 -P reading_process.py REQUEST, a JSON object with the names in ``main``; lengths of cells, if there are any, are
+the standard input, a file.  The content of the file is written to
 the standard output, which must be a file, or in its place what is wrong.
 """
 
@@ -20,6 +21,7 @@ def main(arguments: Sequence[str]) -> int:
     """Read a file within limits, and write what is in it, or what is wrong."""
     sys.path.append(str(Path(__file__).parents[4]))
     from signorini_fx.mechanics.mesh.files import gmsh_reader, meshio_reader, sandbox
+    from signorini_fx.mechanics.mesh.files.size_field import SizeField
 
     request = json.loads(arguments[0])
     output = os.fdopen(os.dup(1), "wb")
@@ -28,13 +30,16 @@ def main(arguments: Sequence[str]) -> int:
     _limit(resource.RLIMIT_CPU, request["seconds"], request["seconds"] + 5)
     _limit(resource.RLIMIT_AS, request["bytes"], request["bytes"])
     _limit(resource.RLIMIT_FSIZE, request["bytes"], request["bytes"])
-    file = Path(request["file"])
+    file, settings = Path(request["file"]), request["settings"]
+    if request["sized"]:
+        with os.fdopen(os.dup(0), "rb") as stream:
+            settings["sizes"] = SizeField.load(stream)
     reader = {"gmsh": gmsh_reader, "meshio": meshio_reader}[request["reader"]]
     try:
         reader.load_libraries(file.suffix)
         if request["sandbox"]:
             sandbox.confine(reader.files_of(file))
-        raw = reader.read(file, **request["settings"])
+        raw = reader.read(file, **settings)
     except (Exception, SystemExit) as error:  # meshio ends the process on files that it does not know
         output.write((str(error) or type(error).__name__).encode(errors="replace"))
         output.close()

@@ -1,0 +1,256 @@
+"""``contact_size``: facets in contact have the length that was asked for, cells far away are no smaller than before."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx import MeshError, SceneError, TaggedMesh, solve
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.mesh.files import formats
+from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
+from signorini_fx.mechanics.mesh.files.shape import quality
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+
+RADIUS = 10.0
+REST = "[[material]]\nyoung = 1e3\npoisson = 0.3\n"
+
+
+def _read(text):
+    return parse_scene(tomllib.loads(text))
+
+
+# Half of a lug of STEP in the plane, whose hole is on the origin.
+BOUNDARIES = {"hole": "abs(x[0]**2 + x[1]**2 - 100) < 0.5 and x[1] < 1e-9", "top": "x[1] > 40 - 1e-9"}
+
+
+@pytest.fixture(scope="module")
+def drawings(tmp_path_factory):
+    """Half of a lug with a hole in the plane, and the same in space, 10 thick, as STEP and as a script."""
+    folder = tmp_path_factory.mktemp("drawings")
+    with gmsh_session() as gmsh:
+        for name, solid in (("plane", False), ("space", True)):
+            gmsh.clear()
+            occ = gmsh.model.occ
+            if solid:
+                plate, hole = occ.addBox(0, -20, 0, 20, 60, 10), occ.addCylinder(0, 0, -1, 0, 0, 12, RADIUS)
+            else:
+                plate, hole = occ.addRectangle(0, -20, 0, 20, 60), occ.addDisk(0, 0, 0, RADIUS, RADIUS)
+            dim = 3 if solid else 2
+            occ.cut([(dim, plate)], [(dim, hole)])
+            occ.synchronize()
+            gmsh.write(str(folder / f"{name}.step"))
+    (folder / "plane.geo").write_text(SCRIPT)
+    (folder / "quads.geo").write_text(SCRIPT + "Recombine Surface {1};\n")
+    return folder
+
+
+SCRIPT = """
+Point(1) = {0, -20, 0, 3}; Point(2) = {20, -20, 0, 3}; Point(3) = {20, 40, 0, 3}; Point(4) = {0, 40, 0, 3};
+Point(5) = {0, 10, 0, 3}; Point(6) = {10, 0, 0, 3}; Point(7) = {0, -10, 0, 3}; Point(8) = {0, 0, 0, 3};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 5};
+Circle(5) = {5, 8, 6}; Circle(6) = {6, 8, 7}; Line(7) = {7, 1};
+Curve Loop(1) = {1, 2, 3, 4, 5, 6, 7};
+Plane Surface(1) = {1};
+Physical Curve("hole") = {6}; Physical Curve("top") = {3}; Physical Curve("symmetry") = {4, 7};
+Physical Surface("lug") = {1};
+"""
+
+
+def scene(file, *, own=None, contact=None, degree=1, bodies=(), more=""):
+    """A scene whose boundary ``hole`` is in contact, of one mesh or of several bodies."""
+    size = "" if own is None else f"contact_size = {own}\n"
+    table = f'file = "{file}"\n{size}' + ("" if file.suffix == ".geo" else "size = 3.0\n")
+    named = "" if file.suffix == ".geo" else "".join(f'{key} = "{rule}"\n' for key, rule in BOUNDARIES.items())
+    mesh = f"[mesh]\n{table}[mesh.boundaries]\n{named}"
+    for name in bodies:
+        mesh = mesh if name != bodies[0] else ""
+        mesh += f'[[body]]\nname = "{name}"\n[body.mesh]\n{table}[body.mesh.boundaries]\n{named}'
+    name = f"{bodies[0]}.hole" if bodies else "hole"
+    size = "" if contact is None else f"contact_size = {contact}\n"
+    text = f'[element]\ndegree = {degree}\n[[contact]]\nboundary = "{name}"\n{size}'
+    return _read(mesh + text + REST + more)
+
+
+def edges(tagged: TaggedMesh, name: str) -> np.ndarray:
+    """The lengths of the facets of a boundary, in space of the longest side of each."""
+    tagged.mesh.topology.create_connectivity(tagged.dimension - 1, tagged.dimension)
+    return tagged.mesh.h(tagged.dimension - 1, tagged.facets(name))
+
+
+def far_sizes(tagged: TaggedMesh) -> np.ndarray:
+    """Of the cells that are far from the hole."""
+    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)
+    cells = np.flatnonzero(np.hypot(x[:, 0], x[:, 1]) > 30).astype(np.int32)
+    return tagged.mesh.h(tagged.dimension, cells)
+
+
+@pytest.mark.parametrize(
+    ("name", "size"), [("plane.step", 0.3), ("plane.geo", 0.3), ("quads.geo", 0.3), ("space.step", 0.9)]
+)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_facets_in_contact_have_the_length(drawings, name, size, degree):
+    before, after = (load_mesh(scene(drawings / name, own=own, degree=degree), MPI.COMM_SELF) for own in (None, size))
+    lengths = edges(after, "hole")
+    assert np.median(lengths) == pytest.approx(size, rel=0.15)
+    assert lengths.max() < 1.5 * size
+    # Far away cells are what they were, and beside the hole their sizes grow slowly.
+    assert np.median(far_sizes(after)) == pytest.approx(np.median(far_sizes(before)), rel=0.2)
+    assert far_sizes(after).min() > 0.5 * far_sizes(before).min()
+    assert dict(after.boundaries) == dict(before.boundaries)
+    assert dict(after.regions) == dict(before.regions)
+    assert after.mesh.topology.cell_name() == before.mesh.topology.cell_name()
+    assert compat.geometry_degree(after.mesh) == degree
+    if degree == 2:  # also the nodes between the corners are on the circle
+        nodes = compat.geometry_cells(after.mesh)[:, :]
+        x = after.mesh.geometry.x[np.unique(nodes)]
+        near = np.abs(np.hypot(x[:, 0], x[:, 1]) - RADIUS) < 0.05 * size**2 / RADIUS
+        assert np.count_nonzero(near & (x[:, 1] < 0)) > np.pi / 2 * RADIUS / size * 1.8
+        assert np.abs(np.hypot(*x[near, :2].T) - RADIUS).max() < 1e-6
+
+
+def test_sizes_grow_by_a_quarter_per_length(drawings):
+    arrays = formats.read_file(drawings / "plane.geo")
+    tagged = load_mesh(scene(drawings / "plane.geo", own=0.1), MPI.COMM_SELF)
+    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)]
+    middle, lengths = x.mean(axis=1), np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).mean(axis=1)
+    away = np.hypot(middle[:, 0], middle[:, 1]) - RADIUS
+    low = (middle[:, 1] < 0) & (away < 6)
+    ratio = lengths[low] / (0.1 + 0.25 * away[low])
+    assert np.quantile(ratio, 0.1) > 0.6
+    assert np.quantile(ratio, 0.9) < 1.4
+    assert len(arrays.cells) < tagged.mesh.topology.index_map(2).size_local < 12 * len(arrays.cells)
+    assert quality(tagged.mesh.geometry.x[:, :2], compat.geometry_cells(tagged.mesh)).min() > 0.4
+
+
+def test_a_contact_counts_more_than_the_mesh(drawings):
+    tagged = load_mesh(scene(drawings / "plane.geo", own=0.9, contact=0.3), MPI.COMM_SELF)
+    assert np.median(edges(tagged, "hole")) == pytest.approx(0.3, rel=0.15)
+
+
+def test_only_the_body_in_contact_is_finer(drawings):
+    sized = scene(drawings / "plane.geo", contact=0.3, bodies=("one", "other"))
+    tagged = load_mesh(sized, MPI.COMM_SELF)
+    assert np.median(edges(tagged, "one.hole")) == pytest.approx(0.3, rel=0.15)
+    assert np.median(edges(tagged, "other.hole")) > 2
+    assert np.median(edges(tagged, "one.top")) > 2
+
+
+def test_both_sides_of_a_contact_are_finer(drawings):
+    text = '[[contact]]\nboundary = "one.top"\nagainst = "other.hole"\ncontact_size = 0.5\n'
+    tagged = load_mesh(scene(drawings / "plane.geo", bodies=("one", "other"), more=text), MPI.COMM_SELF)
+    for name in ("one.top", "other.hole"):
+        assert np.median(edges(tagged, name)) == pytest.approx(0.5, rel=0.15)
+    assert np.median(edges(tagged, "one.hole")) > 2
+
+
+@pytest.mark.parametrize(
+    ("generator", "boundary", "size", "parameters"),
+    [
+        ("half_disk", "arc", 0.1, "radius = 8.0"),
+        ("half_disk", "arc", 1e-4, "radius = 8e-3, size = 1e-3, contact_size = 1e-3"),
+        ("half_disk", "arc", 0.1, 'cell = "quadrilateral", order = 2'),
+        ("plate_with_hole", "hole", 0.03, "radius = 1.0"),
+        ("punch", "foot", 0.01, "order = 2"),
+        ("half_sphere", "sphere", 0.5, 'part = "quarter", order = 2'),
+        ("half_sphere", "sphere", 0.6, 'part = "quarter", cell = "hexahedron"'),
+        ("bracket", "foot", 1.5, "order = 1"),
+    ],
+)
+def test_generators_that_gmsh_meshes(generator, boundary, size, parameters):
+    text = f'[mesh]\ngenerator = "{generator}"\nparameters = {{ {parameters} }}\n'
+    rest = f'[[contact]]\nboundary = "{boundary}"\n[[material]]\nyoung = 1e3\npoisson = 0.3\n[element]\ndegree = 2\n'
+    before, after = (load_mesh(_read(text + own + rest), MPI.COMM_SELF) for own in ("", f"contact_size = {size}\n"))
+    lengths = edges(after, boundary)
+    assert lengths.max() < 1.5 * size
+    assert lengths.max() > 0.8 * size
+    assert dict(after.boundaries) == dict(before.boundaries)
+    assert compat.geometry_degree(after.mesh) == compat.geometry_degree(before.mesh)
+
+
+def refused(text):
+    with pytest.raises((SceneError, MeshError)) as error:
+        load_mesh(_read(text), MPI.COMM_SELF)
+    return str(error.value)
+
+
+CONTACT = '[[contact]]\nboundary = "bottom"\n'
+
+
+@pytest.mark.parametrize("size", ["0.0", "-1.0", "inf", '"fine"'])
+@pytest.mark.parametrize("table", ["mesh", "contact"])
+def test_a_size_that_is_no_length_is_refused(size, table):
+    own = f"contact_size = {size}\n"
+    text = f'[mesh]\ngenerator = "rectangle"\n{own * (table == "mesh")}{CONTACT}{own * (table == "contact")}{REST}'
+    assert "contact_size" in refused(text)
+
+
+def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
+    plain = f'[mesh]\ngenerator = "rectangle"\n{CONTACT}contact_size = 0.01\n{REST}'
+    assert "contact[0].contact_size: the cells of the generator 'rectangle' are not made by gmsh" in refused(plain)
+    rows = f'[mesh]\ngenerator = "block"\ncontact_size = 0.01\n{CONTACT}{REST}'
+    message = refused(rows)
+    assert "mesh.contact_size: gmsh has made facets of 0.025 of 'bottom'" in message
+    assert ".geo" in message
+    file = drawings / "plane.step"
+    text = f'[mesh]\nfile = "{file}"\nsize = 2.0\ncontact_size = 3.0\n{CONTACT}{REST}'
+    assert "mesh.contact_size: 3 is larger than size = 2" in refused(text)
+    text = f'[mesh]\nfile = "{drawings / "plane.geo"}"\ncontact_size = 9.0\n{CONTACT}{REST}'.replace("bottom", "hole")
+    message = refused(text)
+    assert "mesh.contact_size: the facets of 'hole' are no longer than" in message
+    text = f'[mesh]\nfile = "{drawings / "plane.geo"}"\ncontact_size = 0.5\n{REST}'
+    assert "mesh.contact_size: is for boundaries in contact" in refused(text)
+    formats.write_file(formats.read_file(drawings / "plane.geo"), tmp_path / "cells.msh")
+    for own, other, path in (("contact_size = 0.5\n", "", "mesh"), ("", "contact_size = 0.5\n", "contact[0]")):
+        text = f'[mesh]\nfile = "{tmp_path / "cells.msh"}"\n{own}{CONTACT}{other}{REST}'.replace("bottom", "hole")
+        message = refused(text)
+        assert f"{path}.contact_size: a .msh file has its cells already" in message
+        assert ".geo" in message
+    body = f'[[body]]\nname = "lug"\n[body.mesh]\nfile = "{tmp_path / "cells.msh"}"\n'
+    text = f"{body}{CONTACT}contact_size = 0.5\n{REST}".replace("bottom", "lug.hole")
+    assert "contact[0].contact_size: all bodies have their cells already" in refused(text)
+    text = f"{body}contact_size = 0.5\n{CONTACT}{REST}".replace("bottom", "lug.hole")
+    assert "body[0].mesh.contact_size: a .msh file has its cells already" in refused(text)
+    script = tmp_path / "rows.geo"
+    script.write_text(SCRIPT + "Transfinite Curve {6} = 5;\n")
+    text = f'[mesh]\nfile = "{script}"\ncontact_size = 0.5\n{CONTACT}{REST}'.replace("bottom", "hole")
+    assert "Transfinite" in refused(text)
+
+
+LOADED = """
+[[displacement]]
+boundary = "top"
+x = 0.0
+y = -0.05
+[[contact]]
+boundary = "arc"
+gap = "x[1]"
+direction = [0.0, -1.0]
+"""
+
+
+def test_results_are_those_of_small_cells_everywhere():
+    """The indented half disk: force and largest pressure of a mesh that is fine on the arc, and of a fine one."""
+
+    def solved(size, own):
+        text = (
+            f'[mesh]\ngenerator = "half_disk"\n{own}parameters = {{ size = {size}, contact_size = {size}, '
+            f"symmetric = true, order = 2 }}\n[element]\ndegree = 2\n{REST}{LOADED}"
+        )
+        text += '[[displacement]]\nboundary = "symmetry"\nx = 0.0\n'
+        solution = solve(_read(text), MPI.COMM_SELF)
+        assert solution.converged
+        return solution
+
+    coarse, local, fine = solved(1.0, ""), solved(1.0, "contact_size = 0.06\n"), solved(0.06, "")
+    figures = [
+        np.array([one.table.columns["pressure"].max(), one.table.columns["weight"] @ one.table.columns["pressure"]])
+        for one in (coarse, local, fine)
+    ]
+    error, before = np.abs(figures[1] / figures[2] - 1), np.abs(figures[0] / figures[2] - 1)
+    assert (error < [0.01, 0.005]).all()
+    assert before[0] > 5 * error[0]
+    counts = [one.model.dofs for one in (local, fine)]
+    assert counts[0] < counts[1] / 8
