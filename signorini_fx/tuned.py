@@ -643,12 +643,15 @@ TETRAHEDRON_VOLUME, HEXAHEDRON_VOLUME = 0.075, 0.15
 # Cells become longer by this much per length away from facets of a given length.  Choice: at the depth of Hertz's half
 # width, eight facets, cells are three facets long.
 SIZE_GROWTH = 0.25
+# Of a mesh that is made anew cells are at least this share of their length on the last one, and its error is to fall
+# by a factor in this range.  Choice: the errors of a mesh say little of cells that are much smaller.
+SHORTEST_CHILD, FALL_OF_ERROR = 0.25, (1.5, 4.0)
 # Along each edge of a facet of the last mesh so many steps between the places from which distances are measured.
 # Choice: the error is a tenth of an edge.
 FACET_SAMPLES = 5
-# Half of the facets may not be longer than this times what was asked for.  Choice: those of triangles of gmsh are up to
-# 1.4 times as long as their mean.
-LONGEST_FACET = 1.6
+# Half of the facets may not be longer than this times what was asked for, after so many meshes at most.  Choice: the
+# longest edges of triangles of gmsh are 1.2 times as long as their mean, and each mesh is far nearer to a curve.
+LONGEST_FACET, MOST_MESHINGS = 1.4, 3
 # Newton's steps at most for the place of a point in a cell, and the reference coordinates within which it is sought.
 # Choice.
 STEPS_IN_CELL, REFERENCE_BOUNDS = 20, (-1.0, 2.0)

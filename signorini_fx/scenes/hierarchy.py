@@ -9,11 +9,10 @@ from mpi4py import MPI
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.bodies import in_body
-from signorini_fx.mechanics.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, coarser_parameters, load_file
 from signorini_fx.mechanics.statement.contact_sizes import contact_sizes, with_larger_contact_sizes
-from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
+from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
 from signorini_fx.scenes.scene import Scene
 
 

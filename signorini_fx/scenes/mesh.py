@@ -9,10 +9,9 @@ from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.bodies import together
-from signorini_fx.mechanics.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_dimension, generate_mesh, load_file
 from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
-from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
+from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
 from signorini_fx.scenes.scene import Scene
 
 

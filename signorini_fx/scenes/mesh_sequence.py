@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import partial
 from math import log2
+from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.contact_table import contact_table
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file
+from signorini_fx.mechanics.mesh.files.size_field import SizeField
+from signorini_fx.mechanics.mesh.remeshing import moved_back, size_fields
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, load_file
 from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
-from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
+from signorini_fx.mechanics.statement.rigid_shape import turning
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, estimate_errors
@@ -112,6 +119,40 @@ class SceneMesh:
         update = {"mesh": scene.mesh, "body": scene.body, "contact": contacts}
         return replace(self, scene=self.scene.model_copy(update=update))
 
+    def remade(self, last: TaggedMesh, lengths: npt.NDArray[np.float64]) -> tuple[SceneMesh, int]:
+        """The same on cells that gmsh makes anew, and how many there are; collective.
+
+        Args:
+            last: the mesh before.
+            lengths: of the cells that take the place of each of its owned cells, shape (cells,).
+
+        Raises:
+            MeshError: gmsh cannot make them.
+        """
+        assert self.plan is not None
+        scene, dim = self.plan.scene, last.dimension
+        if not scene.body:
+            (field,) = size_fields(last, lengths, [np.arange(len(lengths), dtype=np.int32)])
+            tagged = self._with_lengths(scene.mesh, field, scene.statement.sections)
+            return self.on(tagged), tagged.mesh.topology.index_map(dim).size_global
+        bodies, count = [], 0
+        fields = size_fields(last, lengths, [last.cells(body.name) for body in scene.body])
+        for body, of_body in zip(scene.body, fields, strict=True):
+            pivot, shift = (np.array(vector or (0.0,) * dim) for vector in (body.pivot, body.shift))
+            turned = np.eye(dim) if body.rotation is None else turning(body.rotation, dim)
+            field = moved_back(of_body, turned, pivot, shift)
+            tagged = self._with_lengths(body.mesh, field, scene.sections_of(body.name))
+            count += tagged.mesh.topology.index_map(dim).size_global
+            bodies.append(body.model_copy(update={"mesh": tagged}))
+        return replace(self, scene=self.scene.model_copy(update={"body": tuple(bodies)})), count
+
+    def _with_lengths(self, mesh: Any, field: SizeField, sections: Collection[str]) -> TaggedMesh:
+        """The cells of a table ``mesh``, of these lengths."""
+        if isinstance(mesh, MeshGenerator):
+            return generate_mesh(mesh.generator, mesh.parameters, self.comm, field)
+        curved = 2 if self.degree == 2 else None
+        return load_file(mesh, self.comm, 0, curved, sections, self.scene.statement.touching, field)
+
     def on(self, tagged: TaggedMesh) -> SceneMesh:
         """See ``MeshedProblem``."""
         return replace(self, scene=self.scene.model_copy(update={"mesh": tagged}))
@@ -170,7 +211,8 @@ def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) ->
             f"elements: degree {problem.degree}, {how}; accuracy.refinement = 'uniform' or 'adaptive' keeps those of "
             "the scene"
         )
-    return Meshes(problem, goal, comm, adaptive=plan.adaptive, made=made, any_jump=any_jump)
+    remake = SceneMesh.remade if plan.remade else None
+    return Meshes(problem, goal, comm, adaptive=plan.adaptive, made=made, any_jump=any_jump, remake=remake)
 
 
 def _coarsest_factor(scene: Scene) -> float:

@@ -6,24 +6,25 @@ In the plane cells and elements that were found to be cheaper may take the place
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from mpi4py import MPI
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mechanics.mesh.refinement import check_divisible
 from signorini_fx.mechanics.mesh.tagged import (
     TaggedMesh,
     curvature,
     curved_parameters,
     generated_cell,
+    has_local_sizes,
     load_file,
     simplex_parameters,
 )
 from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
 from signorini_fx.mechanics.statement.features import refusals
-from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
+from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy.local_estimates import LOCAL, refuse_adaptive_peak
 from signorini_fx.scenes.mesh import load_mesh
@@ -38,10 +39,11 @@ class Plan:
     Attributes:
         scene: with the elements that are to be used; its mesh comes from a generator, from a file all of whose cells
             are divided, or consists of triangles or tetrahedra that are divided.
-        adaptive: whether triangles or tetrahedra are divided where the error is large.
+        adaptive: whether cells become smaller where the error is large.
         replaced: whether elements or cells differ from those of the scene.
         polygonal: whether straight facets stay although the shape may be curved.
         geometry: degree of the geometry of a file's mesh; None: as the file has it.
+        remade: whether gmsh makes the cells anew where the error is large; else triangles or tetrahedra are divided.
     """
 
     scene: Scene
@@ -49,6 +51,7 @@ class Plan:
     replaced: bool
     polygonal: bool = False
     geometry: int | None = None
+    remade: bool = False
 
 
 # What can be divided in place of cells that cannot.
@@ -65,6 +68,8 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """
     refuse_adaptive_peak(goal)
     requested = goal
+    if goal.refinement == "adaptive" and (plan := _remade(scene, comm)) is not None:
+        return plan
     if any("local refinement" in refused for refused in refusals(scene.statement)):
         goal = goal.model_copy(update={"refinement": "uniform"})
     if scene.body:
@@ -79,6 +84,33 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     if tagged.dimension == 3 or goal.refinement != "auto" or goal.of not in LOCAL:
         return Plan(scene, _divides(goal, tagged.dimension == 3), replaced=False, polygonal=True)
     return Plan(_of_degree_2(scene), adaptive=True, replaced=scene.element.degree != 2, polygonal=True)
+
+
+def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
+    """The plan for cells that gmsh makes anew where the error is; None if they are better divided.
+
+    They are where one body has straight sides: then no cell changes but those that are divided.
+
+    Raises:
+        SceneError: a generator of several bodies makes cells of one length only.
+    """
+    if not scene.statement.remade:
+        return None
+    meshes: list[tuple[str, Any]] = [(f"body {body.name!r}", body.mesh) for body in scene.body] or [("", scene.mesh)]
+    several = len(meshes) > 1 or scene.statement.sides[1] is not None
+    for name, mesh in meshes:
+        if isinstance(mesh, MeshGenerator) and not has_local_sizes(mesh.generator, mesh.parameters):
+            if not several:
+                return None
+            message = f"the cells of {mesh.generator!r} ({name}) are all alike, and are made smaller together"
+            if not scene.body:
+                message = f"the cells of {mesh.generator!r} are all alike, and are made smaller together"
+            raise SceneError([("accuracy.refinement", f"{message}: use 'uniform'")])
+    if not several and isinstance(scene.mesh, MeshFile):
+        tagged = load_mesh(scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}), comm)
+        if not curvature(tagged) > SAME_LENGTH * tagged.size:
+            return None
+    return Plan(scene, adaptive=True, replaced=False, geometry=scene.element.degree, remade=True)
 
 
 def _planned_bodies(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:

@@ -23,6 +23,7 @@ from signorini_fx.mechanics.statement.effect import Entries, Load, OneEntry, des
 from signorini_fx.mechanics.statement.features import refused_features
 from signorini_fx.mechanics.statement.load_steps import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import (
+    DRAWN,
     WITHOUT_ARCS,
     Body,
     MeshFile,
@@ -34,6 +35,13 @@ from signorini_fx.mechanics.statement.rigid_motion import rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, TitleBlock, Units
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.scenes.rigid_table import Rigid, with_shapes
+
+
+def _may_be_remade(mesh: Any) -> bool:
+    """Whether cells of other lengths may be made of a table ``mesh``; of most generators only their modules know."""
+    if isinstance(mesh, MeshGenerator):
+        return mesh.generator not in WITHOUT_ARCS
+    return isinstance(mesh, MeshFile) and mesh.file.suffix.lower() in DRAWN
 
 
 def _listed(entry: Any) -> Any:
@@ -165,6 +173,7 @@ class Scene(Table):
             units=self.units,
             bodies=tuple(body.name for body in self.body),
             generated=all(isinstance(mesh, MeshGenerator) for mesh in meshes),
+            remade=all(_may_be_remade(mesh) for mesh in meshes),
             arcs=not all(getattr(mesh, "generator", None) in WITHOUT_ARCS for mesh in meshes),
             single=frozenset(key for key in effects if get_origin(fields[key].annotation) is not tuple),
             origin={key: getattr(self, key) for key in origin},

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import ceil, inf
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
@@ -13,6 +16,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.refinement import cells_at, mark, refine
+from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, shorter_lengths
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import Status
@@ -24,6 +28,7 @@ from signorini_fx.tuned import (
     BULK,
     CORNER_DIVISIONS,
     CORNER_RATE,
+    FALL_OF_ERROR,
     LARGEST_GAMMA,
     LARGEST_JUMP,
     REGULARISATION_SHARE,
@@ -41,6 +46,8 @@ class Meshes:
         adaptive: whether triangles or tetrahedra are divided where the error is large.
         made: whether meshes are made anew; otherwise all cells, or some, are divided.
         any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are halved.
+        remake: makes the problem on a mesh with other cells, from the last mesh and the lengths of the cells that take
+            the place of its cells, and says how many there are; None: the cells where the error is large are divided.
 
     Attributes:
         problem: on the mesh that is to be solved next.
@@ -59,8 +66,9 @@ class Meshes:
         adaptive: bool,
         made: bool,
         any_jump: bool,
+        remake: Callable[[Any, TaggedMesh, npt.NDArray[np.float64]], tuple[Any, int]] | None = None,
     ) -> None:
-        self._comm, self._made = comm, made
+        self._comm, self._made, self._remake = comm, made, remake
         self._of: str = goal.of if goal.of in LOCAL else "force"  # the quantity for which cells are marked
         self.adaptive: bool = adaptive
         self.any_jump: bool = any_jump
@@ -138,7 +146,15 @@ class Meshes:
     def refine(self, solved: SolvedMesh, excess: float, jump: float) -> None:
         """Make the next mesh."""
         begin = parallel.clock(self._comm)
-        if self._made:
+        if self._remake is not None:
+            assert solved.errors is not None
+            last, dim = solved.tagged, solved.tagged.dimension
+            squares, lengths = solved.errors.squares[self._of], lengths_of_cells(last)
+            factor = float(np.clip(excess, *FALL_OF_ERROR))
+            lengths = shorter_lengths(self._comm, squares, lengths, factor, self.problem.degree, dim)
+            self.problem, count = self._remake(self.problem, last, lengths)
+            self.finer = fineness_of(count / last.mesh.topology.index_map(dim).size_global, dim)
+        elif self._made:
             # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
             self._divisions = round(self._divisions * (self.whole(jump) if self.any_jump else 2))
             self.problem = self.problem.divided(self._divisions)

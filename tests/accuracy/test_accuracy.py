@@ -22,6 +22,7 @@ from signorini_fx.results.accuracy.price_list import fineness_of, predict
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh_sequence import meshes_of
+from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.reading import parse_scene, read_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import to_accuracy
@@ -161,11 +162,12 @@ def test_path_following_leaves_less_where_it_is_in_the_way():
 
 
 def test_arcs_are_not_divided():
-    """Cells on an arc would converge to a polygon: refused, and not solved for it."""
-    scene = read_scene(SCENES / "hertz.toml")
-    asked = scene.model_copy(update={"accuracy": Accuracy(target=0.05, refinement="adaptive")})
-    with pytest.raises(SceneError, match=r"accuracy\.refinement: the arcs of half_disk"):
-        solve(asked, MPI.COMM_SELF)
+    """Cells on an arc would converge to a polygon: refused where gmsh cannot make them of other lengths."""
+    goal = Accuracy(target=0.05, refinement="adaptive")
+    mesh = MeshGenerator(generator="cylinder", parameters={"cell": "tetrahedron"})
+    asked = read_scene(SCENES / "hertz.toml").model_copy(update={"accuracy": goal, "mesh": mesh})
+    with pytest.raises(SceneError, match=r"accuracy\.refinement: the arcs of cylinder"):
+        planned(asked, goal, MPI.COMM_SELF)
 
 
 def test_a_mesh_that_cannot_be_divided_is_refused_first():

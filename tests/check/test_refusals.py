@@ -143,7 +143,6 @@ REFUSED = {
     # Requested accuracy.
     "quadrilaterals one by one": BLOCK | HELD | {"accuracy": {"target": 0.3, "refinement": "adaptive"}},
     "hexahedra one by one": contact(SPACE) | {"accuracy": {"target": 0.3, "refinement": "adaptive"}},
-    "arcs one by one": of_disk(accuracy={"target": 0.3, "refinement": "adaptive"}),
     "peak on meshes that are divided": BLOCK
     | HELD
     | {"accuracy": {"target": 0.3, "refinement": "adaptive", "of": "peak"}},

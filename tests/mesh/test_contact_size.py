@@ -125,6 +125,15 @@ def test_sizes_grow_by_a_quarter_per_length(drawings):
     assert quality(tagged.mesh.geometry.x[:, :2], compat.geometry_cells(tagged.mesh)).min() > 0.4
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+def test_facets_much_shorter_than_the_chords_are_off_the_curve(drawings, degree):
+    """The first chords are off the circle by a tenth of their length, and by ten of the facets that are asked for."""
+    tagged = load_mesh(scene(drawings / "plane.geo", own=0.01, degree=degree), MPI.COMM_SELF)
+    lengths = edges(tagged, "hole")
+    assert np.median(lengths) == pytest.approx(0.01, rel=0.2)
+    assert lengths.max() < 0.02
+
+
 def test_a_contact_counts_more_than_the_mesh(drawings):
     tagged = load_mesh(scene(drawings / "plane.geo", own=0.9, contact=0.3), MPI.COMM_SELF)
     assert np.median(edges(tagged, "hole")) == pytest.approx(0.3, rel=0.15)

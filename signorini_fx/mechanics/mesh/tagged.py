@@ -29,7 +29,7 @@ from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, comb
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.gmsh_reader import content
 from signorini_fx.mechanics.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
-from signorini_fx.mechanics.mesh.files.local_sizes import check_contact_sizes, contact_field
+from signorini_fx.mechanics.mesh.files.local_sizes import with_contact_sizes
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Ints
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
@@ -229,12 +229,13 @@ def generate_mesh(
         tagged = generate(comm, **parameters)
     finally:
         _LOCAL_SIZES.reset(reset)
-    if isinstance(sizes, Sequence) and sizes and not local_sizes.taken:
+    asked = [] if isinstance(sizes, SizeField) else [size.path for size in sizes]
+    if not local_sizes.taken and (asked or isinstance(sizes, SizeField)):
         message = (
             f"the cells of the generator {name!r} are not made by gmsh: make all of them smaller by its parameters, "
             "or draw the body in a .geo"
         )
-        raise SceneError([(sizes[0].path, message)])
+        raise SceneError([(asked[0] if asked else "accuracy.refinement", message)])
     if not isinstance(tagged, TaggedMesh):
         raise SceneError([("mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected")])
     return replace(tagged, origin={"generator": name, "parameters": dict(parameters)})
@@ -263,6 +264,15 @@ def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
     """
     cell = getattr(_generator(name, parameters), "simplices", None)
     return None if cell is None else {**parameters, "cell": cell}
+
+
+def has_local_sizes(name: str, parameters: Mapping[str, Any]) -> bool:
+    """Whether the generator ``name`` makes cells of several lengths, so that it may make cells of any.
+
+    Raises:
+        SceneError: unknown generator.
+    """
+    return bool(getattr(_generator(name, parameters), "sized", False))
 
 
 def generated_cell(name: str, parameters: Mapping[str, Any]) -> str | None:
@@ -419,7 +429,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
         if top < 2:
             raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
-        if wanted is not None and wanted.sizes:
+        if wanted is not None and (isinstance(wanted.sizes, SizeField) or wanted.sizes):
             _mesh_again(gmsh, top, wanted.sizes, name, unit)
         regions, boundaries = disjoint_groups(gmsh, top, "region"), disjoint_groups(gmsh, top - 1, "boundary")
         kinds = kinds_of_cells(gmsh, top)
@@ -457,23 +467,28 @@ def _mesh_again(gmsh: Any, top: int, sizes: Sequence[ContactSize] | SizeField, n
         MeshError: cells of degree 2 would be turned inside out.
     """
 
-    def made() -> MeshArrays:
+    def current() -> MeshArrays:
         arrays = from_raw(content(gmsh), name)
         return replace(arrays, points=unit * arrays.points)
 
-    first = made()
-    field = sizes if isinstance(sizes, SizeField) else contact_field(straightened(first), sizes)
-    if field is None:
-        return
-    field.over(unit).apply(gmsh)
-    gmsh.model.mesh.clear()
+    first, fields = current(), list[SizeField]()
+
+    def make(field: SizeField | None) -> MeshArrays:
+        if field is not None and field not in fields:
+            fields.append(field)
+            gmsh.model.mesh.clear()
+            field.over(unit).apply(gmsh)
+            gmsh.model.mesh.generate(top)
+            if first.degree > 1:
+                set_order(gmsh, first.degree)
+        return current()
+
     try:
-        gmsh.model.mesh.generate(top)
-        if first.degree > 1:
-            set_order(gmsh, first.degree)
-        if not isinstance(sizes, SizeField):
+        if isinstance(sizes, SizeField):
+            make(sizes)
+        else:
             cure = f"the cells of {name} are in rows; make them smaller by its parameters, or draw the body in a .geo"
-            check_contact_sizes(made(), sizes, cure)
+            with_contact_sizes(lambda field: straightened(make(field)), make, sizes, cure)
     except SignoriniError:
         raise
     except Exception as error:  # gmsh has no exceptions of its own

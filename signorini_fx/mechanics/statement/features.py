@@ -38,7 +38,7 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("nested iteration", ("solver", "levels"), solver.levels > 1),
         ("requested accuracy", ("accuracy",), accuracy is not None),
         ("accuracy of the pressure", ("accuracy", "of"), accuracy is not None and accuracy.of == "pressure"),
-        ("local refinement", ("accuracy", "refinement"), accuracy is not None and accuracy.refinement == "adaptive"),
+        ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
         ("several bodies", ("body",), bool(statement.bodies)),
         ("mesh that no generator makes", ("mesh",), not statement.generated),
         ("several load steps", ("load_steps",), statement.several_steps),
@@ -50,6 +50,12 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         for number, entry in enumerate(entries):
             for name, keys in entry.features:
                 yield name, (kind, number, *keys)
+
+
+def _divides_cells(statement: Any) -> bool:
+    """Whether cells are to be divided where the error is; those of drawings, and of generators, may be made anew."""
+    accuracy = statement.accuracy
+    return accuracy is not None and accuracy.refinement == "adaptive" and not statement.remade
 
 
 def refused_by(statement: Any, refuses: Mapping[str, str]) -> Contradictions:

@@ -90,6 +90,7 @@ def generator(
 
         checked.coarser = coarser if counts or sizes else None
         checked.simplices = simplices
+        checked.sized = bool(sizes)
         return cast(Generate, checked)
 
     return decorate

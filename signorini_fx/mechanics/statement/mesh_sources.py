@@ -11,6 +11,8 @@ from pydantic import Field, InstanceOf, field_validator, model_validator
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, kind_of
 
+# Files that gmsh meshes: its scripts, and CAD drawings.
+DRAWN = (".geo", ".step", ".stp", ".brep")
 # The generators of bodies without arcs.
 WITHOUT_ARCS = ("rectangle", "block", "box")
 

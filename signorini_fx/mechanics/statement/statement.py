@@ -41,6 +41,7 @@ class Statement:
         units: names of units for labels; None: they are not known.
         bodies: the names of the regions that are bodies with meshes of their own.
         generated: whether all cells are made by generators.
+        remade: whether all cells are made by generators or of drawings.
         arcs: whether the mesh may stand for a body with arcs.
         single: the keys of effects of which there can be one only.
         origin: what else was given, by its keys, for the summary alone.
@@ -58,6 +59,7 @@ class Statement:
     units: Units | None = None
     bodies: tuple[str, ...] = ()
     generated: bool = False
+    remade: bool = False
     arcs: bool = True
     single: frozenset[str] = frozenset()
     origin: Mapping[str, Any] = field(default_factory=dict)

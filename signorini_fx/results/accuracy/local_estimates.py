@@ -17,5 +17,8 @@ def refuse_adaptive_peak(goal: Accuracy) -> None:
         SceneError: that is what is asked for.
     """
     if goal.refinement == "adaptive" and goal.of == "peak":
-        message = "the largest pressure has no estimate on meshes that are divided in some places only: use 'uniform'"
+        message = (
+            "the largest pressure has no estimate on meshes that are divided in some places only: use 'uniform', with "
+            "contact_size where cells far away cost too much"
+        )
         raise SceneError([("accuracy.refinement", message)])

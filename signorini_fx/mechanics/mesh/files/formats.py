@@ -22,13 +22,14 @@ from signorini_fx.mechanics.mesh.files.arrays import (
 )
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD
 from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
-from signorini_fx.mechanics.mesh.files.local_sizes import check_contact_sizes, contact_field
+from signorini_fx.mechanics.mesh.files.local_sizes import with_contact_sizes
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.reading import read_separately
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, is_straight
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.mesh.halving import halved, straightened
 from signorini_fx.mechanics.statement.contact_sizes import ContactSize
+from signorini_fx.mechanics.statement.mesh_sources import DRAWN
 
 # Name of a boundary or region -> its tags.
 Tags = dict[str, tuple[int, ...]]
@@ -78,19 +79,25 @@ def read_file(
         raise SceneError(
             [("mesh.size", f"a {file.suffix} file determines the size of its cells; a size is for {suffixes}")]
         )
-    if file.suffix.lower() in gmsh_files.DRAWN:
+    if file.suffix.lower() in DRAWN:
         names = (str(file), boundaries, regions, data, sections)
-        field = sizes if isinstance(sizes, SizeField) else None
-        if not isinstance(sizes, SizeField) and sizes:
-            field = contact_field(from_raw(gmsh_files.read_gmsh(file, 0, 1, size), *names), sizes)
-        drawn = from_raw(gmsh_files.read_gmsh(file, halvings, degree, size, sizes=field), *names)
-        if not isinstance(sizes, SizeField):
-            check_contact_sizes(drawn, sizes, "take Transfinite or Layers there out of the drawing")
+
+        def made(halved_times: int, order: int | None, field: SizeField | None) -> MeshArrays:
+            return from_raw(gmsh_files.read_gmsh(file, halved_times, order, size, sizes=field), *names)
+
+        def finished(field: SizeField | None) -> MeshArrays:
+            return made(halvings, degree, field)
+
+        if isinstance(sizes, SizeField) or not sizes:
+            drawn = finished(sizes if isinstance(sizes, SizeField) else None)
+        else:
+            cure = "take Transfinite or Layers there out of the drawing"
+            drawn = with_contact_sizes(lambda field: made(0, 1, field), finished, sizes, cure)
         # Nodes between the corners are for curves.
         return straightened(drawn) if degree == 2 and is_straight(drawn.points, drawn.cells, drawn.cell) else drawn
     if not isinstance(sizes, SizeField) and sizes:
         message = (
-            f"a {file.suffix} file has its cells already: give its drawing ({', '.join(gmsh_files.DRAWN)}), or let "
+            f"a {file.suffix} file has its cells already: give its drawing ({', '.join(DRAWN)}), or let "
             "[accuracy] with refinement = 'adaptive' divide straight triangles or tetrahedra"
         )
         raise SceneError([(sizes[0].path, message)])
@@ -255,7 +262,7 @@ def _marked(count: int, rows: Ints) -> Ints:
 
 
 _READERS: dict[str, Callable[[Path], RawMesh]] = {
-    **dict.fromkeys(gmsh_files.DRAWN, gmsh_files.read_gmsh),
+    **dict.fromkeys(DRAWN, gmsh_files.read_gmsh),
     ".inp": abaqus.read,
     ".med": _by_meshio("med"),
     ".msh": gmsh_files.read_gmsh,

@@ -21,6 +21,7 @@ from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.reading import read_separately
 from signorini_fx.mechanics.mesh.files.shape import Ints
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
+from signorini_fx.mechanics.statement.mesh_sources import DRAWN
 
 # CPU seconds for a drawing, which may be a large one.
 _DRAWING_SECONDS = 1200
@@ -29,8 +30,6 @@ _HEADERS = {
     "step": ("no STEP file", (b"ISO-10303-21",)),
     "brep": ("no BREP file of OpenCASCADE", (b"DBRep_DrawableShape", b"CASCADE Topology")),
 }
-# Files that gmsh meshes first: its scripts, and CAD drawings.
-DRAWN = (".geo", *CAD)
 # A larger STEP file is not searched for the names of its faces.
 _LARGEST_NAMED = 64 << 20
 

@@ -5,7 +5,7 @@ The mesh tells where a boundary is, so that it may be a part of a surface, or se
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -17,7 +17,7 @@ from signorini_fx.mechanics.mesh.files.cells import Cell
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.statement.contact_sizes import ContactSize
-from signorini_fx.tuned import FACET_SAMPLES, LONGEST_FACET, SIZE_GROWTH
+from signorini_fx.tuned import FACET_SAMPLES, LONGEST_FACET, MOST_MESHINGS, SIZE_GROWTH
 
 
 def lengths_of(mesh: MeshArrays) -> SizeField:
@@ -55,34 +55,65 @@ def contact_field(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField 
     Raises:
         SceneError: no facet of a boundary is longer than it is to be.
     """
-    field = lengths_of(mesh)
     present = [size for size in wanted if mesh.boundaries.get(size.boundary, np.empty(0)).size]
     for size in present:
         longest = float(_longest_edges(mesh, size.boundary).max())
         if longest < size.size:
             message = f"the facets of {size.boundary!r} are no longer than {longest:.3g} without it: give less"
             raise SceneError([(size.path, message)])
-        field = graded(field, _sampled(mesh, size.boundary), size.size)
-    return field if present else None
+    return _graded_at(mesh, present) if present else None
 
 
-def check_contact_sizes(mesh: MeshArrays, wanted: Sequence[ContactSize], cure: str) -> None:
-    """Refuse a mesh whose boundaries do not have the facets that were asked for.
+def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
+    """The lengths that cells have, and shorter ones at the boundaries that the mesh has."""
+    field = lengths_of(mesh)
+    for size in wanted:
+        if mesh.boundaries.get(size.boundary, np.empty(0)).size:
+            field = graded(field, _sampled(mesh, size.boundary), size.size)
+    return field
+
+
+def with_contact_sizes(
+    make: Callable[[SizeField | None], MeshArrays],
+    finish: Callable[[SizeField | None], MeshArrays],
+    wanted: Sequence[ContactSize],
+    cure: str,
+) -> MeshArrays:
+    """A mesh with short facets at those boundaries in contact that it has.
+
+    The chords of a coarse mesh may be far from a curved side, by many of the short facets: then the mesh that was made
+    with them is the better one to begin from.
 
     Args:
-        mesh: made by ``contact_field``.
+        make: makes a mesh of straight cells of these lengths, None: as it is without.
+        finish: makes the mesh that is wanted, whose facets may be shorter.
         wanted: the lengths of facets.
-        cure: what to change where gmsh could not do it.
+        cure: what to change where gmsh cannot make them.
 
     Raises:
-        SceneError: half of the facets of a boundary are much longer.
+        SceneError: no facet of a boundary is longer than it is to be, or gmsh cannot make such facets.
     """
+    field = contact_field(make(None), wanted)
+    for attempt in range(MOST_MESHINGS):
+        mesh = finish(field)
+        longer = None if field is None else _longer_than_asked(mesh, wanted)
+        if longer is None:
+            return mesh
+        if attempt + 1 < MOST_MESHINGS:
+            field = _graded_at(make(field), wanted)
+    assert longer is not None
+    size, middle = longer
+    raise SceneError([(size.path, f"gmsh has made facets of {middle:.3g} of {size.boundary!r}: {cure}")])
+
+
+def _longer_than_asked(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> tuple[ContactSize, float] | None:
+    """A boundary half of whose facets are much longer than asked for, and their length; None: there is none."""
     for size in wanted:
         if mesh.boundaries.get(size.boundary, np.empty(0)).size:
             middle = float(np.median(_longest_edges(mesh, size.boundary)))
             if middle > LONGEST_FACET * size.size:
-                message = f"gmsh has made facets of {middle:.3g} of {size.boundary!r}: {cure}"
-                raise SceneError([(size.path, message)])
+                return size, middle
+    return None
 
 
 def _longest_edges(mesh: MeshArrays, boundary: str) -> Floats:

@@ -16,7 +16,7 @@ from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 _VIEWS = {(2, 3): "ST", (2, 4): "SQ", (3, 4): "SS", (3, 8): "SH"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SizeField:
     """Lengths of cells at the corners of a mesh.
 

@@ -1,0 +1,133 @@
+"""Lengths of the next cells from the errors of the last ones, for meshes that gmsh makes anew on the true shape.
+
+O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth. Engng 24 (1987): the error of a cell falls with its length to the
+power of the degree, and the next mesh is to have the same error in all cells.  At the ends of a contact it falls more
+slowly, so that another mesh follows: to begin with fewer cells costs less than to have too many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.local_sizes import edges_of
+from signorini_fx.mechanics.mesh.files.size_field import SizeField
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
+
+Floats = npt.NDArray[np.float64]
+
+# By dolfinx's word for a cell that of a file, and the order of its corners there.
+_CORNERS = {
+    "triangle": ("triangle", (0, 1, 2)),
+    "quadrilateral": ("quad", (0, 1, 3, 2)),
+    "tetrahedron": ("tetra", (0, 1, 2, 3)),
+    "hexahedron": ("hexahedron", (0, 1, 3, 2, 4, 5, 7, 6)),
+}
+
+
+def shorter_lengths(
+    comm: MPI.Comm, squares: Floats, lengths: Floats, factor: float, degree: int, dimension: int
+) -> Floats:
+    """The lengths of cells for an error ``factor`` times as small, with the fewest cells; collective.
+
+    Args:
+        comm: the ranks that share the mesh.
+        squares: squared error of each owned cell, shape (cells,).
+        lengths: of these cells.
+        factor: by which the error is to fall.
+        degree: power of its length with which the error of a cell falls.
+        dimension: of the mesh.
+    """
+    errors = np.sqrt(squares)
+    total, largest = float(parallel.global_sum(comm, squares.sum())), parallel.largest(comm, errors)
+    if not largest > 0:
+        return lengths
+
+    def shares(level: float) -> Floats:
+        with np.errstate(divide="ignore"):
+            wanted = (level / errors) ** (1 / (degree + dimension / 2))
+        return np.asarray(np.clip(wanted, SHORTEST_CHILD, 1.0))
+
+    low, high = np.log(largest) - 60.0, np.log(largest)
+    for _ in range(60):
+        middle = (low + high) / 2
+        left_over = float(parallel.global_sum(comm, (squares * shares(np.exp(middle)) ** (2 * degree)).sum()))
+        low, high = (low, middle) if left_over > total / factor**2 else (middle, high)
+    return lengths * shares(np.exp(low))
+
+
+def lengths_of_cells(tagged: TaggedMesh) -> Floats:
+    """The mean length of the edges of each owned cell, shape (cells,)."""
+    x = tagged.mesh.geometry.x[_corners(tagged)]
+    edges = edges_of(CELLS[_CORNERS[tagged.mesh.topology.cell_name()][0]])
+    return np.asarray(np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges], axis=0))
+
+
+def size_fields(tagged: TaggedMesh, lengths: Floats, parts: Sequence[npt.NDArray[np.int32]]) -> list[SizeField]:
+    """Lengths that grow slowly from the shortest ones, also from body to body; collective.
+
+    Args:
+        tagged: the mesh.
+        lengths: of each owned cell, shape (cells,).
+        parts: cells of this rank.
+
+    Returns:
+        A field on each part, on the first rank; without cells on the others.
+    """
+    comm, nodes, dim = tagged.mesh.comm, tagged.mesh.geometry.index_map(), tagged.dimension
+    numbers = nodes.local_to_global(np.arange(nodes.size_local + nodes.num_ghosts, dtype=np.int32))
+    cells, of_part = _corners(tagged), np.full(len(lengths), -1)
+    for number, members in enumerate(parts):
+        of_part[members[members < len(of_part)]] = number
+    x = parallel.rows_on_root(comm, tagged.mesh.geometry.x[: nodes.size_local, :dim].astype(np.float64))
+    rows = parallel.rows_on_root(comm, np.column_stack((numbers[cells], of_part)))
+    of_cell = parallel.rows_on_root(comm, lengths[:, None])
+    if not parallel.is_root(comm):
+        return [SizeField(np.empty((0, dim)), np.empty((0, cells.shape[1]), np.int64), np.empty(0)) for _ in parts]
+    corners, of_row = rows[:, :-1], rows[:, -1]
+    sizes = np.full(len(x), np.inf)
+    np.minimum.at(sizes, corners, of_cell)
+    used = np.flatnonzero(np.isfinite(sizes))
+    sizes[used] = _graded(x[used], sizes[used])
+    return [_restricted(x, corners[of_row == number], sizes) for number in range(len(parts))]
+
+
+def _corners(tagged: TaggedMesh) -> npt.NDArray[np.int32]:
+    """The corners of each owned cell, in gmsh's order, by the local numbers of their nodes."""
+    owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
+    order = list(_CORNERS[tagged.mesh.topology.cell_name()][1])
+    return np.asarray(compat.geometry_cells(tagged.mesh)[:owned][:, order])
+
+
+def _restricted(x: Floats, corners: npt.NDArray[np.int64], sizes: Floats) -> SizeField:
+    """The field on some cells alone."""
+    used, cells = np.unique(corners, return_inverse=True)
+    return SizeField(x[used], cells.reshape(corners.shape), sizes[used])
+
+
+def _graded(x: Floats, sizes: Floats) -> Floats:
+    """Lengths at points that differ by no more than ``SIZE_GROWTH`` times their distance, or about that."""
+    from scipy.spatial import cKDTree
+
+    graded = sizes.copy()
+    least = graded.min()
+    for octave in range(int(np.log2(graded.max() / least)) + 1):
+        at = np.floor(np.log2(graded / least))
+        short, longer = at == octave, at > octave
+        if short.any() and longer.any():
+            distance, nearest = cKDTree(x[short]).query(x[longer])
+            graded[longer] = np.minimum(graded[longer], graded[short][nearest] + SIZE_GROWTH * distance)
+    return graded
+
+
+def moved_back(field: SizeField, turning: Floats, pivot: Floats, shift: Floats) -> SizeField:
+    """The field where the body is before it is turned and moved to its place."""
+    return replace(field, points=np.asarray((field.points - shift - pivot) @ turning + pivot))

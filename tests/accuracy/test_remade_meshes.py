@@ -1,0 +1,198 @@
+"""``refinement = "adaptive"`` of curved drawings, of generators with arcs, and of bodies that touch: gmsh makes their
+cells anew, short where the error is, on the true shape.
+"""
+
+import tomllib
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx import SceneError, solve
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.mesh.files.size_field import SizeField
+from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, shorter_lengths, size_fields
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.plan import planned
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.tuned import SIZE_GROWTH
+
+MATERIAL = "[[material]]\nyoung = 200.0\npoisson = 0.3\n"
+DISK = """
+Point(1) = {0, 0, 0, 2}; Point(2) = {0, 8, 0, 2}; Point(3) = {8, 8, 0, 2};
+Circle(1) = {1, 2, 3}; Line(2) = {3, 2}; Line(3) = {2, 1};
+Curve Loop(1) = {1, 2, 3}; Plane Surface(1) = {1};
+Physical Curve("arc") = {1}; Physical Curve("top") = {2}; Physical Curve("symmetry") = {3};
+Physical Surface("body") = {1};
+"""
+BELOW = 'gap = "x[1]"\ndirection = [0.0, -1.0]\n'
+
+
+def read(text):
+    return parse_scene(tomllib.loads(text))
+
+
+def accuracy(target, of="energy"):
+    return f'[accuracy]\ntarget = {target}\nof = "{of}"\nrefinement = "adaptive"\n'
+
+
+def loads(top="top", symmetry="symmetry", pressure=0.4):
+    return (
+        f'[[traction]]\nboundary = "{top}"\npressure = {pressure}\n[[displacement]]\nboundary = "{symmetry}"\nx = 0.0\n'
+    )
+
+
+def disk(mesh, target, of="energy", degree=2):
+    """Half a disk on a plane."""
+    contact = f'[[contact]]\nboundary = "arc"\n{BELOW}'
+    return read(f"{mesh}[element]\ndegree = {degree}\n{MATERIAL}{contact}{loads()}{accuracy(target, of)}")
+
+
+def on_circle(tagged):
+    """How far nodes of the arc are off the circle around (0, 8), and how many there are."""
+    x = tagged.mesh.geometry.x
+    off = np.abs(np.hypot(x[:, 0], x[:, 1] - 8) - 8)
+    return off[off < 1e-3]
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("source", ["drawing", "generator"])
+def test_cells_are_short_where_it_touches(tmp_path, source, degree):
+    (tmp_path / "disk.geo").write_text(DISK)
+    mesh = f'[mesh]\nfile = "{tmp_path / "disk.geo"}"\n'
+    if source == "generator":
+        mesh = '[mesh]\ngenerator = "half_disk"\nparameters = { symmetric = true, size = 2.0, contact_size = 2.0, '
+        mesh += f"order = {degree} }}\n"
+    solution = solve(disk(mesh, {1: 0.15, 2: 0.02}[degree], degree=degree), MPI.COMM_SELF)
+    assert solution.converged
+    counts = [level.dofs for level in solution.levels]
+    assert counts == sorted(counts)
+    tagged = solution.model.tagged
+    assert compat.geometry_degree(tagged.mesh) == degree
+    lengths = lengths_of_cells(tagged)
+    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)[: len(lengths)]
+    away = np.hypot(x[:, 0], x[:, 1])
+    assert np.median(lengths[away < 0.7]) < 0.25 * np.median(lengths[away > 5])
+    off = on_circle(tagged)
+    assert off.size > 10
+    assert off.max() < 1e-8
+    # Hertz: with the load 0.4 * 16 of the whole disk.
+    width = np.sqrt(4 * 0.4 * 16 * 8 * (1 - 0.3**2) / (np.pi * 200.0))
+    peak = solution.table.columns["pressure"].max()
+    assert peak == pytest.approx(2 * 0.4 * 16 / (np.pi * width), rel={1: 0.1, 2: 0.02}[degree])
+
+
+BODIES = """
+[[body]]
+name = "upper"
+mesh = {{ generator = "half_disk", parameters = {{ symmetric = true, size = 2.0, contact_size = 2.0, order = 2 }} }}
+[[body]]
+name = "lower"
+mesh = {{ file = "{file}" }}
+rotation = 180.0
+shift = [0.0, 0.0]
+"""
+
+
+def two_bodies(tmp_path, goal, comm=MPI.COMM_SELF):
+    """The half disk of a generator on one of a drawing, turned upside down: of the drawing the half with x < 0."""
+    (tmp_path / "disk.geo").write_text(DISK.replace("{8, 8, 0, 2}", "{-8, 8, 0, 2}"))
+    bodies = BODIES.format(file=tmp_path / "disk.geo")
+    held = '[[displacement]]\nboundary = "lower.top"\nx = 0.0\ny = 0.0\n'
+    held += '[[displacement]]\nboundary = "lower.symmetry"\nx = 0.0\n'
+    contact = '[[contact]]\nboundary = "upper.arc"\nagainst = "lower.arc"\n'
+    return read(f"{bodies}[element]\ndegree = 2\n{MATERIAL}{contact}{held}{loads('upper.top', 'upper.symmetry')}{goal}")
+
+
+@pytest.mark.parametrize("of", ["energy", "pressure"])
+def test_both_bodies_are_finer_where_they_touch(tmp_path, of):
+    solution = solve(two_bodies(tmp_path, accuracy({"energy": 0.02, "pressure": 0.05}[of], of)), MPI.COMM_SELF)
+    assert solution.converged
+    tagged = solution.model.tagged
+    lengths = lengths_of_cells(tagged)
+    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)[: len(lengths)]
+    away = np.hypot(x[:, 0], x[:, 1])
+    for side in (x[:, 1] > 0, x[:, 1] < 0):
+        assert np.median(lengths[side & (away < 0.7)]) < 0.3 * np.median(lengths[side & (away > 5)])
+    # Two equal disks: E* and R are half of those on a plane.
+    width = np.sqrt(4 * 0.4 * 16 * 4 * 2 * (1 - 0.3**2) / (np.pi * 200.0))
+    peak = solution.table.columns["pressure"].max()
+    assert peak == pytest.approx(2 * 0.4 * 16 / (np.pi * width), rel=0.03)
+
+
+def test_what_cannot_be_made_anew_is_refused(tmp_path):
+    """Cells in rows beside those of a drawing."""
+    (tmp_path / "disk.geo").write_text(DISK)
+    text = (
+        f'[[body]]\nname = "disk"\nmesh = {{ file = "{tmp_path / "disk.geo"}" }}\nshift = [0.0, 1.0]\n'
+        '[[body]]\nname = "base"\nmesh = { generator = "wedge" }\n'
+        '[[contact]]\nboundary = "arc"\nagainst = "base.top"\n'
+        '[[displacement]]\nboundary = "base.tip"\nx = 0.0\ny = 0.0\n[[traction]]\nboundary = "disk.top"\n'
+        f'pressure = 0.1\n[[displacement]]\nboundary = "symmetry"\nx = 0.0\n{MATERIAL}{accuracy(0.1)}'
+    )
+    scene = read(text)
+    with pytest.raises(SceneError, match=r"accuracy.refinement: the cells of 'wedge' \(body 'base'\) .*use 'uniform'"):
+        planned(scene, scene.accuracy, MPI.COMM_SELF)
+
+
+def test_lengths_for_an_error():
+    """Equal shares of all cells become equally smaller; cells without an error stay."""
+    lengths, squares = np.ones(100), np.ones(100)
+    assert shorter_lengths(MPI.COMM_SELF, squares, lengths, 2.0, 1, 2) == pytest.approx(0.5 * lengths, rel=1e-6)
+    assert shorter_lengths(MPI.COMM_SELF, squares, lengths, 2.0, 2, 3) == pytest.approx(0.5**0.5 * lengths, rel=1e-6)
+    squares[:50] = 0.0
+    shorter = shorter_lengths(MPI.COMM_SELF, squares, lengths, 3.0, 1, 2)
+    assert shorter[:50] == pytest.approx(1.0)
+    assert shorter[50:] == pytest.approx(1 / 3, rel=1e-6)
+    # With shares that differ the predicted error is met, and cells with more of it become shorter.
+    squares = np.geomspace(1e-6, 1.0, 100)
+    shorter = shorter_lengths(MPI.COMM_SELF, squares, lengths, 2.0, 1, 2)
+    assert (squares * shorter**2).sum() == pytest.approx(squares.sum() / 4, rel=1e-4)
+    assert (np.diff(shorter) <= 1e-12).all()
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_lengths_grow_slowly(cell):
+    tagged = generate_mesh("rectangle", {"length": 4.0, "height": 4.0, "nx": 40, "ny": 40, "cell": cell}, MPI.COMM_SELF)
+    lengths = lengths_of_cells(tagged)
+    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)
+    lengths[np.argmin(np.hypot(x[:, 0], x[:, 1]))] = 1e-3
+    (field,) = size_fields(tagged, lengths, [np.arange(len(lengths), dtype=np.int32)])
+    assert isinstance(field, SizeField)
+    away = np.hypot(*field.points.T)
+    assert field.sizes.min() == 1e-3
+    allowed = np.minimum(1e-3 + SIZE_GROWTH * away, lengths.max())
+    assert (field.sizes <= 1.3 * allowed + 1e-12).all()
+    from_cell = np.maximum(away - 0.15, 0.0)  # from a corner of the short cell
+    assert (field.sizes >= np.minimum(1e-3 + SIZE_GROWTH * from_cell, 0.9 * lengths.mean()) / 2 - 1e-12).all()
+
+
+@pytest.mark.mpi
+def test_lengths_on_ranks():
+    """Each rank brings its cells; the first one has the field of all, which does not depend on who brings which."""
+    scene = disk('[mesh]\ngenerator = "half_disk"\nparameters = { symmetric = true, size = 1.0 }\n', 0.1, degree=1)
+    fields = []
+    for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        tagged = load_mesh(scene, comm)
+        owned = len(lengths_of_cells(tagged))
+        fields += size_fields(tagged, lengths_of_cells(tagged), [np.arange(owned, dtype=np.int32)])
+    together, alone = fields
+    if MPI.COMM_WORLD.rank == 0:
+        assert len(together.cells) == len(alone.cells)
+        order = [np.lexsort(np.round(field.points, 9).T) for field in fields]
+        assert together.points[order[0]] == pytest.approx(alone.points[order[1]], abs=1e-9)
+        assert together.sizes[order[0]] == pytest.approx(alone.sizes[order[1]], rel=1e-6)
+    else:
+        assert len(together.cells) == 0
+
+
+@pytest.mark.mpi
+def test_two_bodies_on_ranks(tmp_path):
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+    scene = two_bodies(folder, accuracy(0.08))
+    MPI.COMM_WORLD.barrier()
+    together, alone = (solve(scene, comm) for comm in (MPI.COMM_WORLD, MPI.COMM_SELF))
+    assert [level.dofs for level in together.levels] == [level.dofs for level in alone.levels]
+    peaks = [one.table.columns["pressure"].max() for one in (together, alone)]
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-6)
