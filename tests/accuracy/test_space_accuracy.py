@@ -395,7 +395,7 @@ def test_no_finite_largest_pressure():
 
 REFUSED = [
     ("box", {"cell": "hexahedron"}, "hexahedra cannot be divided one by one"),
-    ("half_sphere", {"size": 6.0, "contact_size": 2.0}, "the arcs of half_sphere"),
+    ("cylinder", {"cell": "tetrahedron"}, "the arcs of cylinder"),
 ]
 
 
