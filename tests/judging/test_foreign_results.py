@@ -259,7 +259,9 @@ def test_command(capsys):
     assert [line[2:14].strip() for line in lines[1:]] == labels
     assert cli.main(["judge", deck, str(DATA / "shelf_CPS4R.dat"), "--json", "--alone"]) == 6
     found = json.loads(capsys.readouterr().out)
-    keys = ["word", "agrees", "exit_code", "findings", "theirs", "figures", "factors", "error", "beside", "lost"]
+    keys = ["word", "agrees", "exit_code", "findings", "theirs", "figures", "factors", "error", "beside"]
+    keys += ["judged_with", "lost"]
     assert list(found) == keys
+    assert min(found["judged_with"]["formulations"].values()) == found["figures"]["equilibrium"]["value"]
     assert set(found["findings"][0]) == {"key", "text", "value", "threshold", "share", "node", "at"}
     assert cli.main(["judge", deck, "absent.dat"]) == 2

@@ -1,5 +1,7 @@
 """Results against scenes: our own solutions agree, in all formats, and what is changed in them is named."""
 
+from pathlib import Path
+
 import meshio
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from signorini_fx.addons.judging.judge import judge
 from signorini_fx.addons.judging.own_solution import at_nodes_of
 from signorini_fx.addons.judging.problems import judged_problem
 
+DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 RECTANGLE = {"length": 2.0, "height": 0.5, "nx": 12, "ny": 4}
 BOX = {"length": 1.0, "width": 0.5, "height": 0.5, "nx": 4, "ny": 2, "nz": 2}
 
@@ -66,6 +69,17 @@ def test_our_own_solution_agrees(kind):
     wrong = judge(scene, 1.1 * v, compare=False)
     assert wrong.word == "another problem: load or modulus"
     assert set(wrong.factors) == {"traction on top", "body force"}
+
+
+@pytest.mark.parametrize("name", ["dovetail", "hertz_friction", "press_and_slide", "two_cylinders"])
+def test_solutions_of_the_demos_agree(name):
+    """In space, of two bodies, on curved foundations, with friction and load steps."""
+    scene = sfx.read_scene(DEMOS / f"{name}.toml")
+    problem, reasons = judged_problem(scene)
+    assert reasons == []
+    judgement = judge(scene, at_nodes_of(sfx.solve(scene), problem), compare=False)
+    assert judgement.word == "agrees", str(judgement)
+    assert judgement.figures["equilibrium"]["value"] < 1e-8
 
 
 def test_formats(tmp_path, solved):

@@ -111,7 +111,9 @@ def _fitted(
         return None
     factors = dict.fromkeys(names, 1.0) | {names[row]: float(value) for row, value in zip(chosen, fitted, strict=True)}
     shaped = residual.reshape(equilibrium.v.shape)
-    return FoundFactors(kind, factors, len(chosen), equilibrium.size(residual), shaped)
+    # Of softer bodies the residual is smaller, too: it is compared with their own energy.
+    softness = min(1.0, float(fitted.min())) if kind == "moduli" else 1.0
+    return FoundFactors(kind, factors, len(chosen), equilibrium.size(residual) / softness, shaped)
 
 
 def force_factor(theirs: Floats, residual: Floats, held: npt.NDArray[np.bool_]) -> tuple[float, float]:

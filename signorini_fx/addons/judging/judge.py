@@ -135,7 +135,7 @@ class _Judging:
             findings.append(self._unbalanced(equilibrium, best))
         elif not best.as_stated and not self._hourglass(best):
             findings.append(JudgedFinding("element", f"it is in equilibrium with {best.fit.formulation.words}"))
-        if best.exact and self.theirs.forces is not None:
+        if best.exact and finding is None and self.theirs.forces is not None:
             findings += self._of_forces(best, self.theirs.forces)
         lines["balance"] = _balance(equilibrium, best, explained)
         if self._hourglass(best):
@@ -171,6 +171,7 @@ class _Judging:
             factors,
             error,
             beside,
+            {fit.formulation.words: fit.rho for fit in best.tried},
             problem.lost,
             lines,
         )

@@ -78,6 +78,7 @@ class Judgement:
         error: the interval of the error in the energy norm, relative to it: ``guaranteed``, ``low``, ``high``,
             ``ours_on_their_mesh``, ``distance``; a ``reason`` for what is missing.
         beside: differences from our solution: ``displacement``, ``force``, ``pressure``; or a ``reason``.
+        formulations: that were tried, in words, each with the residual that it leaves, relative to the energy norm.
         lost: what the problem as read lacks of its input file.
         lines: label -> text, the ten lines below the word.
     """
@@ -89,6 +90,7 @@ class Judgement:
     factors: Mapping[str, float] = field(default_factory=dict)
     error: Mapping[str, Any] = field(default_factory=dict)
     beside: Mapping[str, Any] = field(default_factory=dict)
+    formulations: Mapping[str, float] = field(default_factory=dict)
     lost: tuple[str, ...] = ()
     lines: Mapping[str, str] = field(default_factory=dict)
 
@@ -123,6 +125,10 @@ class Judgement:
             "factors": _plain(self.factors),
             "error": _plain(self.error),
             "beside": _plain(self.beside),
+            "judged_with": {
+                "limits": {name: figure.get("threshold") for name, figure in self.figures.items()},
+                "formulations": _plain(self.formulations),
+            },
             "lost": list(self.lost),
         }
 

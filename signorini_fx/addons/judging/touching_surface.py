@@ -199,9 +199,9 @@ def _opposite(
     undeformed = closest_points(mesh, contact.opposite, mesh.points, x)
     clearance = deformed.distance
     begun = undeformed.distance
-    if entry.distance == "nominal":
-        clearance = clearance - begun
-    elif entry.adjust is not None:
-        clearance = np.where(begun <= entry.adjust, clearance - begun, clearance)
+    closed = np.isfinite(begun) & (entry.distance == "nominal")
+    if entry.adjust is not None:
+        closed |= begun <= entry.adjust
+    clearance[closed] -= begun[closed]
     clearance = clearance + sample(entry.gap, in_space(x))
     return clearance, -deformed.normal, moved - undeformed.values(contact.opposite, v)
