@@ -12,9 +12,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LONG = 30
-# What is not for users of the package, or of results of other programs, or written by a command; the others, with the
-# README, are the guide.
-OTHERS = ("theory", "architecture", "trust", "evidence", "refusals", "answers", "decks", "judge")
+# What is not for users of the package, or of results of other programs, or written by a command, or examples alone; the
+# others, with the README, are the guide.
+OTHERS = ("theory", "architecture", "trust", "checklists", "evidence", "refusals", "answers", "decks", "judge")
+OTHERS += ("i-want-to",)
 
 
 def guide() -> list[Path]:

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Literal, get_args, get_origin
 
 import pytest
+from deck_lines import stacked
 from pydantic import BaseModel
 from scenes import alone, example1
 
@@ -72,7 +73,8 @@ GUIDES = ["guide", "own-body", "effects", "load-steps", "in-space", "choosing-th
 GUIDES += ["own-forms", "nonlinear", "which-law"]
 REFERENCE = ["scene", "generators", "mesh-files", "command-line", "results", "outcomes"]
 OWN_BODY = DOCS / "own-body.md"
-MANUAL = [DOCS / f"{name}.md" for name in ["index", *GUIDES, "several-ranks", "install", *REFERENCE]]
+EXAMPLES = DOCS / "i-want-to.md"
+MANUAL = [DOCS / f"{name}.md" for name in ["index", "i-want-to", *GUIDES, "several-ranks", "install", *REFERENCE]]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / ".github").rglob("*.md")])
 MODULES = {module.name for module in pkgutil.iter_modules(signorini_fx.__path__)}
 
@@ -131,6 +133,11 @@ def folders(tmp_path_factory):
         (folder / "scene.toml").write_text(scene_file, encoding="utf-8")
         drawn = first_block(page, "geo")
         (folder / "body.geo").write_text(drawn.text if drawn else two_materials, encoding="utf-8")
+    for block in blocks_of(EXAMPLES):
+        if block.language == "toml":
+            name = re.match(r"# (\w+\.toml): ", block.text)[1]
+            (found[EXAMPLES] / name).write_text(block.text, encoding="utf-8")
+    (found[EXAMPLES] / "part.inp").write_text("\n".join(stacked([])) + "\n", encoding="utf-8")
     for block in blocks_of(OWN_BODY):
         if block.language == "toml":
             name = re.search(r'file = "(\w+)', block.text)[1].replace("part", "bracket")
@@ -185,6 +192,21 @@ def test_length_of_the_guide():
     assert words.words(THEORY) <= 12_000
 
 
+def test_length_of_the_examples():
+    """Each has ten lines or fewer beside its name and imports, a command or a program, and a picture of its own."""
+    text = EXAMPLES.read_text(encoding="utf-8")
+    asked = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
+    assert len(asked) == 14
+    for block in blocks_of(EXAMPLES):
+        lines = [line for line in block.text.splitlines() if line and not re.match("#|import |from ", line)]
+        assert 0 < len(lines) <= 10, block
+        assert all(len(line) <= 120 for line in lines), block
+    pictures = [re.findall(r"!\[.+\]\((images/[\w/-]+\.png)\)", one) for one in asked]
+    assert all(len(one) == 1 for one in pictures)
+    assert len({one for (one,) in pictures}) == 14
+    assert all(re.search("^```(sh|python)$", one, re.MULTILINE) for one in asked)
+
+
 def test_readability():
     """No sentence of the guide has more than 30 words; formulas and code count as one (docs/words.py --long)."""
     for page in words.guide():
@@ -196,7 +218,7 @@ def test_readability():
 def test_toml(block, folder):
     """A whole scene passes ``check`` without a warning; tables alone fit the scene of the README."""
     data = tomllib.loads(block.text)
-    if "mesh" in data:
+    if {"mesh", "body"} & data.keys():
         file = folder / "shown.toml"
         file.write_text(block.text, encoding="utf-8")
         assert check_scene(read_scene(file)).warnings == ()
