@@ -21,14 +21,12 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
-from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.given import GivenForms
 from signorini_fx.forms.mechanics import FormMechanics
 from signorini_fx.forms.stress import natural_modulus
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.body.assembly import assemble
-from signorini_fx.mechanics.body.averages import averaging
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
@@ -42,6 +40,7 @@ from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
 from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.certificate import Certificate, judged
+from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
 from signorini_fx.solving.check.laws_in_results import laws_in_results
@@ -131,7 +130,7 @@ class FormSolver:
             space, forms.contact, forms.facets, forms.names, Inventory(), forms.masters
         )
         self.foundations.check_driven(settings.algorithm)
-        self.fields = ContactFields.on(space, self.degree)
+        self.fields = ContactFields.on(space)
         self.history, self.timings = History(), Timings()
         self.memory, self.solves_before, self.cost = peak_memory(space.mesh.comm), 0, (0.0, 0.0)
         self.status: Status | None = None
@@ -178,11 +177,6 @@ class FormSolver:
             return ""
         told = [f"{finding.path}: {finding.message}" for finding in self.doubtful_laws()]
         return "\n".join([f"{status.value}: {status.advice}", *told])
-
-    @property
-    def degree(self) -> int:
-        """Of the contact fields."""
-        return 1 if averaging(self.space) else int(self.space.element.basix_element.degree)
 
     @property
     def state(self) -> ContactState:

@@ -110,6 +110,16 @@ def shared_facet_partitioner() -> Any:
     return mesh.create_cell_partitioner(mesh.GhostMode.shared_facet, *cells)
 
 
+def facet_mesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> tuple[mesh.Mesh, npt.NDArray[np.int32]]:
+    """A mesh of facets, and the facet of each of its cells on this rank: an array until 0.9, a map since."""
+    made, cells, *_ = mesh.create_submesh(domain, domain.topology.dim - 1, facets)
+    if VERSION >= (0, 10):
+        index_map = made.topology.index_map(made.topology.dim)
+        numbers = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        cells = cells.sub_topology_to_topology(numbers, inverse=False)
+    return made, np.asarray(cells, dtype=np.int32)
+
+
 def has_vtx() -> bool:
     """Whether fields can be written with ADIOS2 (VTXWriter)."""
     return bool(common.has_adios2)
@@ -117,6 +127,7 @@ def has_vtx() -> bool:
 
 __all__ = [
     "VERSION",
+    "facet_mesh",
     "form_data",
     "geometry_cells",
     "geometry_degree",

@@ -33,6 +33,7 @@ from signorini_fx.results.asked_law import AskedLaw, asked_law
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
+from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import NO_ESTIMATE, Mechanics, StatedMechanics
@@ -283,6 +284,21 @@ class Solution:
         if self.contact is None:
             raise ValueError("the scene has no contact, hence no contact table")
         return contact_table(self.contact, *self.statement.sides)
+
+    def boundary_fields(self, number: int | None = None) -> BoundaryFields:
+        """Pressure, shear, gap and slip on a mesh of the contact boundary, in new Functions; collective.
+
+        Args:
+            number: of the contact as the scene lists them, of two bodies the side ``boundary``; None: all of them, of
+                which at a node of two the later one counts.
+
+        Raises:
+            ValueError: the scene has no contact, or no such one.
+        """
+        if self.contact is None:
+            raise ValueError("the scene has no contact, hence no fields on its boundary")
+        facets = [self.model.tagged.facets(entry.boundary) for entry in self.statement.contact]
+        return boundary_fields(self.model.space, self.contact, facets, number)
 
     @cached_property
     def sides(self) -> list[ContactSide]:

@@ -70,7 +70,7 @@ import words  # noqa: E402
 THEORY, GLOSSARY = DOCS / "theory.md", DOCS / "glossary.md"
 # Guides and reference, whose blocks are run; the other pages are theory and evidence.
 GUIDES = ["guide", "own-body", "effects", "load-steps", "in-space", "choosing-the-method", "target-accuracy", "python"]
-GUIDES += ["own-forms", "nonlinear", "which-law"]
+GUIDES += ["own-forms", "for-fenicsx", "nonlinear", "which-law"]
 REFERENCE = ["scene", "generators", "mesh-files", "command-line", "results", "outcomes"]
 OWN_BODY = DOCS / "own-body.md"
 EXAMPLES = DOCS / "i-want-to.md"
@@ -176,6 +176,7 @@ def test_blocks():
     assert not_run <= {
         "installs packages",
         "needs Docker",
+        "needs adios4dolfinx",
         "opens a window",
         "these are the commands that run the tests",
     }

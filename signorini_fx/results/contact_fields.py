@@ -1,0 +1,159 @@
+"""What contact does to the body as Functions, which UFL can go on with: on its mesh, and on that of the boundary."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+from dolfinx import mesh as dmesh
+
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.body.assembly import facet_nodes
+from signorini_fx.mechanics.body.averages import averaging
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.node_positions import node_positions
+
+_NAMES = ("pressure", "shear", "gap", "slip")
+
+
+@dataclass(frozen=True)
+class ContactFields:
+    """Functions on the mesh of the body, zero at nodes that are no contact points; updated by every solve.
+
+    On quadratic tetrahedra, whose contact points are the vertices, they are linear.
+
+    Attributes:
+        pressure: lambda, stress, scalar.
+        shear: mu, stress, a vector: the foundation acts on the body with - lambda n - mu.
+        gap: what is left of the gap, d - tau_N y, length, scalar; zero in contact but for the regularisation.
+        slip: tau_T y since the last ``advance``, length, a vector.
+    """
+
+    pressure: fem.Function
+    shear: fem.Function
+    gap: fem.Function
+    slip: fem.Function
+
+    @classmethod
+    def on(cls, space: fem.FunctionSpace) -> ContactFields:
+        """Zero, for displacements in a space."""
+        mesh, degree = space.mesh, degree_of_fields(space)
+        scalar = fem.functionspace(mesh, ("Lagrange", degree))
+        same_degree = degree == space.element.basix_element.degree
+        vector = space if same_degree else fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
+        makes = {"pressure": scalar, "shear": vector, "gap": scalar, "slip": vector}
+        return cls(**{name: fem.Function(where, name=name) for name, where in makes.items()})
+
+    def take(
+        self, space: fem.FunctionSpace, state: ContactState, selected: npt.NDArray[np.bool_] | None = None
+    ) -> None:
+        """The values of a state; collective.
+
+        Args:
+            space: the displacements, whose nodes the points are numbered by.
+            state: of the contact points of this rank.
+            selected: the points to take, shape (n,); None: all.  Of a node of two contacts the later one is taken.
+        """
+        where = slice(None) if selected is None else selected
+        tangents, cotangents = state.boundary.tangents, state.boundary.cotangents
+        values = {
+            "pressure": state.pressure[:, None],
+            "shear": np.einsum("ijk,ik->ij", tangents, state.shear),
+            "gap": (state.gap - state.u_n)[:, None],
+            "slip": np.einsum("ijk,ik->ij", cotangents, state.slip_length),
+        }
+        for name, point_values in values.items():
+            function: fem.Function = getattr(self, name)
+            nodes = function.function_space.dofmap.list
+            numbering = np.zeros(node_positions(space).shape[0], dtype=np.int64)
+            numbering[space.dofmap.list[:, : nodes.shape[1]]] = nodes  # vertices come first in every cell
+            array = function.x.array
+            array[:] = 0.0
+            array.reshape(-1, point_values.shape[1])[numbering[state.boundary.nodes[where]]] = point_values[where]
+            function.x.scatter_reverse(la.InsertMode.add)  # the owner of a vertex need not be that of the point
+            function.x.scatter_forward()
+
+    def on_boundary(self, facets: npt.NDArray[np.int32]) -> BoundaryFields:
+        """Their values on a mesh of facets, in new Functions; collective.
+
+        Args:
+            facets: exterior facets whose cell this rank owns, local numbers.
+        """
+        mesh, facets = compat.facet_mesh(self.pressure.function_space.mesh, np.unique(facets))
+        element = self.pressure.function_space.element.basix_element
+        made: dict[str, fem.Function] = {}
+        for name in _NAMES:
+            function: fem.Function = getattr(self, name)
+            size = function.function_space.dofmap.index_map_bs
+            shape = () if function.ufl_shape == () else (size,)
+            part = fem.functionspace(mesh, ("Lagrange", element.degree, shape))
+            made[name] = fem.Function(part, name=name)
+            nodes, values = _nodes_of_parent(part, function.function_space, facets), made[name].x.array
+            values.reshape(-1, size)[part.dofmap.list] = function.x.array.reshape(-1, size)[nodes]
+            made[name].x.scatter_forward()  # of cells beside that are other ranks'
+        return BoundaryFields(mesh=mesh, facets=facets, **made)
+
+
+@dataclass(frozen=True)
+class BoundaryFields:
+    """Functions on a mesh of the contact boundary, see ``ContactFields``.
+
+    Attributes:
+        mesh: of the facets, of one dimension less than the body, in the same space; shared by the same ranks, of which
+            some may have no cell.
+        facets: local number of the facet of the body that each cell on this rank is, ghosts included.
+        pressure: lambda, stress, scalar.
+        shear: mu, stress, a vector.
+        gap: what is left of the gap, length, scalar.
+        slip: since the last load step, length, a vector.
+    """
+
+    mesh: dmesh.Mesh
+    facets: npt.NDArray[np.int32]
+    pressure: fem.Function
+    shear: fem.Function
+    gap: fem.Function
+    slip: fem.Function
+
+
+def degree_of_fields(space: fem.FunctionSpace) -> int:
+    """The degree of contact fields, for displacements in a space."""
+    return 1 if averaging(space) else int(space.element.basix_element.degree)
+
+
+def boundary_fields(
+    space: fem.FunctionSpace, state: ContactState, facets: Sequence[npt.NDArray[np.int32]], number: int | None
+) -> BoundaryFields:
+    """The fields of a state on a mesh of its contact boundaries; collective.
+
+    Args:
+        space: the displacements, whose nodes the points are numbered by.
+        state: of the contact points of this rank.
+        facets: of each contact, of pairs on the side with the points.
+        number: the contact; None: all of them, of which at a node of two the later one counts.
+
+    Raises:
+        ValueError: there is no such contact.
+    """
+    if number is not None and not 0 <= number < len(facets):
+        raise ValueError(f"number: must be from 0 to {len(facets) - 1}, the contacts in their order, got {number}")
+    fields = ContactFields.on(space)
+    fields.take(space, state, None if number is None else state.boundary.part == number)
+    return fields.on_boundary(np.concatenate(list(facets) if number is None else [facets[number]]))
+
+
+def _nodes_of_parent(
+    part: fem.FunctionSpace, parent: fem.FunctionSpace, facets: npt.NDArray[np.int32]
+) -> npt.NDArray[np.int32]:
+    """The node of the parent at each node of each cell of the part, shape (cells, nodes of a cell), by position: the
+    order of both within a facet differs between kinds of cells and releases of dolfinx.
+    """
+    there, here = facet_nodes(parent, facets), part.dofmap.list
+    if facets.size == 0:
+        return np.zeros_like(here)
+    x, y = node_positions(parent)[there], np.asarray(part.tabulate_dof_coordinates())[here]
+    nearest = np.argmin(np.linalg.norm(y[:, :, None] - x[:, None], axis=3), axis=2)
+    return np.take_along_axis(there, nearest, axis=1)
