@@ -72,7 +72,7 @@ def add_on(name: str) -> Any:
     """What an add-on of this package does; its name is in pyproject.toml.
 
     Raises:
-        InstallationError: it is not installed.
+        InstallationError: it is not installed, or a package that it needs is not.
     """
     entry = _installed(ADD_ONS, tuple(sys.path)).get(name)
     if entry is None:
@@ -80,9 +80,10 @@ def add_on(name: str) -> Any:
     try:
         return entry.load()
     except ModuleNotFoundError as error:
-        if not str(error.name).startswith("signorini_fx."):
-            raise
-        raise InstallationError(f"{name!r} needs {error.name}, an add-on that is not installed") from None
+        if str(error.name).startswith("signorini_fx."):
+            raise InstallationError(f"{name!r} needs {error.name}, an add-on that is not installed") from None
+        package = str(error.name).partition(".")[0]
+        raise InstallationError(f"{name!r} needs {package}, which is not installed: pip install {package}") from None
 
 
 @cache

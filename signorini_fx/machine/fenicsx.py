@@ -10,6 +10,7 @@ import sysconfig
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
 from pathlib import Path
 
 from signorini_fx.errors import InstallationError
@@ -39,6 +40,7 @@ class Surroundings:
         debian: whether it is the Python of Debian 13 or later.
         conda: whether it is that of an environment of conda.
         managed: whether pip must not install into it, since the system does.
+        has_pip: whether it has pip of its own, unlike environments of uv, and of Debian without ``python3-venv``.
         source: of this package, a path for pip.
         runs: whether a program is there, and runs; of a Python, whether it can make environments.
     """
@@ -50,6 +52,7 @@ class Surroundings:
     debian: bool
     conda: bool
     managed: bool
+    has_pip: bool
     source: str
     runs: Callable[[str], bool]
 
@@ -65,6 +68,7 @@ class Surroundings:
             debian=not alone and sys.prefix == "/usr" and _debian() >= 13,
             conda=(Path(sys.prefix) / "conda-meta").is_dir(),
             managed=not alone and (Path(sysconfig.get_path("stdlib")) / "EXTERNALLY-MANAGED").is_file(),
+            has_pip=find_spec("pip") is not None,
             source=_source(),
             runs=_runs,
         )
@@ -83,12 +87,23 @@ class Surroundings:
             return f"conda {_CONDA}"
         wheels = " ".join(f"'{wheel}'" for wheel in WHEELS)
         if self._has_wheels(self.python) and not self.managed:
-            return f"{self.executable} -m pip install {wheels}"
+            return f"{self._installer} {wheels}"
         pythons = [self.executable] * self._has_wheels(self.python) + [*_NEWER] * self._has_wheels(_OLDEST_PYTHON)
         if suitable := next((python for python in pythons if self.runs(python)), None):
             place = "~/signorini"  # with this package once more, as it is installed for another Python
             return f"{suitable} -m venv {place} && {place}/bin/pip install {wheels} {self.source}"
         return f"conda {_CONDA}" if self.runs("conda") else f"cd {self.source} && ./env signorini-fx info"
+
+    @property
+    def _installer(self) -> str:
+        """What installs into the environment of this Python."""
+        if self.has_pip:
+            return f"{self.executable} -m pip install"
+        return (
+            f"uv pip install --python {self.executable}"
+            if self.runs("uv")
+            else f"pip --python {self.executable} install"
+        )
 
     def _has_wheels(self, python: tuple[int, int]) -> bool:
         return python >= _OLDEST_PYTHON and (self.system, self.processor) == (_SYSTEM, _PROCESSOR)

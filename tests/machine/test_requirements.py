@@ -62,6 +62,7 @@ def on(**other):
         "debian": False,
         "conda": False,
         "managed": False,
+        "has_pip": True,
         "source": "/src",
         "runs": lambda name: name == "python3",
     }
@@ -76,6 +77,8 @@ IN_A_NEW_PLACE = f"-m venv ~/signorini && ~/signorini/bin/pip install {WHEELS} /
     ("other", "command"),
     [
         ({}, f"python3 -m pip install {WHEELS}"),
+        ({"has_pip": False}, f"pip --python python3 install {WHEELS}"),
+        ({"has_pip": False, "runs": lambda name: name == "uv"}, f"uv pip install --python python3 {WHEELS}"),
         ({"debian": True, "managed": True, "python": (3, 13)}, "sudo apt install python3-dolfinx python3-gmsh"),
         ({"managed": True}, f"python3 {IN_A_NEW_PLACE}"),
         ({"python": (3, 11), "runs": lambda name: name == "python3.13"}, f"python3.13 {IN_A_NEW_PLACE}"),

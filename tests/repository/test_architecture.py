@@ -196,6 +196,21 @@ def test_add_ons_use_no_private_names(room):
         assert {name for name in attributes if name.startswith("_") and not name.endswith("__")} <= names, path
 
 
+def test_a_missing_package_is_one_message():
+    """What draws and writes reports needs packages that the rest works without: the error names the one to install."""
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "from signorini_fx.extensions import add_on\n"
+        "import signorini_fx.scenes.cli, signorini_fx.results.files\n"
+        "add_on('pictures')"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (
+        "InstallationError: 'pictures' needs matplotlib, which is not installed: pip install matplotlib" in ended.stderr
+    )
+    assert "During handling" not in ended.stderr
+
+
 def test_a_missing_add_on_is_one_message(monkeypatch):
     """Where somebody asks for it, and nothing where nobody does."""
     monkeypatch.setitem(sys.modules, "signorini_fx.addons.bounds", None)
