@@ -112,6 +112,7 @@ def shared_facet_partitioner() -> Any:
 
 def facet_mesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> tuple[mesh.Mesh, npt.NDArray[np.int32]]:
     """A mesh of facets, and the facet of each of its cells on this rank: an array until 0.9, a map since."""
+    cells: Any
     made, cells, *_ = mesh.create_submesh(domain, domain.topology.dim - 1, facets)
     if VERSION >= (0, 10):
         index_map = made.topology.index_map(made.topology.dim)

@@ -151,9 +151,9 @@ def _nodes_of_parent(
     """The node of the parent at each node of each cell of the part, shape (cells, nodes of a cell), by position: the
     order of both within a facet differs between kinds of cells and releases of dolfinx.
     """
-    there, here = facet_nodes(parent, facets), part.dofmap.list
+    parent_nodes, part_nodes = facet_nodes(parent, facets), part.dofmap.list
     if facets.size == 0:
-        return np.zeros_like(here)
-    x, y = node_positions(parent)[there], np.asarray(part.tabulate_dof_coordinates())[here]
-    nearest = np.argmin(np.linalg.norm(y[:, :, None] - x[:, None], axis=3), axis=2)
-    return np.take_along_axis(there, nearest, axis=1)
+        return np.zeros_like(part_nodes)
+    sought = np.asarray(part.tabulate_dof_coordinates())[part_nodes]
+    distances = np.linalg.norm(sought[:, :, None] - node_positions(parent)[parent_nodes][:, None], axis=3)
+    return np.take_along_axis(parent_nodes, np.argmin(distances, axis=2), axis=1)
