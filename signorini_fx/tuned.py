@@ -563,8 +563,7 @@ MANY_LOADED, FIRST_DEGREE, SUSPECT_LOAD = 200, 2, 1e-4
 # degrees.  Choice of the last two.
 SHEAR_OF_TILT, NOTABLE_SHEAR, ONE_DIRECTION = 0.55, 0.05, 0.9
 
-# Facets of Hertz's half width that check asks for, and how many times longer they may be before it does.  Choice: with
-# eight the largest pressure of linear elements is right to about 2 %, with five to 5 % (docs/mesh-files.md).
+# Facets of Hertz's half width that check asks for, and how many times longer they may be before it does.  Choice.
 CONTACT_FACETS, COARSE_IN_CONTACT = 8, 1.5
 # By dimension the facets from whose normals the curvature of a side is taken, and the points from whose gaps.  Choice:
 # few in the plane, where they may be a quarter of an arc; in space normals of triangles scatter.
