@@ -161,7 +161,7 @@ def _mesh(file: Path) -> str:
         return "no header"
     found = file.with_name("found")
     request = {"file": str(file), "reader": "gmsh", "settings": {"halvings": 0, "degree": 0, "size": 0.0}}
-    request |= {"seconds": _MESH_SECONDS, "bytes": _MESH_BYTES, "sandbox": True}
+    request |= {"seconds": _MESH_SECONDS, "bytes": _MESH_BYTES, "sandbox": True, "sized": False}
 
     def read() -> None:
         os.dup2(os.open(found, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
