@@ -76,8 +76,8 @@ FIGURES = {
     "table 5 in 27 of 34": lambda: f"table 5 in {rows('paper')[3]['equal to the printed numbers'][:8]}",
     "takes 1.09 times": lambda: f"takes {rows('performance')[1]['value']} times",
     "coulomb's 1.13 times": lambda: f"coulomb's {rows('performance')[5]['value']} times",
-    "69 cpu seconds": lambda: f"{float(rows('growth_in_space')[-1]['CPU seconds']):.0f} cpu seconds",
-    "6.4 gb": lambda: f"{float(rows('growth_in_space')[-1]['peak MB'].replace(' ', '')) / 1000:.1f} gb",
+    "51 cpu seconds": lambda: f"{float(rows('growth_in_space')[-1]['CPU seconds']):.0f} cpu seconds",
+    "6.2 gb": lambda: f"{float(rows('growth_in_space')[-1]['peak MB'].replace(' ', '')) / 1000:.1f} gb",
 }
 
 
