@@ -32,7 +32,7 @@ from signorini_fx.records import Finding, History, Status
 from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.accuracy.price_list import Price, price_list
 from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.contact_fields import BoundaryFields, ContactFields, boundary_fields
+from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.load_steps import StepProgress
@@ -249,18 +249,6 @@ class ContactProblem(ProblemOfForms):
         fields = ContactFields.on(solver.space)
         fields.take(solver.space, self.state, solver.boundary.part == number)
         return fields
-
-    def boundary_fields(self, number: int | None = None) -> BoundaryFields:
-        """The fields of the last solution on a mesh of the contact boundary, in new Functions; collective.
-
-        Args:
-            number: of the foundation in ``contact``; None: all of them, of which at a node of two the later one counts.
-
-        Raises:
-            RuntimeError: there is no solution so far.
-            ValueError: there is no such foundation.
-        """
-        return boundary_fields(self.assembled.space, self.state, self.assembled.forms.facets, number)
 
     def solve(self) -> fem.Function:
         """Solve with the values that constants, Functions and conditions have now; collective.

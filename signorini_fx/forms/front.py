@@ -9,6 +9,7 @@ from typing import Any
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.results.contact_fields import BoundaryFields
 from signorini_fx.results.solution import Solution
 
 
@@ -36,6 +37,18 @@ class ProblemOfForms:
             RuntimeError: there is no solution so far.
         """
         return self.solution.table
+
+    def boundary_fields(self, number: int | None = None) -> BoundaryFields:
+        """The fields of the last solution on a mesh of the contact boundary, in new Functions; collective.
+
+        Args:
+            number: of the foundation in ``contact``; None: all of them, of which at a node of two the later one counts.
+
+        Raises:
+            RuntimeError: there is no solution so far.
+            ValueError: there is no such foundation.
+        """
+        return self.solution.boundary_fields(number)
 
     def plot(self, *fields: str) -> Any:
         """Pictures that a notebook displays, see ``Solution.plot``; collective."""

@@ -79,6 +79,26 @@ def test_a_ramp_has_load_steps():
     assert len(problem.solution.steps) == 1
 
 
+@pytest.mark.mpi
+def test_fields_on_the_boundary():
+    """Of linear elements the integral of the pressure is the sum over the nodes with their weights."""
+    problem = pressed(MPI.COMM_WORLD)
+    problem.ramp(moved(problem), to=0.5)
+    fields, state, comm = problem.boundary_fields(0), problem.state, MPI.COMM_WORLD
+    assert fields.mesh.topology.dim == 1
+    integral = comm.allreduce(fem.assemble_scalar(fem.form(fields.pressure * ufl.dx)))
+    total = comm.allreduce(
+        float(
+            np.dot(
+                state.pressure,
+                np.linalg.norm(state.boundary.nodal_forces(1.0 + 0 * state.pressure, 0 * state.shear), axis=1),
+            )
+        )
+    )
+    assert integral > 1.0
+    assert integral == pytest.approx(total, rel=1e-10)
+
+
 def test_what_a_nonlinear_body_does_not_have():
     """Energy, stress, estimates, bounds and uniqueness, each with its reason where there is one."""
     problem = pressed()
