@@ -294,6 +294,11 @@ def test_versions_are_compared_in_one_place():
     assert [file.name for file in MODULES if compares_versions(file)] == ["compat.py"]
 
 
+def test_private_parts_of_dolfinx_are_used_in_one_place():
+    """Only compat.py imports ``dolfinx.cpp``, whose names change from release to release."""
+    assert [file.name for file in MODULES if uses(file, "dolfinx.cpp")] == ["compat.py"]
+
+
 def python(code):
     """Run code in a fresh interpreter, warnings as errors."""
     return subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)

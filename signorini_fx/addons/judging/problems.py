@@ -10,8 +10,8 @@ from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
-from dolfinx import cpp
 from dolfinx import mesh as dmesh
+from dolfinx.io.utils import cell_perm_vtk
 from mpi4py import MPI
 
 from signorini_fx.addons.decks.content import Deck
@@ -100,7 +100,7 @@ def _mesh_of_tagged(tagged: TaggedMesh, scene: Scene) -> JudgedMesh:
         if cell.dim == dim and cell.degree == degree and len(cell.corners) == _corners(name)
     )
     width = len(CELLS[kind].nodes)
-    order = np.argsort(cpp.io.perm_vtk(mesh.topology.cell_type, width))
+    order = np.argsort(cell_perm_vtk(mesh.topology.cell_type, width))
     cells = compat.geometry_cells(mesh)[:, order].astype(np.int64)
     sides = sides_of(cells, CELLS[kind])
     corner_count = len(CELLS[CELLS[kind].facet].corners)
