@@ -295,8 +295,15 @@ def test_versions_are_compared_in_one_place():
 
 
 def test_private_parts_of_dolfinx_are_used_in_one_place():
-    """Only compat.py imports ``dolfinx.cpp``, whose names change from release to release."""
+    """Only compat.py imports ``dolfinx.cpp``, or asks a geometry for what has other names in other releases."""
     assert [file.name for file in MODULES if uses(file, "dolfinx.cpp")] == ["compat.py"]
+    asked = {
+        file.name
+        for file in MODULES
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr in ("dofmap", "cmap") and "geometry" in ast.unparse(node.value)
+    }
+    assert asked == {"compat.py"}
 
 
 def python(code):

@@ -20,6 +20,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 from two_bodies import assembled, grid
 
+from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.scenes.reading import parse_scene
 
@@ -381,7 +382,7 @@ def difference(bodies, solution):
     known = reference(bodies, strain_degree(space, AXISYMMETRIC))
     mesh = space.mesh
     of_dof = np.zeros(len(mesh.geometry.x), dtype=np.int64)
-    of_dof[space.dofmap.list.ravel()] = mesh.geometry.dofmap.ravel()
+    of_dof[space.dofmap.list.ravel()] = compat.geometry_cells(mesh).ravel()
     number = mesh.geometry.input_global_indices[of_dof]
     moved = solution.displacement.x.array.reshape(-1, 2)
     size = np.abs(known.displacement).max()

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.assembly import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.carrying_side import SideFigures
 from signorini_fx.mechanics.model import Model
@@ -77,7 +77,7 @@ class _Surface:
         else:
             normals = np.asarray(np.cross(along, corners[:, 2] - corners[:, 0]), dtype=np.float64)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        nodes = mesh.geometry.dofmap[cells] if len(cells) else np.empty((0, 1), dtype=np.int32)
+        nodes = compat.geometry_cells(mesh)[cells] if len(cells) else np.empty((0, 1), dtype=np.int32)
         inside = mesh.geometry.x[nodes].mean(axis=1)[:, :dim]
         middles = corners.mean(axis=1)
         normals *= np.sign(np.einsum("fi,fi->f", normals, middles - inside))[:, None]
