@@ -224,10 +224,10 @@ CHANGES_USED = 3
 # 0.29, 0.006 to 0.04 and 0.6 to 1.4, the largest of each where a single node is in contact.
 POLYGON_ERRORS = {"energy": (0.04, 1), "pressure": (0.15, 1), "force": (0.01, 2)}
 POLYGON_PEAK = 0.5
-# In the plane the largest pressure may lie between two nodes: its error is at least this times the distance of the
-# largest nodal one from the mean of its neighbours.  Tuned on half a disk with 8 to 21 nodes in contact, where it was
-# at most 0.4 times that on 25 of 27 meshes.
-MISSED_TOP = 0.5
+# In the plane the largest pressure may lie between two nodes: its error is at least this over the square of the number
+# of nodes in contact.  Tuned on half disks with 8 to 21 nodes in contact, all on one side of the top.  Of Example 1
+# with Coulomb friction, which is not one of them, it is 0.31, 0.44 and 0.39 over that square with 13, 27 and 53 nodes.
+MISSED_TOP = 0.4
 # The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, each
 # finer there by this factor, and hardly less (this share) on the last.  Fixed on the random scenes, seed 1.
 FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6

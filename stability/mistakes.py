@@ -3356,8 +3356,8 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/price_list",
-        "not uniform or _touching(level.table) < FEW_NODES or grows_for_ever(levels[: index + 1])",
-        "_touching(level.table) < FEW_NODES or grows_for_ever(levels[: index + 1])",
+        "not uniform or _few_nodes(levels[: index + 1]) or grows_for_ever(levels[: index + 1])",
+        "_few_nodes(levels[: index + 1]) or grows_for_ever(levels[: index + 1])",
         "largest pressure of adaptive meshes with the change from mesh to mesh for its error",
         tests=("price_list::test_meshes_divided_in_some_places",),
     ),

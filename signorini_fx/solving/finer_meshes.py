@@ -19,7 +19,7 @@ from signorini_fx.mechanics.mesh.refinement import cells_at, mark, refine
 from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, shorter_lengths
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
-from signorini_fx.records import Status
+from signorini_fx.records import FEW_NODES, Status
 from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.results.accuracy.pressure_error import corners_of_error
 from signorini_fx.results.accuracy.price_list import fineness_of
@@ -126,12 +126,15 @@ class Meshes:
                 return solved
             raise
 
-    def jump(self, excess: float, rate: float, *, compared: bool, dimension: int) -> float:
-        """How many times finer the next mesh is, for an error that is ``excess`` times too large."""
+    def jump(self, excess: float, rate: float, *, compared: bool, dimension: int, touching: int) -> float:
+        """How many times finer the next mesh is, for an error that is ``excess`` times too large; where it is not known
+        because of the nodes ``touching``, so many times that they are enough.
+        """
         if not self.any_jump:
             return fineness_of(2.0, dimension) if self.adaptive else 2.0
         if excess == inf:
-            return 2.0
+            resolving = (FEW_NODES / max(touching, 1)) ** (1 / (dimension - 1))
+            return float(np.clip(resolving, 2.0, LARGEST_JUMP[dimension]))
         smallest = SMALLEST_JUMP if compared else 1.0
         return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP[dimension]))
 

@@ -19,7 +19,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.records import History, Status
+from signorini_fx.records import FEW_NODES, History, Status
 from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.price_list import (
@@ -136,7 +136,8 @@ def solve_to_accuracy(
             excess = error / (goal.target - min(regularisation, goal.target - allowed))
             # That of the pressure is corrected by its change from mesh to mesh, which is extrapolated.
             compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
-            jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension)
+            touching = level.table.touching if goal.of == "peak" else FEW_NODES
+            jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)
             if enough and len(levels) >= MOST_MESHES:
                 notify(f"accuracy: {MOST_MESHES} meshes have not reached it")
                 return replace(solution, status=Status.OUT_OF_REACH)

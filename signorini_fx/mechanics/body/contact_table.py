@@ -54,6 +54,11 @@ class ContactTable:
         return html_table(tuple(self.columns), rows, f"{len(self.columns['x'])} contact nodes, the first {len(rows)}")
 
     @property
+    def touching(self) -> int:
+        """How many nodes are in contact."""
+        return int(np.count_nonzero(self.columns["state"] != "open"))
+
+    @property
     def paths(self) -> list[npt.NDArray[np.int64]]:
         """The rows along each connected piece; at the end of a closed one its first row again."""
         to_next = self.columns.get("to_next")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.kinds import Count
 from signorini_fx.quantities.quantity import Quantity, Summary
@@ -43,9 +41,7 @@ class TouchingNodes(Quantity):
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
-        if solution.contact is None:
-            return None
-        return int(np.count_nonzero(solution.table.columns["state"] != "open"))
+        return None if solution.contact is None else solution.table.touching
 
 
 QUANTITIES = (CountOfNodes(), TouchingNodes())

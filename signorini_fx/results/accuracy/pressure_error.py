@@ -237,20 +237,15 @@ def peak_of(table: ContactTable) -> tuple[float, float]:
 
 
 def roughness_at_peak(table: ContactTable) -> float:
-    """How far the largest pressure is from the mean pressure of the nodes around it, relative.
+    """In space: how far the largest pressure is from the mean pressure of the nodes around it, relative.
 
-    In space the pressure on linear tetrahedra is wrong by several per cent on every mesh at a node with fewer or more
-    neighbours than most, since dividing all cells leaves its neighbourhood alike; the change from mesh to mesh cannot
-    see that.  In the plane nodes may hit the top on one mesh and miss it on the next.  For a smooth pressure this
-    decreases like h^2.
+    At a node with fewer or more neighbours than most, the pressure on linear tetrahedra is wrong by several per cent on
+    every mesh, since dividing all cells leaves its neighbourhood alike; the change from mesh to mesh cannot see that.
+    For a smooth pressure this decreases like h^2.
     """
-    pressure = table.columns["pressure"]
+    pressure, corners = table.columns["pressure"], ContactSurface.of(table).corners
     row = int(np.argmax(pressure)) if pressure.size else 0
-    if table.facets is None:
-        pairs = np.concatenate([np.empty((0, 2), int), *(np.column_stack((p[:-1], p[1:])) for p in table.paths)])
-    else:
-        pairs = ContactSurface.of(table).corners
-    around = np.setdiff1d(pairs[(pairs == row).any(axis=1)], row)
+    around = np.setdiff1d(corners[(corners == row).any(axis=1)], row)
     if not around.size or not pressure[row] > 0:
         return 0.0
     return float(1.0 - pressure[around].mean() / pressure[row])

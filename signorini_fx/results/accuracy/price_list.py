@@ -9,7 +9,7 @@ error by the dependence on gamma; that of the iteration by its last residual or 
 from __future__ import annotations
 
 import resource
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -88,7 +88,7 @@ def grows_for_ever(levels: Sequence[LevelResult]) -> bool:
 
     Where the nodes in contact are few and become more, it may only not have been resolved so far.
     """
-    touching = [_touching(level.table) for level in levels[-1 - GROWING_MESHES :]]
+    touching = [level.table.touching for level in levels[-1 - GROWING_MESHES :]]
     if touching[0] < touching[-1] < FEW_NODES:
         return False
     seen = [peak_of(level.table) for level in levels]
@@ -141,21 +141,25 @@ def price_list(
         errors: dict[str, float | None] = dict.fromkeys(EXPECTED_RATES)
         if index > 0:
             fineness = [fineness_of(level.dofs, level.dimension) for level in levels[: index + 1]]
+            # Nodes hit the top of the pressure by chance: one small change among larger ones is no small error.
+            means = dict.fromkeys(EXPECTED_RATES, _geometric_mean) | {"peak": _root_mean_square}
             errors = {
-                name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in EXPECTED_RATES
+                name: _error(rates[name], [c[name] for c in changes[:index]], fineness, mean)
+                for name, mean in means.items()
             }
             # In space and between two bodies a single change was seen to mislead.
             enough = index > 1 or not (level.dimension == 3 or level.paired)
             errors["force"] = force_error(levels[: index + 1]) if enough else None
             if errors["peak"] is not None:
-                share = 1.0 if level.dimension == 3 else MISSED_TOP
-                errors["peak"] = max(errors["peak"], share * roughness_at_peak(level.table))
+                missed = MISSED_TOP / max(level.table.touching, 1) ** 2
+                least = roughness_at_peak(level.table) if level.dimension == 3 else missed
+                errors["peak"] = max(errors["peak"], least)
                 errors["peak"] += level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
             errors["zone"] = border_of(level.table)
         elif not uniform:
             errors["zone"] = max(errors["zone"] or 0.0, ends_of_zones(level.table) or 0.0) or None
-        if not uniform or _touching(level.table) < FEW_NODES or grows_for_ever(levels[: index + 1]):
+        if not uniform or _few_nodes(levels[: index + 1]) or grows_for_ever(levels[: index + 1]):
             errors["peak"] = None
         errors["pressure"] = level.pressure
         change = changes[index - 1]["pressure"] if index > 0 else None
@@ -189,16 +193,14 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
     return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
 
 
-def _touching(table: ContactTable) -> int:
-    """How many nodes are in contact."""
-    return int(np.count_nonzero(table.columns["state"] != "open"))
+def _few_nodes(levels: Sequence[LevelResult]) -> bool:
+    """Whether the last mesh, or the one before it, has too few nodes in contact for the top of the pressure."""
+    last = levels[-1].table.touching
+    return last < FEW_NODES or (len(levels) > 1 and 2 * levels[-2].table.touching < FEW_NODES)
 
 
 def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
-    """Relative change of every quantity from one mesh to the next; None where it cannot be compared.
-
-    Nodes that are few in the contact zone hit the top of the pressure by chance: a small change says nothing of it.
-    """
+    """Relative change of every quantity from one mesh to the next; None where it cannot be compared."""
     c, f = coarse.table.columns, fine.table.columns
     weight, pressure = f["weight"], f["pressure"]
     size = float(np.sqrt(np.dot(weight, pressure**2)))
@@ -208,9 +210,7 @@ def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
         "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
         "force": float(np.linalg.norm(fine.force - coarse.force)) / force if force > 0 else None,
         "zone": zone_change(coarse.table, fine.table),
-        "peak": abs(pressure.max() - c["pressure"].max()) / pressure.max()
-        if pressure.max() > 0 and 2 * _touching(coarse.table) >= FEW_NODES
-        else None,
+        "peak": abs(pressure.max() - c["pressure"].max()) / pressure.max() if pressure.max() > 0 else None,
     }
 
 
@@ -283,8 +283,21 @@ def _end(s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], row: int, step:
     return float(s[row] + np.sign(s[outside] - s[row]) * min(reach, abs(s[outside] - s[row])))
 
 
-def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) -> float | None:
-    """Error of the last mesh: the geometric mean of the estimates from the last changes, extrapolated to it.
+def _geometric_mean(estimates: Sequence[float]) -> float:
+    return float(np.exp(np.mean(np.log(estimates))))
+
+
+def _root_mean_square(estimates: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(estimates))))
+
+
+def _error(
+    rate: float,
+    changes: list[float | None],
+    fineness: Sequence[float],
+    mean: Callable[[Sequence[float]], float] = _geometric_mean,
+) -> float | None:
+    """Error of the last mesh: a mean of the estimates from the last changes, extrapolated to it.
 
     A mesh with no more unknowns than the one before it, as generators make it of smaller cells here and there, says
     nothing; None: no mesh says anything.
@@ -293,6 +306,7 @@ def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) 
         rate: the error decreases like 1 / fineness to this power.
         changes: from each mesh to the next.
         fineness: 1 / h of the meshes, one more than changes.
+        mean: of several estimates.
     """
     if not changes[-1]:
         return changes[-1]
@@ -301,7 +315,7 @@ def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) 
         for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-CHANGES_USED:]
         if change and fine > coarse
     ]
-    return float(np.exp(np.mean(np.log(estimates)))) if estimates else None
+    return mean(estimates) if estimates else None
 
 
 def predict(
