@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import tomllib
+from collections.abc import Callable
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -16,14 +17,31 @@ from typing import Any
 from signorini_fx.errors import InstallationError
 
 ADD_ONS = "signorini_fx.add_ons"
+EFFECTS = "signorini_fx.effects"
+GENERATORS = "signorini_fx.generators"
+INTERFACES = "signorini_fx.interfaces"
+KINEMATICS = "signorini_fx.kinematics"
 LAWS = "signorini_fx.laws"
 LINEAR_SOLVERS = "signorini_fx.linear_solvers"
 MATERIALS = "signorini_fx.materials"
 QUANTITIES = "signorini_fx.quantities"
-GENERATORS = "signorini_fx.generators"
-GROUPS = (ADD_ONS, GENERATORS, LAWS, LINEAR_SOLVERS, MATERIALS, QUANTITIES)
+SHAPES = "signorini_fx.shapes"
+GROUPS = (
+    ADD_ONS,
+    EFFECTS,
+    GENERATORS,
+    INTERFACES,
+    KINEMATICS,
+    LAWS,
+    LINEAR_SOLVERS,
+    MATERIALS,
+    QUANTITIES,
+    SHAPES,
+)
 _CHECKOUT = Path(__file__).parents[1] / "pyproject.toml"
 _registered: dict[str, dict[str, Any]] = {}
+# What has to know of each name that a program registers in a group.
+_listeners: dict[str, list[Callable[[str], None]]] = {}
 
 
 def register(group: str, name: str, extension: Any) -> None:
@@ -40,6 +58,13 @@ def register(group: str, name: str, extension: Any) -> None:
     if group not in GROUPS:
         raise InstallationError(f"{group!r} is no group of extensions; these are: {', '.join(GROUPS)}")
     _registered.setdefault(group, {})[name] = extension
+    for listener in _listeners.get(group, ()):
+        listener(name)
+
+
+def on_registered(group: str, listener: Callable[[str], None]) -> None:
+    """Call a function with each name that a program registers in a group from now on."""
+    _listeners.setdefault(group, []).append(listener)
 
 
 def names_of(group: str) -> tuple[str, ...]:
@@ -61,6 +86,19 @@ def load(group: str, name: str) -> Any:
     except Exception as error:
         package = "" if entry.dist is None else f" of {entry.dist.name}"
         raise InstallationError(f"{name!r}, {entry.value}{package}, cannot be imported: {error}") from error
+
+
+def load_class(group: str, name: str, base: type) -> type:
+    """The class of a name in ``names_of``, which must have a base class of this package.
+
+    Raises:
+        InstallationError: it cannot be imported, or is none.
+    """
+    extension = load(group, name)
+    if not (isinstance(extension, type) and issubclass(extension, base)):
+        article = "an" if base.__name__[0] in "AEIOU" else "a"
+        raise InstallationError(f"{name!r}, which another package adds, is not {article} {base.__name__}")
+    return extension
 
 
 def is_of_package(kind: type) -> bool:

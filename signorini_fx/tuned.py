@@ -597,6 +597,9 @@ BETWEEN_SETS = 1e-6
 # Share of a pressure by which it is changed for differences of a law, and how far these may be from its derivative: the
 # share of the larger of both, and the round-off of differences relative to the bound.  Choice.
 PRESSURE_CHANGE, WRONG_DERIVATIVE, ROUND_OFF_OF_DIFFERENCE = 1e-6, 1e-3, 1e-8
+# Share of displacement and tractions by which they are changed for a difference of a quantity of a user's own.  Choice:
+# sums of powers of pressures, which are the steepest of the package, are smooth over it.
+QUANTITY_CHANGE = 1e-4
 # What a law of a user's own says of itself is tried at about so many of its points, from this power of ten of the
 # modulus up to the modulus, at so many pressures in each decade.  It may be wrong by these shares of its bound, and of
 # the slopes of its chords between neighbouring pressures.  Where it bends beyond the modulus, up to this power of ten

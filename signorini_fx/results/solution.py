@@ -214,8 +214,10 @@ class Solution:
 
     @property
     def _own_code(self) -> list[str]:
-        """The laws and materials of other packages."""
-        used = [entry.friction for entry in self.statement.contact] + [*self.statement.material]
+        """The laws, materials, shapes, effects, interfaces and kinematics of other packages."""
+        statement = self.statement
+        used = [entry for _, entry in statement.listed()] + [statement.kinematics, *statement.interfaces]
+        used += [part for entry in statement.contact for part in (entry.friction, entry.foundation) if part is not None]
         return list(dict.fromkeys(type(entry).__name__ for entry in used if not is_of_package(type(entry))))
 
     @property

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import inspect
 import re
-from importlib import import_module, resources
+from importlib import resources
 from typing import Any, get_origin
 
 from pydantic import BaseModel
 
-from signorini_fx.mechanics.statement.effect import PACKAGE, keys
+from signorini_fx.mechanics.statement.effect import example_of, keys
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.settings import known_linear_algebra
 from signorini_fx.mechanics.statement.validation import tables
@@ -20,7 +20,7 @@ from signorini_fx.scenes.scene import Scene
 def starting_scene() -> str:
     """A scene file that can be solved as it is and explains every key."""
     template = resources.files("signorini_fx.scenes").joinpath("template.toml").read_text(encoding="utf-8")
-    return template + "".join(getattr(import_module(f"{PACKAGE}.{key}"), "EXAMPLE", "") for key in keys())
+    return template + "".join(map(example_of, keys()))
 
 
 def scene_schema() -> dict[str, Any]:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from test_orthotropic import assert_uniform, pressed, uniform
 from test_springs import body
 
-from signorini_fx import SceneError, extensions, solve
+from signorini_fx import InstallationError, SceneError, extensions, solve
 from signorini_fx.extensions import MATERIALS
 from signorini_fx.mechanics.body import discretisation
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
@@ -256,7 +256,7 @@ def test_by_name():
         with pytest.raises(SceneError, match=message):
             pressed(body(), wrong)
     extensions.register(MATERIALS, "fibres", dict)
-    with pytest.raises(SceneError, match="is no Material"):
+    with pytest.raises(InstallationError, match="is not a Material"):
         pressed(body(), table)
 
 

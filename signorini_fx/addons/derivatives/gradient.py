@@ -28,15 +28,19 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.laws import Nodal
 from signorini_fx.algebra.contact.map import ContactMap
 from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.errors import SceneError
+from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import action
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_map import contact_map
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.rigid_bodies import Driven
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.results.step_frames import turned
+from signorini_fx.tuned import QUANTITY_CHANGE, ROUND_OFF_OF_DIFFERENCE, WRONG_DERIVATIVE
 
 Array = npt.NDArray[np.float64]
 # What of a load step, by its number, depends on a datum explicitly.
@@ -104,11 +108,48 @@ class SolvedStep:
         )
 
     def quantity(self, of: Functional) -> tuple[PETSc.Vec, Nodal]:
-        """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d); collective."""
+        """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d); collective.
+
+        Raises:
+            SceneError: derivatives of a quantity of another package are not those of its value.
+        """
+        if not is_of_package(type(of)):
+            self._check(of)
         row = of.by_displacement(self.displacement)
         vector = self.body.vector(np.zeros(self.body.fixed.size) if row is None else row)
         vector.getArray()[self.body.prescribed] = 0.0
         return vector, of.by_traction(self.state.boundary, self.state.pressure, self.state.shear)
+
+    def _check(self, of: Functional) -> None:
+        """Compare derivatives with a central difference: displacement and tractions are changed by shares of them."""
+        boundary, y = self.state.boundary, self.displacement
+        tractions = np.column_stack((self.state.pressure, self.state.shear))
+        length = float(np.abs(parallel.global_bounds(boundary.comm, boundary.centre)).max()) or 1.0
+        share = _wave(boundary.centre, length)[:, None] * tractions
+        motion, x = y.copy(), node_positions(y.function_space)
+        motion.x.array[:] = (_wave(x, length)[:, None] * y.x.array.reshape(len(x), -1)).ravel()
+
+        def value(step: float) -> float:
+            moved, changed = y.copy(), tractions + step * share
+            moved.x.array[:] += step * motion.x.array
+            return of.value(moved, boundary, changed[:, 0], changed[:, 1:])
+
+        row, slopes = of.by_displacement(y), of.by_traction(boundary, tractions[:, 0], tractions[:, 1:])
+        local = np.sum(boundary.weight[:, None] * slopes * share)
+        local += 0.0 if row is None else row @ motion.x.array[: row.size]
+        claimed, width = float(parallel.global_sum(boundary.comm, np.array(local))), QUANTITY_CHANGE
+        difference, now = (value(width) - value(-width)) / (2 * width), value(0.0)
+        allowed = WRONG_DERIVATIVE * max(abs(claimed), abs(difference)) + ROUND_OFF_OF_DIFFERENCE * abs(now)
+        if not abs(claimed - difference) <= allowed:
+            raise SceneError(
+                [
+                    (
+                        "of",
+                        f"derivatives of {type(of).__name__} are not those of its value, which a change of "
+                        f"displacement and tractions changes by {difference:g} and not by {claimed:g}",
+                    )
+                ]
+            )
 
     def handed_back(self, adjoint: Adjoint, earlier: SolvedStep) -> tuple[PETSc.Vec, Nodal]:
         """What a quantity with this adjoint state owes to the load step before, as ``quantity``; collective."""
@@ -118,6 +159,11 @@ class SolvedStep:
         contact.add_forces(np.zeros(len(slips)), slips, vector)
         carried = -self.compliance * np.einsum("njk,nj->nk", turned(earlier.state.boundary, boundary), slips)
         return vector, np.column_stack((np.zeros(len(slips)), carried))
+
+
+def _wave(x: Array, length: float) -> Array:
+    """Numbers from 1/2 to 3/2 that differ from point to point and depend on no order of ranks, shape (n,)."""
+    return np.asarray(1.0 + np.sin(x @ np.array([1.0, 2.0, 3.0])[: x.shape[1]] / length) / 2)
 
 
 def adjoints_of(

@@ -27,6 +27,7 @@ from signorini_fx.mechanics.body.loads import (
     AppliedLoad,
     FormCoefficients,
     applied_load,
+    check_effects,
     check_finite,
     check_resistances,
     compile_resistance,
@@ -39,6 +40,7 @@ from signorini_fx.mechanics.body.pieces import find_pieces
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.body.scene_contact import foundations_of
 from signorini_fx.mechanics.body.supports import Conditions, Supports, at_rest, check_overlap
+from signorini_fx.mechanics.kinematics.trial import fault_of as fault_of_kinematics
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.mechanics.model import Model
@@ -88,6 +90,8 @@ def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model
 
 def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
     check_materials(statement.material)
+    if fault := fault_of_kinematics(statement.kinematics_in(tagged.dimension)):
+        raise SceneError([("material.hypothesis", fault)])
     facets, lame, stiffness, reduced, *_ = together(
         partial(boundary_facets, statement, tagged),
         partial(lame_coefficients, statement, tagged),
@@ -138,6 +142,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         partial(check_resistances, statement, tagged),
+        partial(check_effects, statement, tagged),
         lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
     )
     data = law = None

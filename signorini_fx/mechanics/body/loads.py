@@ -15,6 +15,7 @@ from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
+from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import assemble, facet_vertices, measure
 from signorini_fx.mechanics.body.cut_loads import CutRule, cut_rule
@@ -28,6 +29,7 @@ from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Load, Resistance
+from signorini_fx.mechanics.statement.effect_trial import fault_of
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.load_steps import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
@@ -401,6 +403,26 @@ def check_resistances(statement: Statement, tagged: TaggedMesh) -> None:
             if parallel.any_rank(tagged.mesh.comm, not ((values >= 0) & (values <= LARGEST_NUMBER)).all()):
                 wanted = f"a number from 0 to {LARGEST_NUMBER:g} everywhere on {effect.where!r}"
                 problems.append((f"{path}.{key}", f"must be {wanted}"))
+    if problems:
+        raise SceneError(problems)
+
+
+def check_effects(statement: Statement, tagged: TaggedMesh) -> None:
+    """Whether effects of other packages are what they say, see ``effect_trial``; collective.
+
+    Raises:
+        SceneError: one is not.
+    """
+    problems, comm = [], tagged.mesh.comm
+    for path, effect in statement.listed():
+        if is_of_package(type(effect)) or not effect.acts:
+            continue
+        x = tagged.mesh.geometry.x
+        if effect.where is not None:
+            x = facet_vertices(tagged.mesh, tagged.facets(effect.where)).reshape(-1, 3)
+        now = effect.at_time(statement.time_at(0))
+        fault = fault_of(now, x[:, : tagged.mesh.geometry.dim].astype(np.float64))
+        problems += [(path, other) for other in sorted({other for other in comm.allgather(fault) if other})[:1]]
     if problems:
         raise SceneError(problems)
 

@@ -1,8 +1,14 @@
 """Which displacements a body has: strains, measures, rigid motions and components of each kind, one file per kind.
 
 The object of a problem is ``Statement.kinematics``, that of its body ``ElasticBody.kinematics``.  All others ask it
-and know no kind.  Each kind says the same twice, in UFL for the solver and in NumPy for the certificate.  This package
-knows neither scenes nor meshes; UFL is imported where it is needed.
+and know no kind.  Other packages have more for plane meshes, objects with the base ``Kinematics`` by entry points,
+
+    [project.entry-points."signorini_fx.kinematics"]
+    sector = "its.module:SECTOR"
+
+which materials ask for by ``hypothesis = "sector"``.  Each kind says the same twice, in UFL for the solver and in NumPy
+for the certificate; what others say is tried, see ``trial``.  This package knows neither scenes nor meshes; UFL is
+imported where it is needed.
 """
 
 from __future__ import annotations
@@ -10,6 +16,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from signorini_fx.errors import InstallationError
+from signorini_fx.extensions import KINEMATICS, load, names_of
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.kinematics.plane_strain import PLANE_STRAIN
@@ -19,6 +27,29 @@ from signorini_fx.mechanics.kinematics.torsion import TORSION
 
 KINDS = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC, TORSION, SPACE)
 CARTESIAN = {2: PLANE_STRAIN, 3: SPACE}
+# What materials call those of this package.
+_HYPOTHESES = {kind.words: kind for kind in (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC)}
+
+
+def hypotheses() -> tuple[str, ...]:
+    """The names that materials may give the kinematics of a plane mesh; none is imported."""
+    return (*_HYPOTHESES, *(name for name in names_of(KINEMATICS) if name not in _HYPOTHESES))
+
+
+def of_hypothesis(name: str) -> Kinematics:
+    """The kinematics of a name in ``hypotheses``.
+
+    Raises:
+        InstallationError: there are none, or those of another package cannot be used.
+    """
+    if name in _HYPOTHESES:
+        return _HYPOTHESES[name]
+    if name not in names_of(KINEMATICS):
+        raise InstallationError(f"the hypothesis {name!r} is of a package that is not installed")
+    kinematics = load(KINEMATICS, name)
+    if not isinstance(kinematics, Kinematics):
+        raise InstallationError(f"{name!r}, which another package adds, is no Kinematics")
+    return kinematics
 
 
 def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> Kinematics:
@@ -28,9 +59,13 @@ def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> K
         materials: of a body; the most special one counts, as all must agree.
         dimension: of the cells; those in space need no hypothesis.
     """
-    names = {TORSION.words if torsion else hypothesis for hypothesis, torsion in materials}
-    special = (kind for kind in (TORSION, AXISYMMETRIC, PLANE_STRESS) if kind.words in names)
-    return next(special, PLANE_STRAIN) if dimension == 2 else SPACE
+    if dimension != 2:
+        return SPACE
+    names = {TORSION.words if torsion else hypothesis for hypothesis, torsion in materials} - {"", PLANE_STRAIN.words}
+    if not names:
+        return PLANE_STRAIN
+    special = [kind for kind in (TORSION, AXISYMMETRIC, PLANE_STRESS) if kind.words in names]
+    return special[0] if special else of_hypothesis(min(names))
 
 
 def of_data(scene: Mapping[str, Any], dimension: int = 2) -> Kinematics:

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, TypeAdapter, WrapValidator
 
-from signorini_fx.extensions import LAWS, load, names_of
+from signorini_fx.extensions import LAWS, load_class, names_of
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
@@ -28,16 +28,13 @@ def _named(entry: Any, kinds: Any) -> Any:
     """A law from a table; itself if it is one.
 
     Raises:
-        ValueError: a law of another package is none.
+        InstallationError: a law of another package is none.
     """
     if isinstance(entry, FrictionLaw):
         return entry
     name = law_of(entry)
     if name not in _BUILT_IN and name in names_of(LAWS):
-        law = load(LAWS, name)
-        if not (isinstance(law, type) and issubclass(law, FrictionLaw)):
-            raise ValueError(f"{name!r}, which another package adds, is no FrictionLaw")
-        return TypeAdapter(law).validate_python(entry)
+        return TypeAdapter(load_class(LAWS, name, FrictionLaw)).validate_python(entry)
     return kinds(entry)
 
 

@@ -25,11 +25,13 @@ import math
 from collections.abc import Mapping
 from functools import cache
 from itertools import combinations
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import AfterValidator
 
+from signorini_fx.mechanics.kinematics import hypotheses
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
 from signorini_fx.mechanics.statement.values import Finite, NonNegative, SampledValue
 
@@ -41,12 +43,24 @@ PAIRS = (*((k, k) for k in range(3)), *combinations(range(3), 2))
 _FULL = "must be 'full' with an anisotropic material"
 
 
+def _known_hypothesis(name: str) -> str:
+    """Itself.
+
+    Raises:
+        ValueError: there is none of this name.
+    """
+    if name not in hypotheses():
+        raise ValueError(f"must be one of {', '.join(map(repr, hypotheses()))}, got {name!r}")
+    return name
+
+
 class Material(Effect):
     """A linear elastic material.
 
     Attributes:
-        hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions.  An axisymmetric mesh
-            is half of a section: x[0] >= 0 is the radius, x[1] is along the axis, forces are those of a revolution.
+        hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions, or one of another
+            package, see ``kinematics``.  An axisymmetric mesh is half of a section: x[0] >= 0 is the radius, x[1] is
+            along the axis, forces are those of a revolution.
         torsion: whether an axisymmetric body also moves around its axis; the components z are those around it, along
             x[2], so that an angle about x[1] moves a point by -angle x[0].
         grading: between 0 and 1, by which the moduli, the largest, are multiplied: its value in the middle of each
@@ -68,7 +82,7 @@ class Material(Effect):
     free_strain: ClassVar[tuple[float, float, float]] = (1.0, 1.0, 1.0)
 
     grading: SampledValue | None = None
-    hypothesis: Literal["plane strain", "plane stress", "axisymmetric"] = "plane strain"
+    hypothesis: Annotated[str, AfterValidator(_known_hypothesis)] = "plane strain"
     torsion: bool = False
     density: NonNegative | None = None
     expansion: Finite | None = None

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 from pydantic import TypeAdapter, WrapValidator
 
-from signorini_fx.extensions import MATERIALS, load, names_of
+from signorini_fx.extensions import MATERIALS, load_class, names_of
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.materials.protocol import Material
@@ -25,7 +25,8 @@ def _named(entry: Any, kinds: Any) -> Any:
     """A material from a table; itself if it is one.
 
     Raises:
-        ValueError: there is no such material, or that of another package is none.
+        InstallationError: that of another package is none.
+        ValueError: there is no such material.
     """
     if isinstance(entry, Material) or not isinstance(entry, Mapping):
         return entry if isinstance(entry, Material) else kinds(entry)
@@ -34,9 +35,7 @@ def _named(entry: Any, kinds: Any) -> Any:
         if name not in (known := names_of(MATERIALS)):
             added = f", those of other packages: {', '.join(known)}" if known else ""
             raise ValueError(f"there is no material {name!r}: leave law out, or take another one{added}")
-        material = load(MATERIALS, name)
-        if not (isinstance(material, type) and issubclass(material, Material)):
-            raise ValueError(f"{name!r}, which another package adds, is no Material")
+        material = load_class(MATERIALS, name, Material)
     return TypeAdapter(material).validate_python(entry)
 
 

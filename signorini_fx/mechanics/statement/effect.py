@@ -1,5 +1,10 @@
 """What the effects of a scene have in common, and how they are found: by the names of the files in ``effects/``.
 
+Other packages have more by entry points, whose names are keys of a scene as well:
+
+    [project.entry-points."signorini_fx.effects"]
+    magnet = "its.module:Magnet"
+
 An effect is a ``Force`` (a load in the body or on a boundary), an ``InitialStrain`` (a strain without stress), a
 ``Resistance`` (forces that grow with the displacement), another ``Load`` (something that load steps multiply), or none
 of these.  All that assembles, judges and tells of a scene asks the methods of these classes, and nowhere for a
@@ -9,6 +14,8 @@ particular effect.
 from __future__ import annotations
 
 import pkgutil
+import re
+import sys
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from importlib import import_module
@@ -19,7 +26,9 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, TypeVar, g
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo, create_model
+from pydantic.fields import FieldInfo
 
+from signorini_fx.extensions import EFFECTS, is_of_package, load_class, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.values import Finite, TimedValue
@@ -110,8 +119,11 @@ class Effect(Table):
 
     @property
     def label(self) -> str:
-        """What it is, in words: the name of its file."""
-        return type(self).__module__.rpartition(".")[2].replace("_", " ")
+        """What it is, in words: the name of its file, or of the class of another package."""
+        kind = type(self)
+        if is_of_package(kind):
+            return kind.__module__.rpartition(".")[2].replace("_", " ")
+        return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", kind.__name__).lower()
 
     @cached_property
     def where(self) -> str | None:
@@ -383,23 +395,49 @@ _Model = TypeVar("_Model", bound=type[BaseModel])
 
 
 @cache
-def keys() -> tuple[str, ...]:
+def _of_package() -> tuple[str, ...]:
     """The names of the files of ``effects/``, none of which is imported."""
     return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__)))
 
 
+def keys() -> tuple[str, ...]:
+    """The keys of all effects, those of other packages last; none is imported."""
+    return (*_of_package(), *(name for name in names_of(EFFECTS) if name not in _of_package()))
+
+
+def entry_type(key: str) -> Any:
+    """The type of the entries of a key, whose file is imported.
+
+    Raises:
+        InstallationError: that of another package cannot be imported, or is no ``Effect``.
+    """
+    return import_module(f"{PACKAGE}.{key}").Entry if key in _of_package() else load_class(EFFECTS, key, Effect)
+
+
+def example_of(key: str) -> str:
+    """How a new scene explains a key: ``EXAMPLE`` of its file; "": it does not."""
+    module = f"{PACKAGE}.{key}" if key in _of_package() else entry_type(key).__module__
+    return str(getattr(sys.modules.get(module) or import_module(module), "EXAMPLE", ""))
+
+
 def _type(key: str, *, many: bool) -> Any:
-    entry = import_module(f"{PACKAGE}.{key}").Entry
+    entry = entry_type(key)
     return GenericAlias(tuple, (entry, ...)) if many else entry | None
 
 
 @cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
 def _reader(key: str, *, many: bool) -> TypeAdapter[Any]:
-    return TypeAdapter(_type(key, many=many))
+    return _adapter(_type(key, many=many))
 
 
 def _read_many(entry: Any, info: ValidationInfo) -> Any:
     several = [entry] if isinstance(entry, Mapping | BaseModel) else entry
+    if several in ((), []):
+        return ()
     return _reader(str(info.field_name), many=True).validate_python(several)
 
 
@@ -413,11 +451,25 @@ OneEntry = Annotated[Any, BeforeValidator(_read_one)]
 
 
 def with_every_effect(model: _Model) -> _Model:
-    """A model with a list of entries for each file of ``effects/`` that it has no key for."""
+    """A model with a list of entries for each effect that it has no key for, also of those that a program registers
+    later.
+    """
     added: dict[str, Any] = {key: (Entries, ()) for key in keys() if key not in model.model_fields}
     made = _extended(model, added)
-    key_lines = "".join(f"\n    {key}: see ``effects/{key}.py``; default: none." for key in added)
+    key_lines = "".join(
+        f"\n    {key}: see ``effects/{key}.py``; default: none." for key in added if key in _of_package()
+    )
     made.__doc__ = cleandoc(model.__doc__ or "") + key_lines
+
+    def add(key: str) -> None:
+        if key in made.model_fields:
+            return
+        made.model_fields[key] = FieldInfo.from_annotated_attribute(Entries, ())
+        setattr(made, key, ())  # of models that were made before
+        made.model_rebuild(force=True)
+        described.cache_clear()
+
+    on_registered(EFFECTS, add)
     return made
 
 

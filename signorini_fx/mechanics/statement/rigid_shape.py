@@ -1,5 +1,13 @@
 """What the rigid foundations of ``shapes/`` have in common, and how they are found: by the names of their files.
 
+Other packages have more by entry points:
+
+    [project.entry-points."signorini_fx.shapes"]
+    "rounded box" = "its.module:RoundedBox"
+
+A class from outside has ``Shape`` as its base, its own keys, and ``initial``, whose distance is tried at the contact
+points before anything is solved, see ``fault_of``.
+
 A shape is a solid with a signed distance phi: positive outside, where the body is, and negative inside, with the
 gradient n_f at the closest point, the outward normal of the foundation.  A point x that is displaced by u stays outside
 to first order if  -n_f . u <= phi(x):  the gap is the signed distance, and the direction of contact is -n_f.
@@ -20,7 +28,7 @@ import numpy.typing as npt
 from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from signorini_fx.errors import SceneError
-from signorini_fx.extensions import is_of_package
+from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_motion import (
     COMPONENTS,
@@ -373,14 +381,24 @@ PACKAGE = "signorini_fx.mechanics.shapes"
 
 
 @cache
-def names() -> tuple[str, ...]:
+def _of_package() -> tuple[str, ...]:
     """The names of the files of ``shapes/``, none of which is imported."""
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__)))
+    return tuple(module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__))
 
 
-@cache
+def names() -> tuple[str, ...]:
+    """The names of all shapes, ascending; none is imported."""
+    return tuple(sorted({*_of_package(), *names_of(SHAPES)}))
+
+
 def shape_class(name: str) -> type[Shape]:
-    """The class of a shape, whose file is imported."""
+    """The class of a shape, which is imported.
+
+    Raises:
+        InstallationError: that of another package cannot be imported, or is none.
+    """
+    if name not in _of_package():
+        return load_class(SHAPES, name, Shape)
     entry_class: type[Shape] = import_module(f"{PACKAGE}.{name}").Entry
     return entry_class
 

@@ -12,6 +12,7 @@ from functools import cached_property
 from importlib import import_module
 from typing import Any, Self, TypeVar
 
+from signorini_fx.extensions import INTERFACES, load, names_of
 from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.statement.effect import Effect, Force, JointLoad, Load
@@ -21,6 +22,8 @@ from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, Sol
 from signorini_fx.mechanics.statement.units import unit_names
 
 _Effect = TypeVar("_Effect", bound=Effect)
+# The package whose files have the interfaces of this one.
+_INTERFACES = "signorini_fx.solving.interfaces"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,12 +149,19 @@ class Statement:
 
     @property
     def interfaces(self) -> list[Any]:
-        """Those of its entries, one ``interfaces.protocol.Interface`` for each kind."""
+        """Those of its entries, one ``interfaces.protocol.Interface`` for each kind; other packages add kinds by entry
+        points ``signorini_fx.interfaces``.
+        """
         kinds: dict[str, dict[str, Any]] = {}
         for path, effect in self.listed():
             if effect.interface:
                 kinds.setdefault(effect.interface, {})[path] = effect
-        return [import_module(f"signorini_fx.solving.interfaces.{kind}").Kind(self, kinds[kind]) for kind in kinds]
+        others = names_of(INTERFACES)
+        classes = {
+            kind: load(INTERFACES, kind) if kind in others else import_module(f"{_INTERFACES}.{kind}").Kind
+            for kind in kinds
+        }
+        return [classes[kind](self, kinds[kind]) for kind in kinds]
 
     def sought_at(self, step: float) -> dict[str, str]:
         """What is known only with the solution at a place in the lists of factors: clauses by the paths of entries."""

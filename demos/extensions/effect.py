@@ -1,0 +1,39 @@
+"""An effect of one's own: a magnet pulls a boundary down, the more the closer it is. Scenes have [[magnet]]."""
+
+from pathlib import Path
+
+import numpy as np
+
+from signorini_fx import read_scene, solve
+from signorini_fx.extensions import register
+from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.values import Positive, TimedValue, Vector
+
+
+class Magnet(Force):
+    boundary: str
+    centre: Vector  # where it is
+    radius: Positive  # how far it is felt, length
+    strength: TimedValue  # force per area at its centre
+
+    @property
+    def given(self):
+        return {"strength": self.strength}
+
+    def degree(self, element):
+        return 10
+
+    def density(self, on):
+        way = [c - x for c, x in zip(self.centre, on.position, strict=True)]
+        return on.value(self.strength) / (1 + sum(w * w for w in way) / self.radius**2) * on.vector((0.0, -1.0, 0.0))
+
+    def density_at(self, at):
+        far = np.linalg.norm(at.position - np.array(self.centre), axis=2) / self.radius
+        return (-at.value(self.strength) / (1 + far**2))[..., None] * np.eye(at.position.shape[2])[1]
+
+
+register("signorini_fx.effects", "magnet", Magnet)
+if __name__ == "__main__":
+    scene = read_scene(Path(__file__).parents[1] / "scenes" / "example1_tresca.toml")
+    magnet = Magnet(boundary="top", centre=[1.5, -0.5], radius=0.5, strength=20.0)
+    print(solve(scene.model_copy(update={"magnet": magnet})))

@@ -1,0 +1,34 @@
+"""A friction law of one's own: k tanh(F p / k), from Coulomb's law to a constant shear."""
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from signorini_fx import FrictionLaw, Parameter, UnilateralContact, read_scene, solve
+from signorini_fx.extensions import register
+
+
+class Smooth(FrictionLaw):
+    law: Literal["smooth"] = "smooth"
+    coefficient: Parameter
+    largest: Parameter  # the shear k at large pressures
+    concave = True
+
+    def limit(self, pressure):
+        return self.largest * np.tanh(self.coefficient * pressure / self.largest)
+
+    def derivative(self, pressure):
+        return self.coefficient / np.cosh(np.minimum(self.coefficient * pressure / self.largest, 300.0)) ** 2
+
+    def claimed(self, pressure):
+        decay = np.exp(-2 * self.coefficient / self.largest * pressure)
+        return self.largest * (1 - decay) / (1 + decay)
+
+
+register("signorini_fx.laws", "smooth", Smooth)
+if __name__ == "__main__":
+    scene = read_scene(Path(__file__).parents[1] / "scenes" / "example1_coulomb.toml")
+    gap = scene.contact[0].gap
+    contact = UnilateralContact(boundary="bottom", gap=gap, friction=Smooth(coefficient=0.3, largest=3.0))
+    print(solve(scene.model_copy(update={"contact": contact})))
