@@ -132,7 +132,12 @@ def _installed(group: str, _path: tuple[str, ...]) -> dict[str, Any]:
 
 def _of_checkout(group: str) -> dict[str, EntryPoint]:
     """Those of this package where it is not installed."""
+    return {name: EntryPoint(name, value, group) for name, value in _stated_in_checkout().get(group, {}).items()}
+
+
+@cache
+def _stated_in_checkout() -> dict[str, dict[str, str]]:
     if not _CHECKOUT.is_file():
         return {}
-    project = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8"))["project"]
-    return {name: EntryPoint(name, value, group) for name, value in project["entry-points"].get(group, {}).items()}
+    groups: dict[str, dict[str, str]] = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8"))["project"]["entry-points"]
+    return groups

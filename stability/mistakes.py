@@ -4253,19 +4253,19 @@ MUTANTS = (
     ),
     # --- data for which a term matters ------------------------------------------------------------------------------
     Mutant(
-        "solving/scene_steps",
-        "replace(begun, law=moved.law, data=replace(begun.data, bound=bound))",
-        "begun",
+        "results/step_frames",
+        "replace(start, data=data, law=law), before",
+        "replace(start, data=data), before",
         "moved foundations: friction is that of the step before",
-        within="on_moved_foundations",
+        within="StepEnd.begins_on",
         tests=("friction_in_time::test_a_foundation_that_moves_while_its_friction_changes",),
     ),
     Mutant(
-        "solving/scene_steps",
-        "moved.law.bound(start.multipliers[0])",
+        "results/step_frames",
+        "law.bound(start.multipliers[0])",
         "start.data.bound",
         "moved foundations: a given bound is that of the step before",
-        within="on_moved_foundations",
+        within="StepEnd.begins_on",
         tests=("friction_in_time::test_a_foundation_that_moves_while_its_friction_changes",),
     ),
     Mutant(

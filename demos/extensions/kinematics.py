@@ -1,6 +1,6 @@
 """Kinematics of one's own: a slice of a body of revolution between two smooth planes through its axis."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import pi
 
 import numpy as np
@@ -25,7 +25,7 @@ class Slice(BodyOfRevolution):
         return self.angle * np.maximum(x[..., 0], 0.0)
 
 
-SLICE = Slice(**{**vars(AXISYMMETRIC), "words": "slice"})
+SLICE = Slice(**{field.name: getattr(AXISYMMETRIC, field.name) for field in fields(AXISYMMETRIC)} | {"words": "slice"})
 register("signorini_fx.kinematics", "slice", SLICE)
 cake = {
     "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 16, "ny": 8}},

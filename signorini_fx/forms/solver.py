@@ -42,7 +42,7 @@ from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
-from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
+from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
 from signorini_fx.solving.check.laws_in_results import laws_in_results
 from signorini_fx.solving.first_start import CoarserMesh, first_start
 from signorini_fx.solving.load_steps import judged as judged_status
@@ -190,28 +190,19 @@ class FormSolver:
         data, law = self.update()
         begun = self._start
         moved = self.foundations.moved(self.boundary)  # slip is relative to the foundation
-        drift = 0.0 if moved is None else np.einsum("nij,ni->nj", self.boundary.tangents, moved)
         if begun is None:  # slip counts from the body without loads, and the shapes as they were given
             self.previous_step = None
+            start = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
             if moved is not None:
-                at_rest = PreviousStep(fem.Function(self.space), Tractions.none(self.boundary))
-                self.previous_step = replace(at_rest, moved=moved)
-                data = replace(data, slip_origin=np.asarray(drift))
-            data = data if (resting := self.task.rest) is None else resting.data_from(data)
-            begun = self._first_start(Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0))
-        else:  # friction is that of the pressure with which the last step has ended
-            assert begun.multipliers is not None
+                start, self.previous_step = from_rest(self.space, self.boundary, start, moved)
+            if (resting := self.task.rest) is not None:
+                start = replace(start, data=resting.data_from(start.data))
+            begun = self._first_start(start)
+        else:
             assert self._last is not None
-            assert begun.data.slip_origin is not None
-            gap = data.gap if (resting := self.task.rest) is None else resting.data_from(data).gap
-            bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin + drift
-            self.previous_step = relative_to(
-                self._last.before, self._last.boundary, self.boundary, moved, self._spin(self.boundary)
-            )
-            begun = replace(
-                begun,
-                data=replace(begun.data, gap=gap, bound=bound, slip_origin=origin, immovable=data.immovable),
-                law=law,
+            data = data if (resting := self.task.rest) is None else resting.data_from(data)
+            begun, self.previous_step = self._last.begins_on(
+                self.boundary, data, law, moved, begun, self._spin(self.boundary)
             )
         begun = replace(begun, factors=np.ones(1))
         self._checkpoint = self.task.iterate.newton.checkpoint()
@@ -258,11 +249,13 @@ class FormSolver:
         """
         if self.outcome is None or self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to advance from")
-        law = Law(*self.task.promised(self.outcome))
-        self._start = replace(self.outcome.next_step(self.begun), place=0.0)
-        normal = self.outcome.problem.system.contact.traces(self.outcome.newton.x)[0]
-        previous = PreviousStep.of(self.u.copy(), Tractions.of(self.state), law, self.previous_step, self.tools)
-        self._last = StepEnd(self._start, self.task.rest, normal, self.boundary, previous)
+        solved = self.outcome, self.begun, self.state, self.u.copy()
+        end = StepEnd.of(self.task, *solved, self.previous_step, self.tools)
+        self.end_at(replace(end, start=replace(end.start, place=0.0)))
+
+    def end_at(self, end: StepEnd) -> None:
+        """The next solves begin from the end of a step, with the foundations where they are."""
+        self._last, self._start = end, end.start
         self.foundations.settle()
 
     def take(self, outcome: Outcome) -> None:

@@ -26,12 +26,12 @@ from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.checkpoint import Checkpoint
-from signorini_fx.results.promised_law import PreviousStep
 from signorini_fx.results.solution import StepResult
+from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.load_steps import StepProgress, all_load_steps, step_result
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
-from signorini_fx.solving.stepped_problem import BegunStep, LoadStep, UncertifiedStep
+from signorini_fx.solving.stepped_problem import BegunStep, UncertifiedStep
 
 
 class Clock:
@@ -94,7 +94,7 @@ class FormSteps:
         """The argument with its forces."""
         return "L"
 
-    def at(self, path_step: float, task: Task, start: Start, last: PreviousStep | None) -> BegunStep[FormSteps]:
+    def at(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep[FormSteps]:
         """The problem as it is at the time of a place, from the end of the last load step; collective."""
         self.solver.return_to(self.beginning)
         with self.timings.phase("assemble"):
@@ -129,9 +129,9 @@ class FormSteps:
         result = step_result(self.path, start.step, start.place, solver.status, y, state, certificate, deformation)
         return replace(result, tools=solver.tools)
 
-    def ended(self, step: LoadStep[FormSteps]) -> FormSteps:
+    def ended(self, end: StepEnd) -> FormSteps:
         """The next load step begins as after ``advance``."""
-        self.solver.advance()
+        self.solver.end_at(end)
         return replace(self, beginning=self.solver.beginning())
 
     def stored(self, path_step: float, result: StepResult) -> tuple[dict[str, Nodal], dict[str, Any]]:

@@ -6,15 +6,19 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 
-from signorini_fx.algebra.algorithms.task import Outcome, Start
-from signorini_fx.algebra.contact.laws import ActiveSets, length, unit
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData, length, unit
 from signorini_fx.algebra.contact.laws import Nodal as Array
 from signorini_fx.algebra.contact.resting_place import RestingMotion
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.results.promised_law import PreviousStep
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.tuned import SAME_DIRECTION
 
 
@@ -37,6 +41,69 @@ class StepEnd:
     normal: Array
     boundary: ContactBoundary
     before: PreviousStep
+
+    @classmethod
+    def of(
+        cls,
+        task: Task,
+        outcome: Outcome,
+        start: Start,
+        contact: ContactState,
+        displacement: fem.Function,
+        before: PreviousStep | None,
+        rigid: tuple[RigidBodyMotion, ...] = (),
+    ) -> StepEnd:
+        """That of a step with a solution; collective.
+
+        Args:
+            task: its contact problem.
+            outcome: how it has ended.
+            start: where it has started.
+            contact: its contact points.
+            displacement: its solution, which nothing may change any more.
+            before: the end of the step before it; None: there is none.
+            rigid: how rigid bodies have moved.
+        """
+        normal = outcome.problem.system.contact.traces(outcome.newton.x)[0]
+        law = Law(*task.promised(outcome))
+        previous = PreviousStep.of(displacement, Tractions.of(contact), law, before, rigid)
+        return cls(outcome.next_step(start), task.rest, normal, contact.boundary, previous)
+
+    def begins_on(
+        self,
+        boundary: ContactBoundary,
+        first: RegularisedData,
+        law: PointFriction | None,
+        moved: Array | None,
+        start: Start | None = None,
+        spin: Array | None = None,
+    ) -> tuple[Start, PreviousStep]:
+        """Where the next step starts on foundations that may have moved, and this end as it begins from it: slip is
+        relative to them, and friction is that of the pressure with which this step has ended; collective.
+
+        Args:
+            boundary: the points as they are now.
+            first: the problem at them, whose gap counts.
+            law: of friction now; None: there is none.
+            moved: by which the foundations have moved at the points, length, shape (n, d); None: they have not.
+            start: ``start`` in the frames of these points; None: ``seen_from`` gives it.
+            spin: see ``turned``.
+
+        Raises:
+            FormError: see ``carried``.
+        """
+        start = self.seen_from(boundary, held=False, spin=spin)[0] if start is None else start
+        assert start.multipliers is not None
+        assert start.data.slip_origin is not None
+        data = replace(
+            start.data,
+            gap=first.gap,
+            bound=None if law is None else law.bound(start.multipliers[0]),
+            slip_origin=start.data.slip_origin + _along(boundary, moved),
+            immovable=first.immovable,
+        )
+        before = relative_to(self.before, self.boundary, boundary, moved, spin)
+        return replace(start, data=data, law=law), before
 
     def seen_from(
         self, boundary: ContactBoundary, *, held: bool, spin: Array | None = None
@@ -96,6 +163,27 @@ class LastSolution:
         slips = self.sets.slip & (length(direction) > 0)
         sets = ActiveSets.of(self.sets.contact, np.where(slips[:, None], unit(direction), 0.0), self.sets.turning)
         return start.begin_from(sets, (pressure, shear))
+
+
+def from_rest(
+    space: fem.FunctionSpace, boundary: ContactBoundary, start: Start, moved: Array
+) -> tuple[Start, PreviousStep]:
+    """The first step on foundations that move, which counts slip from the body without loads at time 0: where it
+    starts, and that body as the end of the step before it.
+
+    Args:
+        space: the displacements.
+        boundary: the contact points.
+        start: where it starts on foundations that stand still.
+        moved: by which the foundations have moved at the points since, length, shape (n, d).
+    """
+    before = PreviousStep(fem.Function(space), Tractions.none(boundary), moved=moved)
+    return replace(start, data=replace(start.data, slip_origin=np.asarray(_along(boundary, moved)))), before
+
+
+def _along(boundary: ContactBoundary, moved: Array | None) -> Any:
+    """The components of motions along the boundary, shape (n, d - 1)."""
+    return 0.0 if moved is None else np.einsum("nij,ni->nj", boundary.tangents, moved)
 
 
 def carried(

@@ -22,8 +22,8 @@ from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History, Status, StepRecord
 from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
+from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import MeshCheckpoint
@@ -38,8 +38,8 @@ class StepProgress(Generic[P]):
     Attributes:
         problem: at the end of the last one.
         task: its contact problem.
-        start: where the next one starts.
-        last: the end of the last one; None: there is none.
+        first: where the first one starts.
+        end: that of the last one; None: there is none.
         results: of all of them.
         ended: how the last one with a solution ended, or the first one, and its data; None: there is none.
         unstored: where the records begin that no stored load step has; None: at the next one.
@@ -47,8 +47,8 @@ class StepProgress(Generic[P]):
 
     problem: P
     task: Task
-    start: Start
-    last: PreviousStep | None = None
+    first: Start
+    end: StepEnd | None = None
     results: list[StepResult] = field(default_factory=list)
     ended: tuple[Outcome, RegularisedData] | None = None
     unstored: tuple[int, int, int] | None = None
@@ -62,11 +62,20 @@ class StepProgress(Generic[P]):
 
     def go_on(self, step: LoadStep[P]) -> None:
         """Begin the next load step where this one has ended."""
-        assert step.result.contact is not None
-        law, tractions = Law(*self.task.promised(step.outcome)), Tractions.of(step.result.contact)
-        self.last = PreviousStep.of(step.result.displacement, tractions, law, step.last, step.result.tools)
-        self.start = step.outcome.next_step(step.start)
-        self.problem = self.problem.ended(step)
+        result = step.result
+        assert result.contact is not None
+        solved = step.outcome, step.start, result.contact, result.displacement
+        self.end = StepEnd.of(step.task, *solved, step.last, result.tools)
+        self.problem = self.problem.ended(self.end)
+
+    @property
+    def number(self) -> int:
+        """How many load steps have a solution."""
+        return self.first.step if self.end is None else self.end.start.step
+
+    def begun(self, path_step: float) -> BegunStep[P]:
+        """The load step that begins at a place."""
+        return self.problem.at(path_step, self.task, self.first, self.end)
 
 
 def all_load_steps(
@@ -143,7 +152,7 @@ def _load_step(progress: StepProgress[P], path: Increments) -> LoadStep[P]:
     def attempt() -> LoadStep[P]:
         solves_before = history.linear_solves
         path_step = path.next
-        begun = progress.problem.at(path_step, progress.task, progress.start, progress.last)
+        begun = progress.begun(path_step)
         start = replace(
             begun.start,
             place=path_step,
@@ -207,13 +216,13 @@ def _goes_on(path: Increments, failed: StepResult) -> bool:
 
 def _recalled_step(progress: StepProgress[P], level_checkpoint: MeshCheckpoint, path: Increments) -> LoadStep[P] | None:
     """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
-    number, task, timings = progress.start.step, progress.task, progress.problem.timings
+    number, task, timings = progress.number, progress.task, progress.problem.timings
     path_step = level_checkpoint.place(number)
     if path_step is None:
         return None
     checkpoint = task.iterate.newton.checkpoint()
     with timings.phase("restart"):
-        begun = progress.problem.at(path_step, task, progress.start, progress.last)
+        begun = progress.begun(path_step)
         recalled = level_checkpoint.recall(begun.problem, begun.task, begun.start)
     if recalled is None:
         return None

@@ -6,9 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
-import numpy as np
-from dolfinx import fem
-
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.laws import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
@@ -22,10 +19,10 @@ from signorini_fx.results.certificate import certify
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
-from signorini_fx.results.step_frames import carried, relative_to
+from signorini_fx.results.step_frames import StepEnd, carried, from_rest
 from signorini_fx.solving.interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.solving.load_steps import judged, step_result
-from signorini_fx.solving.stepped_problem import BegunStep, LoadStep, UncertifiedStep
+from signorini_fx.solving.stepped_problem import BegunStep, UncertifiedStep
 
 
 @dataclass(frozen=True)
@@ -64,9 +61,11 @@ class SceneSteps:
         """Its forces, for messages."""
         return self.body.statement.forces_at
 
-    def at(self, path_step: float, task: Task, start: Start, last: PreviousStep | None) -> BegunStep[SceneSteps]:
+    def at(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep[SceneSteps]:
         """With foundations and friction of a place; collective."""
-        earlier = self.body
+        earlier, start, last = self.body, first, None
+        if end is not None:
+            start, last = end.start, end.before
         moved = placed(earlier, path_step)
         if moved is earlier:
             return BegunStep(self, task, start, last)
@@ -75,7 +74,8 @@ class SceneSteps:
             assert moved.law is not None
             bound = moved.law.given if start.multipliers is None else moved.law.bound(start.multipliers[0])
             return BegunStep(steps, task, replace(start, law=moved.law, data=replace(start.data, bound=bound)), last)
-        return BegunStep(steps, *on_moved_foundations(earlier, moved, self.renew(moved), start, last))
+        task = self.renew(moved)
+        return BegunStep(steps, task, *on_moved_foundations(earlier, moved, task, start, end))
 
     def load(self, system: ElasticSystem, path_step: float) -> Nodal:
         """See ``Model.load``."""
@@ -121,7 +121,7 @@ class SceneSteps:
         )
         return replace(result, tools=rigid)
 
-    def ended(self, step: LoadStep[SceneSteps]) -> SceneSteps:
+    def ended(self, end: StepEnd) -> SceneSteps:
         """The next load step begins as this one has ended."""
         return self
 
@@ -145,36 +145,28 @@ class SceneSteps:
 
 
 def on_moved_foundations(
-    earlier: Model, moved: Model, task: Task, start: Start, last: PreviousStep | None
-) -> tuple[Task, Start, PreviousStep]:
-    """A load step on foundations that have moved: its contact problem, with the last displacement as its iterate, where
-    it starts, and the end of the last one as it begins from it; supports hold the body, see ``check.refusals``;
-    collective.
+    earlier: Model, moved: Model, task: Task, start: Start, end: StepEnd | None
+) -> tuple[Start, PreviousStep]:
+    """A load step on foundations that have moved: where it starts, and the end of the last one as it begins from it;
+    supports hold the body, see ``check.refusals``; collective.
+
+    Args:
+        earlier: the body at the end of the last load step.
+        moved: the body with its foundations where they are now.
+        task: its contact problem, which begins with the displacement of the last load step.
+        start: where the first load step starts on the foundations of ``earlier``.
+        end: that of the last load step; None: there is none.
     """
     assert earlier.boundary is not None
     assert moved.boundary is not None
-    if last is None:  # slip is counted from the body without loads, at time 0
-        drift, tractions = moved_since(moved, moved.statement.placed(-1)), Tractions.none(moved.boundary)
-        last, begun, tangential = (
-            PreviousStep(fem.Function(moved.space), tractions),
-            task.start,
-            np.zeros_like(drift[:, 1:]),
-        )
+    if end is None:
+        drift, begun = moved_since(moved, moved.statement.placed(-1)), task.start
         if start.sets is not None and start.multipliers is not None:  # of a coarser mesh
             carried_start, _, _ = carried(start, None, drift[:, 0], earlier.boundary, moved.boundary)
             assert carried_start.multipliers is not None
             begun = begun.begin_from(start.sets, carried_start.multipliers)
-    else:
-        drift, x, free = moved_since(moved, earlier.statement), moved.unknowns(last.displacement), ~moved.fixed
-        if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone
-            task.iterate.x.getArray()[free] = x.getArray(readonly=True)[free]
-        normal, tangential = moved.contact.traces(x)
-        begun, _, _ = carried(start, None, normal, earlier.boundary, moved.boundary)
-        if moved.law is not None:  # its friction may depend on the time, too
-            assert start.multipliers is not None
-            bound = moved.law.bound(start.multipliers[0])
-            begun = replace(begun, law=moved.law, data=replace(begun.data, bound=bound))
-    origin = tangential + np.einsum("nij,ni->nj", moved.boundary.tangents, drift)
-    first = task.start.data
-    data = replace(begun.data, gap=first.gap, slip_origin=origin, immovable=first.immovable)
-    return task, replace(begun, data=data), relative_to(last, earlier.boundary, moved.boundary, drift)
+        return from_rest(moved.space, moved.boundary, begun, drift)
+    x, free = moved.unknowns(end.before.displacement), ~moved.fixed
+    if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone
+        task.iterate.x.getArray()[free] = x.getArray(readonly=True)[free]
+    return end.begins_on(moved.boundary, task.start.data, moved.law, moved_since(moved, earlier.statement))

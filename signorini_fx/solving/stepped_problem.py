@@ -14,6 +14,7 @@ from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Finding, Timings
 from signorini_fx.results.promised_law import PreviousStep
 from signorini_fx.results.solution import StepResult
+from signorini_fx.results.step_frames import StepEnd
 
 P = TypeVar("P", bound="SteppedProblem")
 
@@ -46,14 +47,14 @@ class SteppedProblem(Protocol):
         """The name of its forces, for messages."""
         ...
 
-    def at(self, path_step: float, task: Task, start: Start, last: PreviousStep | None, /) -> BegunStep[Self]:
+    def at(self, path_step: float, task: Task, first: Start, end: StepEnd | None, /) -> BegunStep[Self]:
         """The load step that begins at a place, with foundations and friction as they are there.
 
         Args:
             path_step: the place.
             task: the contact problem of the last load step.
-            start: where the load step starts, in its frames.
-            last: the end of the last load step; None: there is none.
+            first: where the first load step starts.
+            end: that of the last load step; None: there is none.
         """
         ...
 
@@ -75,8 +76,8 @@ class SteppedProblem(Protocol):
         """
         ...
 
-    def ended(self, step: LoadStep[Self], /) -> Self:
-        """The problem after a load step with a solution, from which the next one begins."""
+    def ended(self, end: StepEnd, /) -> Self:
+        """The problem at the end of a load step with a solution, from which the next one begins."""
         ...
 
     def stored(self, path_step: float, result: StepResult, /) -> tuple[dict[str, Nodal], dict[str, Any]]:

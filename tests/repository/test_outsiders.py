@@ -13,6 +13,7 @@ from scenes import example1
 
 from signorini_fx import ConvergenceError, InstallationError, Scene, SceneError, extensions
 from signorini_fx.extensions import EFFECTS, KINEMATICS, SHAPES
+from signorini_fx.mechanics.statement.effect import described
 
 ROOT = Path(__file__).parents[2]
 DEMOS = ROOT / "demos" / "extensions"
@@ -35,6 +36,12 @@ def _registered(monkeypatch, tmp_path):
     """For one test; files are written elsewhere."""
     monkeypatch.setattr(extensions, "_registered", {})
     monkeypatch.chdir(tmp_path)
+    before = set(Scene.model_fields)
+    yield
+    for key in Scene.model_fields.keys() - before:
+        del Scene.model_fields[key]
+    Scene.model_rebuild(force=True)
+    described.cache_clear()
 
 
 def test_all_are_here():
