@@ -28,12 +28,12 @@ from signorini_fx.mechanics.kinematics.torsion import TORSION
 KINDS = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC, TORSION, SPACE)
 CARTESIAN = {2: PLANE_STRAIN, 3: SPACE}
 # What materials call those of this package.
-_HYPOTHESES = {kind.words: kind for kind in (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC)}
+HYPOTHESES = {kind.words: kind for kind in (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC)}
 
 
 def hypotheses() -> tuple[str, ...]:
     """The names that materials may give the kinematics of a plane mesh; none is imported."""
-    return (*_HYPOTHESES, *(name for name in names_of(KINEMATICS) if name not in _HYPOTHESES))
+    return (*HYPOTHESES, *(name for name in names_of(KINEMATICS) if name not in HYPOTHESES))
 
 
 def of_hypothesis(name: str) -> Kinematics:
@@ -42,8 +42,8 @@ def of_hypothesis(name: str) -> Kinematics:
     Raises:
         InstallationError: there are none, or those of another package cannot be used.
     """
-    if name in _HYPOTHESES:
-        return _HYPOTHESES[name]
+    if name in HYPOTHESES:
+        return HYPOTHESES[name]
     if name not in names_of(KINEMATICS):
         raise InstallationError(f"the hypothesis {name!r} is of a package that is not installed")
     kinematics = load(KINEMATICS, name)

@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import AfterValidator
 
-from signorini_fx.mechanics.kinematics import hypotheses
+from signorini_fx.mechanics.kinematics import HYPOTHESES, hypotheses
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
 from signorini_fx.mechanics.statement.values import Finite, NonNegative, SampledValue
 
@@ -49,7 +49,7 @@ def _known_hypothesis(name: str) -> str:
     Raises:
         ValueError: there is none of this name.
     """
-    if name not in hypotheses():
+    if name not in HYPOTHESES and name not in hypotheses():
         raise ValueError(f"must be one of {', '.join(map(repr, hypotheses()))}, got {name!r}")
     return name
 

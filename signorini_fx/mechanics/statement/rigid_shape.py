@@ -414,7 +414,7 @@ def read_shape(entry: Any) -> Any:
     if not isinstance(entry, Mapping):
         raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
     name = entry.get("shape")
-    if name not in names():
+    if name not in _of_package() and name not in names():
         raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
     return TypeAdapter(shape_class(name)).validate_python(entry)
 
