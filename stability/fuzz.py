@@ -125,7 +125,7 @@ def texts(seed: int, count: int) -> Finding:
     importlib.import_module("unicodedata")
     with suppress(ImportError):  # a separate module in Python 3.14
         importlib.import_module("_ast_unparse")
-    for group in (extensions.LAWS, extensions.LINEAR_SOLVERS):
+    for group in extensions.GROUPS:
         extensions.names_of(group)
     sys.addaudithook(watch)
     for number, (chance, kind) in enumerate(repeated(seed, count, ("scene", "expression"))):
