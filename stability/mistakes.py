@@ -1595,7 +1595,7 @@ MUTANTS = (
     ),
     Mutant(
         "mesh_levels",
-        "matrix.diagonalScale(self._free(), self.coarser._free())",
+        "matrix.diagonalScale(self.free_components(), self.coarser.free_components())",
         "pass",
         "coarse meshes move prescribed unknowns",
         tests=("mesh_levels::test_prescribed_unknowns_do_not_move",),

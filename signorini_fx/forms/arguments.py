@@ -48,7 +48,7 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
             spaces += [(name, space, space) for space in form.function_spaces]
         else:
             argument_spaces = (argument.ufl_function_space() for argument in form.arguments())
-            spaces += [(name, space._cpp_object, space) for space in argument_spaces]
+            spaces += [(name, compat.wrapped(space), space) for space in argument_spaces]
     python_spaces = [space for *_, space in spaces if isinstance(space, fem.FunctionSpace)]
     if u is not None:
         python_spaces.insert(0, u.function_space)
@@ -56,7 +56,7 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
         raise FormError([("u", "must be given where both forms are compiled: their space is that of this Function")])
     space = _supported(python_spaces[0])
     for name, candidate, _ in spaces:
-        if candidate != space._cpp_object:
+        if candidate != compat.wrapped(space):
             raise FormError([(name, "its arguments are on another space than those of a" + " or u" * (u is not None))])
     return space
 
@@ -88,7 +88,7 @@ def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
     for k, condition in enumerate(bcs):
         if not isinstance(condition, fem.DirichletBC):
             raise FormError([(f"bcs[{k}]", f"must be a DirichletBC of dolfinx, not {kind_of(condition)}")])
-        if not space._cpp_object.contains(condition.function_space):
+        if not compat.wrapped(space).contains(condition.function_space):
             raise FormError([(f"bcs[{k}]", "is on another space than a, and on none of its components")])
     return list(bcs)
 

@@ -78,9 +78,15 @@ def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
 
 
+def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) -> Any:
+    """The object of C++ that one of Python holds, which compiled forms and other releases know."""
+    inner: Any = holder
+    return inner._cpp_object
+
+
 def geometry_in_space(domain: mesh.Mesh) -> Any:
     """The geometry of a mesh, whose points get three coordinates, for a mesh of the same topology."""
-    geometry: Any = domain.geometry._cpp_object
+    geometry: Any = wrapped(domain.geometry)
     cmap = geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
     x = np.array(geometry.x)
     return type(geometry)(geometry.index_map(), geometry_cells(domain), cmap, x, geometry.input_global_indices)
@@ -88,12 +94,12 @@ def geometry_in_space(domain: mesh.Mesh) -> Any:
 
 def packed_constants(form: fem.Form) -> npt.NDArray[Any]:
     """The values of the Constants of a form, one after the other."""
-    return np.asarray(cpp.fem.pack_constants(form._cpp_object))
+    return np.asarray(cpp.fem.pack_constants(wrapped(form)))
 
 
 def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
     """The values of the constants and coefficients of a compiled form on this rank, in a fixed order."""
-    packed = cpp.fem.pack_coefficients(form._cpp_object)
+    packed = cpp.fem.pack_coefficients(wrapped(form))
     kinds = sorted(packed, key=lambda kind: (kind[0].name, kind[1]))
     return [packed_constants(form), *(packed[kind] for kind in kinds)]
 

@@ -162,7 +162,7 @@ class ContactNodes:
         if all(side.directions is None for side in sides):
             return contact_nodes
         across, ratio = np.zeros_like(normal), np.ones(nodes.size)
-        for side, points in zip(sides, contact_nodes._parts(), strict=True):
+        for side, points in zip(sides, contact_nodes.parts(), strict=True):
             if side.directions is not None:
                 along, ratio[points] = side.directions(nodes[points])
                 across[points] = np.cross(normal[points], along)
@@ -228,7 +228,7 @@ class ContactNodes:
 
     def part(self, *numbers: int) -> npt.NDArray[np.int64]:
         """The points of some contact boundaries."""
-        return np.concatenate([np.arange(self.nodes.size)[self._parts()[number]] for number in numbers])
+        return np.concatenate([np.arange(self.nodes.size)[self.parts()[number]] for number in numbers])
 
     @property
     def area(self) -> float:
@@ -266,7 +266,7 @@ class ContactNodes:
         if self.spread is None:
             alone = self._of_one_body()
             groups.append((self.nodes[alone], (self.weight[:, None] * traction)[alone], self.weight[alone]))
-        for products, points in zip(self.spread or [], self._parts() if self.spread else [], strict=True):
+        for products, points in zip(self.spread or [], self.parts() if self.spread else [], strict=True):
             if products is None:
                 continue
             at_nodes = np.zeros((self.evaluation.owned, traction.shape[1]))
@@ -339,7 +339,7 @@ class ContactNodes:
 
     def _paired(self) -> list[tuple[Claim, slice]]:
         """The pairs of bodies, and which points are theirs."""
-        listed = zip(self.claims or [], self._parts(), strict=False)
+        listed = zip(self.claims or [], self.parts(), strict=False)
         return [(claim, part) for claim, part in listed if claim is not None]
 
     def _of_one_body(self) -> npt.NDArray[np.bool_]:
@@ -364,10 +364,11 @@ class ContactNodes:
     def _at_points(self, of_parts: list[Nodal]) -> Nodal:
         """What each contact boundary has at its own points."""
         return np.concatenate(
-            [values[self.nodes[points]] for values, points in zip(of_parts, self._parts(), strict=True)]
+            [values[self.nodes[points]] for values, points in zip(of_parts, self.parts(), strict=True)]
         )
 
-    def _parts(self) -> list[slice]:
+    def parts(self) -> list[slice]:
+        """Which rows each part of the boundary has, one after the other."""
         ends = np.cumsum([0, *self.counts])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 

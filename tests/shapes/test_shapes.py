@@ -162,7 +162,7 @@ def test_surfaces_of_files(files, name):
     assert shape.inradius == pytest.approx(0.5)
     assert np.isinf(read_shape({"shape": "surface", "file": files / name, "hollow": True}).inradius)
     moved = read_shape({"shape": "surface", "file": files / name, "scale": 0.5, **TURN})
-    q = moved._turning(3)
+    q = moved.turn_matrix(3)
     there = (x - np.array(TURN["pivot"])) @ q.T + np.array(TURN["pivot"]) + np.array(TURN["shift"])
     assert moved.distance(there)[0] == pytest.approx(signed, abs=1e-13)
     assert moved.distance(there)[1] == pytest.approx(normal @ q.T, abs=1e-12)

@@ -94,8 +94,8 @@ class TransposedTangent:
             that its factorisation is not planned again, and its factor if the sets are the same; None: there is none.
     """
 
-    _ksp: PETSc.KSP
-    _tangent: ContactTangent
+    ksp: PETSc.KSP
+    tangent: ContactTangent
 
     def __init__(
         self,
@@ -104,16 +104,16 @@ class TransposedTangent:
         methods: Sequence[SemismoothNewton | None] = (),
         last: TransposedTangent | None = None,
     ) -> None:
-        self._of, self._system, self._law = system, copy(system), law  # a Krylov system keeps the size of its forces
-        self._symmetric = _symmetric(system, law)
-        self._pc = next((pc for pc in map(self._reused, methods) if pc is not None), None)
-        if self._pc is not None:
+        self.of, self.system, self._law = system, copy(system), law  # a Krylov system keeps the size of its forces
+        self.symmetric = _symmetric(system, law)
+        self.pc = next((pc for pc in map(self._reused, methods) if pc is not None), None)
+        if self.pc is not None:
             return
-        if last is not None and last._pc is None and last._of is system and last._symmetric == self._symmetric:
-            self._system, self._ksp, self._tangent = last._system, last._ksp, last._tangent  # KSP calls the system
+        if last is not None and last.pc is None and last.of is system and last.symmetric == self.symmetric:
+            self.system, self.ksp, self.tangent = last.system, last.ksp, last.tangent  # KSP calls the system
         else:
             self._set_up()
-        self._tangent.insert(self._ksp.getOperators()[0], np.ascontiguousarray(law.tangent.transpose(0, 2, 1)))
+        self.tangent.insert(self.ksp.getOperators()[0], np.ascontiguousarray(law.tangent.transpose(0, 2, 1)))
 
     def _reused(self, newton: SemismoothNewton | None) -> PETSc.PC | None:
         """The last factor of a method, if it is of the same blocks; collective."""
@@ -123,33 +123,33 @@ class TransposedTangent:
         tables = newton.problem.tangent.factorised, newton.problem.tangent.inserted
         factorised = [table.get(jacobian.handle) for table in tables]
         unchanged = all(blocks is not None and np.array_equal(blocks, self._law.tangent) for blocks in factorised)
-        if parallel.any_rank(self._system.comm, not unchanged or ksp.getType() != PETSc.KSP.Type.PREONLY):
+        if parallel.any_rank(self.system.comm, not unchanged or ksp.getType() != PETSc.KSP.Type.PREONLY):
             return None
         return ksp.getPC()
 
     def _set_up(self) -> None:
-        system = self._system
-        self._tangent = ContactTangent(system.matrix, system.contact)
-        matrix = self._tangent.create()
-        self._ksp = PETSc.KSP().create(system.comm)
-        self._ksp.setOptionsPrefix(options.PREFIX)
-        self._ksp.setOperators(matrix)
+        system = self.system
+        self.tangent = ContactTangent(system.matrix, system.contact)
+        matrix = self.tangent.create()
+        self.ksp = PETSc.KSP().create(system.comm)
+        self.ksp.setOptionsPrefix(options.PREFIX)
+        self.ksp.setOperators(matrix)
         with options.defaults(system.solver_defaults):
-            system.configure(self._ksp, symmetric=self._symmetric)
-            self._ksp.setFromOptions()
-        if self._symmetric:
+            system.configure(self.ksp, symmetric=self.symmetric)
+            self.ksp.setFromOptions()
+        if self.symmetric:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
 
     def _solve(self, right: PETSc.Vec, x: PETSc.Vec, forces: float) -> None:
         """Solve for one right-hand side, by a Krylov method to a residual against ``forces``; collective."""
-        if self._pc is not None:
-            (self._pc.apply if self._symmetric else self._pc.applyTranspose)(right, x)
+        if self.pc is not None:
+            (self.pc.apply if self.symmetric else self.pc.applyTranspose)(right, x)
             return
-        self._system.keep_factor(self._ksp, None, forces, exact=True)
+        self.system.keep_factor(self.ksp, None, forces, exact=True)
         x.set(0.0)
-        with options.defaults(self._system.solver_defaults), unprinted():
-            callbacks.solve(self._ksp.solve, right, x)
-        if self._ksp.getConvergedReason() < 0:
+        with options.defaults(self.system.solver_defaults), unprinted():
+            callbacks.solve(self.ksp.solve, right, x)
+        if self.ksp.getConvergedReason() < 0:
             raise AdjointError("the linear solver has failed for the tangent at the solution: there is no derivative")
 
     def adjoint(self, by_displacement: PETSc.Vec, by_traction: Nodal) -> Adjoint:
@@ -162,7 +162,7 @@ class TransposedTangent:
         Raises:
             AdjointError: the tangent is singular, or the iteration for chi is too slow.
         """
-        law, right = self._law, self._system.with_load(by_displacement)
+        law, right = self._law, self.system.with_load(by_displacement)
         contact, load = right.contact, right.load
         _add(contact, np.einsum("nji,nj->ni", law.tangent, by_traction), load)
         psi, correction, residual, forces = load.duplicate(), load.duplicate(), load.copy(), load.norm()

@@ -62,10 +62,11 @@ class MeshLevel:
     @property
     def positions(self) -> npt.NDArray[np.float64]:
         """Of the unknowns of this rank, shape (n, 3)."""
-        return np.repeat(self.motions.x[: self._owned], self.block, axis=0)
+        return np.repeat(self.motions.x[: self.owned], self.block, axis=0)
 
     @property
-    def _owned(self) -> int:
+    def owned(self) -> int:
+        """Number of nodes that this rank owns."""
         return int(self.space.dofmap.index_map.size_local)
 
     def modes(self) -> PETSc.NullSpace:
@@ -74,8 +75,8 @@ class MeshLevel:
         Multigrid coarsens locally, where the motions of a piece are those of the whole body.
         """
         motions, comm = self.motions, self.space.mesh.comm
-        modes = rigid_modes(motions.x[: self._owned], motions.centre[0], motions.length[0])
-        vectors = [self._vector() for _ in range(modes.shape[2])]
+        modes = rigid_modes(motions.x[: self.owned], motions.centre[0], motions.length[0])
+        vectors = [self.vector() for _ in range(modes.shape[2])]
         for k, vector in enumerate(vectors):
             vector.getArray()[:] = modes[:, :, k].ravel()
             if self.rotation is not None:
@@ -86,12 +87,13 @@ class MeshLevel:
             vector.normalize()
         return PETSc.NullSpace().create(vectors=vectors, comm=comm)
 
-    def _vector(self) -> PETSc.Vec:
-        return PETSc.Vec().createMPI((self._owned * self.block, None), comm=self.space.mesh.comm)
+    def vector(self) -> PETSc.Vec:
+        """A vector of the displacements, zero; collective."""
+        return PETSc.Vec().createMPI((self.owned * self.block, None), comm=self.space.mesh.comm)
 
-    def _free(self) -> PETSc.Vec:
+    def free_components(self) -> PETSc.Vec:
         """One where an unknown is not prescribed, else zero."""
-        vector = self._vector()
+        vector = self.vector()
         vector.getArray()[:] = ~self.fixed
         return vector
 
@@ -109,14 +111,14 @@ class MeshLevel:
         # One share for all components of a node.
         spread = scipy.sparse.kron(shares, scipy.sparse.eye(self.block), format="csr")
         spread.sort_indices()
-        rows, columns = self._owned * self.block, self.coarser._owned * self.block
+        rows, columns = self.owned * self.block, self.coarser.owned * self.block
         csr = (spread.indptr.astype(PETSc.IntType), spread.indices.astype(PETSc.IntType), spread.data)
         matrix = PETSc.Mat().createAIJ(((rows, None), (columns, None)), csr=csr, comm=self.space.mesh.comm)
         if self.coarser.rotation is not None:
             matrix = matrix.matMult(self.coarser.rotation)
         if self.rotation is not None:
             matrix = self.rotation.transposeMatMult(matrix)
-        matrix.diagonalScale(self._free(), self.coarser._free())
+        matrix.diagonalScale(self.free_components(), self.coarser.free_components())
         return row_by_row(matrix)
 
     def start(self) -> PETSc.Vec | None:
@@ -124,11 +126,11 @@ class MeshLevel:
         coarse, interpolation = self.coarser, self.interpolation
         if coarse is None or coarse.solved is None or interpolation is None:
             return None
-        x = coarse._vector()
+        x = coarse.vector()
         x.getArray()[:] = coarse.solved.x.array[: x.getLocalSize()]
         if coarse.rotation is not None:
             coarse.rotation.multTranspose(x.copy(), x)
-        start = self._vector()
+        start = self.vector()
         interpolation.mult(x, start)
         return start
 
@@ -136,11 +138,11 @@ class MeshLevel:
         """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""
         shape = coarse.space.ufl_element().sub_elements[0]
         dofmap = coarse.space.dofmap
-        x = node_positions(self.space)[: self._owned]
+        x = node_positions(self.space)[: self.owned]
         coarse_pieces, motions = coarse.motions.pieces, self.motions
         # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the order of their places.
         pieces = (
-            (motions.piece[: self._owned], coarse_pieces.of_cell)
+            (motions.piece[: self.owned], coarse_pieces.of_cell)
             if coarse_pieces.count == motions.pieces.count > 1
             else None
         )
@@ -172,6 +174,6 @@ class MeshLevel:
             if located.size:
                 columns[~known], values[~known] = located[:, : shape.dim].astype(np.int64), located[:, shape.dim :]
         used = values != 0
-        row = np.repeat(np.arange(self._owned), used.sum(axis=1))
+        row = np.repeat(np.arange(self.owned), used.sum(axis=1))
         total = dofmap.index_map.size_global
-        return scipy.sparse.csr_matrix((values[used], (row, columns[used])), shape=(self._owned, total))
+        return scipy.sparse.csr_matrix((values[used], (row, columns[used])), shape=(self.owned, total))

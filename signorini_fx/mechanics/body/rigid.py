@@ -150,7 +150,7 @@ class RigidMotions:
     def of_pieces(self, motion: _Floats, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)) -> _Floats:
         """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape (n, d)."""
         coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
-        moved: _Floats = np.einsum("ijk,ik->ij", self._modes(nodes), coefficients)
+        moved: _Floats = np.einsum("ijk,ik->ij", self.modes(nodes), coefficients)
         return moved
 
     def load_of(self, forces: _Floats, comm: MPI.Comm, driving: _Floats | None = None) -> RigidLoad:
@@ -163,7 +163,7 @@ class RigidMotions:
             return RigidLoad(np.zeros(0), np.zeros(0), self.assembly)
         forces = forces.reshape(-1, self.x.shape[1])
         acting = np.flatnonzero(forces.any(axis=1))  # few where loads are on the boundary
-        work = np.einsum("ij,ijk->ik", forces[acting], self._modes(acting))
+        work = np.einsum("ij,ijk->ik", forces[acting], self.modes(acting))
         sizes = np.linalg.norm(forces[acting], axis=1, keepdims=True)
         total = parallel.sums_by(comm, self.piece[acting], np.hstack((work, sizes)), self.pieces.count)
         of_assembly = np.bincount(self.pieces.assembly, total[:, -1]).astype(np.float64)
@@ -174,7 +174,7 @@ class RigidMotions:
             size = size + np.bincount(self.assembly, np.abs(driven).sum(axis=0))[self.assembly]
         return RigidLoad(work, size, self.assembly)
 
-    def _modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
+    def modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
         """The motions of their pieces at nodes of this rank, shape (n, d, m)."""
         piece = self.piece[nodes]
         return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
@@ -351,7 +351,7 @@ def _at_supports(
     what is prescribed there, shape (p, m); collective.  The arguments are those of ``nearest_motion``.
     """
     node, component = np.nonzero(fixed)
-    modes, displacements = motions._modes(node), prescribed[node]
+    modes, displacements = motions.modes(node), prescribed[node]
     if turned is not None:
         frames = turned.frames_at(node)
         modes, displacements = np.einsum("nij,nik->njk", frames, modes), np.einsum("nij,ni->nj", frames, displacements)

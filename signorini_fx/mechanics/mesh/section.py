@@ -31,7 +31,7 @@ def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
         shape=(3,),
         dtype=mesh.geometry.x.dtype,
     )
-    made: Any = type(mesh._cpp_object)(mesh.comm, compat.topology(mesh), compat.geometry_in_space(mesh))
+    made: Any = type(compat.wrapped(mesh))(mesh.comm, compat.topology(mesh), compat.geometry_in_space(mesh))
     return dmesh.Mesh(made, ufl.Mesh(domain))
 
 

@@ -176,7 +176,7 @@ class Shape(RigidMotion):
             Shapes (n,) and (n, d).
         """
         signed, normal = self.initial(self._moved_back(x))
-        normal = normal @ self._turning(x.shape[1]).T
+        normal = normal @ self.turn_matrix(x.shape[1]).T
         return (-signed, -normal) if self.hollow else (signed, normal)
 
     def moved_from(self, earlier: Shape, x: Array) -> Array:
@@ -186,11 +186,11 @@ class Shape(RigidMotion):
 
     def carried_from(self, earlier: Shape, x: Array) -> Array:
         """How far points that are fixed to it have moved since, which are at x now, length, shape (n, d)."""
-        return x - earlier._moved(self._moved_back(x))
+        return x - earlier.moved_points(self._moved_back(x))
 
     def turned_from(self, earlier: Shape, dimension: int) -> Array:
         """The rotation since it was placed like ``earlier``, shape (d, d)."""
-        return np.asarray(self._turning(dimension) @ earlier._turning(dimension).T)
+        return np.asarray(self.turn_matrix(dimension) @ earlier.turn_matrix(dimension).T)
 
     def on_way_from(self, earlier: Shape, share: float, dimension: int) -> Shape:
         """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot, and of its turn.
@@ -201,8 +201,8 @@ class Shape(RigidMotion):
             dimension: of space.
         """
         moved, pivot = self._translations(dimension)
-        begun = (earlier._moved(pivot[None]) - pivot)[0]
-        before, now = (np.zeros(3 if dimension == 3 else 1) + np.array(shape._angles()) for shape in (earlier, self))
+        begun = (earlier.moved_points(pivot[None]) - pivot)[0]
+        before, now = (np.zeros(3 if dimension == 3 else 1) + np.array(shape.angles()) for shape in (earlier, self))
         shift, turn = ((1 - share) * begun + share * moved).tolist(), ((1 - share) * before + share * now).tolist()
         return self.model_copy(update={"shift": tuple(shift), "rotation": tuple(turn) if dimension == 3 else turn[0]})
 
@@ -217,12 +217,12 @@ class Shape(RigidMotion):
     def _moved_back(self, x: Array) -> Array:
         """Where points of it were before it was turned and moved."""
         moved, pivot = self._translations(x.shape[1])
-        return np.asarray((x - moved - pivot) @ self._turning(x.shape[1]) + pivot)
+        return np.asarray((x - moved - pivot) @ self.turn_matrix(x.shape[1]) + pivot)
 
-    def _moved(self, x: Array) -> Array:
+    def moved_points(self, x: Array) -> Array:
         """Where its points are after that."""
         moved, pivot = self._translations(x.shape[1])
-        return np.asarray((x - pivot) @ self._turning(x.shape[1]).T + pivot + moved)
+        return np.asarray((x - pivot) @ self.turn_matrix(x.shape[1]).T + pivot + moved)
 
     def _translations(self, dimension: int) -> tuple[Array, Array]:
         """Its shift and its pivot, shapes (d,)."""
@@ -230,11 +230,11 @@ class Shape(RigidMotion):
         shift = zero if self.shift is None else np.array([_at_its_time(component) for component in self.shift])
         return shift, zero if self.pivot is None else np.array(self.pivot)
 
-    def _turning(self, dimension: int) -> Array:
+    def turn_matrix(self, dimension: int) -> Array:
         """The matrix of its rotation, shape (d, d)."""
-        return turning(self._angles(), dimension)
+        return turning(self.angles(), dimension)
 
-    def _angles(self) -> float | tuple[float, ...]:
+    def angles(self) -> float | tuple[float, ...]:
         """Its rotation as numbers, degrees."""
         rotation = self.rotation
         return tuple(map(_at_its_time, rotation)) if isinstance(rotation, tuple) else _at_its_time(rotation or 0.0)
