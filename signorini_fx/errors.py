@@ -111,3 +111,7 @@ class ResultError(SignoriniError):
 
 class InstallationError(SignoriniError, ImportError):
     """What is installed lacks something, or cannot be used."""
+
+
+class MissingPackageError(InstallationError):
+    """An add-on needs a package that is not installed."""

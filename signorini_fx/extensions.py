@@ -14,7 +14,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from signorini_fx.errors import InstallationError
+from signorini_fx.errors import InstallationError, MissingPackageError
 
 ADD_ONS = "signorini_fx.add_ons"
 EFFECTS = "signorini_fx.effects"
@@ -121,7 +121,7 @@ def add_on(name: str) -> Any:
         if str(error.name).startswith("signorini_fx."):
             raise InstallationError(f"{name!r} needs {error.name}, an add-on that is not installed") from None
         package = str(error.name).partition(".")[0]
-        raise InstallationError(f"{name!r} needs {package}, which is not installed: pip install {package}") from None
+        raise MissingPackageError(f"{name!r} needs {package}, which is not installed: pip install {package}") from None
 
 
 @cache

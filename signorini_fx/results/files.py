@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from pydantic import BaseModel
 
-from signorini_fx.errors import InstallationError, PictureError, cannot_be_written
+from signorini_fx.errors import InstallationError, MissingPackageError, PictureError, cannot_be_written
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
 from signorini_fx.machine.csv_text import Table, write_columns, write_csv
@@ -26,7 +26,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.registry import quantities, stage_of
-from signorini_fx.records import as_columns
+from signorini_fx.records import Finding, as_columns
 from signorini_fx.results import afterthoughts
 from signorini_fx.results.fields import FIELD_FILES, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
@@ -112,24 +112,27 @@ def write_results(
             raise ValueError(
                 f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(('von_mises', *ON_DEMAND))}"
             )
-    gather = _gatherer(pictures)
+    gather, missing = _gatherer(pictures)
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder, FILES) as claimed:
         return _Written(solution, claimed).write(
-            kind, gather and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf)
+            kind, gather and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf), missing
         )
 
 
-def _gatherer(pictures: bool | Sequence[str]) -> Callable[..., Any] | None:
-    """What gathers the data of pictures; None: none are drawn, as nobody asked for one or the add-on is missing.
+def _gatherer(pictures: bool | Sequence[str]) -> tuple[Callable[..., Any] | None, str]:
+    """What gathers the data of pictures, and the package that is missing for that.
+
+    Returns:
+        None and "": none are drawn, as nobody asked for one, or the add-on is not there.
 
     Raises:
         InstallationError: pictures of certain fields are asked for, and the add-on is missing.
     """
     try:
-        return add_on("pictures") if pictures is not False else None
-    except InstallationError:
+        return add_on("pictures") if pictures is not False else None, ""
+    except InstallationError as error:
         if isinstance(pictures, bool):
-            return None
+            return None, str(error) if isinstance(error, MissingPackageError) else ""
         raise
 
 
@@ -140,12 +143,14 @@ class _Written:
     solution: Solution
     folder: ResultFolder
 
-    def write(self, fields: str | None, gather: Callable[[Solution], Any] | None) -> dict[str, Any]:
+    def write(self, fields: str | None, gather: Callable[[Solution], Any] | None, missing: str) -> dict[str, Any]:
         """What stands first; then what is said about it, and the pictures, of which each may fail."""
         solution, folder = self.solution, self.folder
         table = solution.table if solution.contact is not None else None
         summary = self._stands(table, fields)
         findings = summary["findings"]
+        if missing:
+            findings.append(asdict(Finding("note", "pictures", f"are not drawn: {missing}")))
         drawn = ["pictures"] if gather is not None else []
         self._put(summary, [*afterthoughts.asked(solution), "tables", *drawn])
         folder.commit()

@@ -409,7 +409,9 @@ def test_recipe_for_conda():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     needed = [f"python {project['requires-python']}"]
     extras = project["optional-dependencies"]
-    for one in project["dependencies"] + extras["meshes"] + extras["pictures"] + extras["completion"]:
+    for one in project["dependencies"] + sum(
+        (extras[name] for name in ("meshes", "pictures", "report", "completion")), []
+    ):
         needed.append(one.replace("matplotlib", "matplotlib-base").replace(">=", " >="))
     recipe = (ROOT / "conda-recipe" / "recipe.yaml").read_text(encoding="utf-8")
     run = recipe.partition("  run:\n")[2].partition("\n\n")[0]

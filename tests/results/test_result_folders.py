@@ -11,7 +11,7 @@ from scenes import alone, example1
 
 from signorini_fx.addons.report import page as report_page
 from signorini_fx.addons.report.page import write_report
-from signorini_fx.errors import OutputError
+from signorini_fx.errors import MissingPackageError, OutputError
 from signorini_fx.machine import manifest
 from signorini_fx.results import files
 from signorini_fx.results.checkpoint import Checkpoint
@@ -276,3 +276,19 @@ def test_results_of_another_run_in_an_inner_folder(solution, tmp_path):
         with pytest.raises(OutputError, match=r"belongs to the run into .*out/: choose another folder"):
             files.write_results(solution, tmp_path / "out" / files.LAST_LEVEL, fields=False, pictures=False)
         assert content(tmp_path / "out") == before
+
+
+def test_without_matplotlib(solution, tmp_path, monkeypatch):
+    """The results are whole, and a note says which package draws them; a picture that is asked for is an error."""
+
+    def missing(name):
+        raise MissingPackageError(f"{name!r} needs matplotlib, which is not installed: pip install matplotlib")
+
+    monkeypatch.setattr(files, "add_on", missing)
+    summary = files.write_results(solution, tmp_path)
+    (note,) = [finding for finding in summary["findings"] if finding["path"] == "pictures"]
+    assert note["level"] == "note"
+    assert "pip install matplotlib" in note["message"]
+    assert not list(tmp_path.glob("*.png"))
+    with pytest.raises(MissingPackageError, match="pip install matplotlib"):
+        files.write_results(solution, tmp_path, pictures=["von_mises"])
