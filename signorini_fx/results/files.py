@@ -151,6 +151,7 @@ class _Written:
         findings = summary["findings"]
         if missing:
             findings.append(asdict(Finding("note", "pictures", f"are not drawn: {missing}")))
+            self._on_root(lambda: say(f"pictures are not drawn: {missing}"))
         drawn = ["pictures"] if gather is not None else []
         self._put(summary, [*afterthoughts.asked(solution), "tables", *drawn])
         folder.commit()

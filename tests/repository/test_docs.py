@@ -409,9 +409,8 @@ def test_recipe_for_conda():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     needed = [f"python {project['requires-python']}"]
     extras = project["optional-dependencies"]
-    for one in project["dependencies"] + sum(
-        (extras[name] for name in ("meshes", "pictures", "report", "completion")), []
-    ):
+    listed = [one for name in ("meshes", "pictures", "report", "completion") for one in extras[name]]
+    for one in project["dependencies"] + listed:
         needed.append(one.replace("matplotlib", "matplotlib-base").replace(">=", " >="))
     recipe = (ROOT / "conda-recipe" / "recipe.yaml").read_text(encoding="utf-8")
     run = recipe.partition("  run:\n")[2].partition("\n\n")[0]
