@@ -14,7 +14,8 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -27,13 +28,16 @@ from signorini_fx import (
     ConvergenceError,
     Coulomb,
     Foundation,
+    FrictionLaw,
     LoadPath,
     NonlinearContactProblem,
     Pair,
+    Parameter,
     Solution,
     Tresca,
     solve,
 )
+from signorini_fx.extensions import LAWS, register
 from signorini_fx.mechanics.body.quadrature import strain_degree
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -42,6 +46,32 @@ from signorini_fx.results.solution import StepResult
 from signorini_fx.scenes.reading import parse_scene
 
 Array = npt.NDArray[np.float64]
+# The coefficient of the law of the study's own.
+COEFFICIENT = 0.4
+
+
+class Levelling(FrictionLaw):
+    """Friction of a user's own: k (1 - exp(-F lambda / k)), with F the coefficient and k the largest shear."""
+
+    law: Literal["own"] = "own"
+    coefficient: Parameter
+    largest: Parameter
+    concave = True
+
+    def limit(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``."""
+        return np.asarray(self.largest * (1 - np.exp(-self.coefficient * pressure / self.largest)))
+
+    def derivative(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``."""
+        return np.asarray(self.coefficient * np.exp(-self.coefficient * pressure / self.largest))
+
+    def claimed(self, pressure: Array) -> Array:
+        """See ``FrictionLaw``."""
+        return np.asarray(-self.largest * np.expm1(-pressure * self.coefficient / self.largest))
+
+
+register(LAWS, "own", Levelling)
 # By how much two fronts may differ, relative to the largest value of all load steps: two assemblies of one problem
 # differ by round-off, which gamma = 1e5 moduli makes 1e5 times as large where a pressure is a penetration.
 SAME = 1e-8
@@ -49,7 +79,8 @@ SAME = 1e-8
 
 @dataclass(frozen=True)
 class RandomProblem:
-    """A rectangle, a body of revolution or a box over a floor, a rigid circle or sphere, or another rectangle.
+    """A rectangle, a body of revolution or a box over a floor, another rectangle, or a rigid circle or sphere that may
+    move with the time, or by a force.
 
     Attributes:
         kind: *plane strain*, *axisymmetric* or *space*.
@@ -65,6 +96,8 @@ class RandomProblem:
         gap: of the floor at the origin, length, and its slope along x[0].
         radius: of the rigid circle; None: there is a floor.
         wall: the gap of a wall on the right; None: there is none.
+        velocity: of the circle, length per time, shape (d,); None: it stands still.
+        push: the force on the circle towards the body, which moves it; None: none does.
         below: counts of cells of another rectangle that it lies on, as long as twice its length; None: there is none.
         law: of friction, with its bound or coefficient.
         factors: of the loads, by load step.
@@ -86,6 +119,8 @@ class RandomProblem:
     gap: tuple[float, float]
     radius: float | None
     wall: float | None
+    velocity: Array | None
+    push: float | None
     below: tuple[int, int] | None
     law: tuple[str, float]
     factors: tuple[float, ...]
@@ -127,6 +162,14 @@ class RandomProblem:
             below = int(rng.integers(6, 20)), int(rng.integers(2, 6))
         circle = kind != "axisymmetric" and below is None and rng.random() < 0.35
         wall = kind == "plane strain" and rng.random() < 0.3
+        velocity = push = None
+        kind_of_motion, own = rng.random(2)
+        if circle and held and kind_of_motion < 0.5:
+            velocity = strain * rng.uniform(-0.3, 0.3, dim) * sizes[0]
+        elif circle and dim == 2 and kind_of_motion < 0.8:
+            push = strain * young * sizes[0] * float(rng.uniform(0.05, 0.2))
+        if name != "none" and own < 0.25:
+            name, size = "own", strain * young * 0.3
         return cls(
             kind=kind,
             cell=str(rng.choice(cells)),
@@ -141,6 +184,8 @@ class RandomProblem:
             gap=(float(strain * rng.uniform(-0.2, 0.3)), float(strain * rng.uniform(-0.2, 0.2))),
             radius=float(rng.uniform(1.0, 4.0)) if circle else None,
             wall=float(strain * rng.uniform(0.0, 0.3)) if wall else None,
+            velocity=velocity,
+            push=push,
             below=below,
             law=(name, float(rng.uniform(0.1, 0.6)) * size),
             factors=tuple(factors.tolist()),
@@ -161,7 +206,21 @@ class RandomProblem:
             return None
         centre = [0.5 * size for size in self.sizes[:-1]] + [-self.radius]
         name = "sphere" if self.kind == "space" else "circle"
-        return {"shape": name, "centre": centre, "radius": self.radius}
+        described: dict[str, Any] = {"shape": name, "centre": centre, "radius": self.radius}
+        if self.push is not None:
+            aside = {"x": 0.0, "rotation": 0.0}
+            described |= {"pivot": centre, "force": [0.0, self.push], "prescribed": aside}
+        return described
+
+    @property
+    def friction(self) -> FrictionLaw | None:
+        """The law as an object; None: there is none."""
+        kinds = {"tresca": Tresca, "coulomb": Coulomb, "own": partial(Levelling, COEFFICIENT)}
+        return None if self.law[0] == "none" else kinds[self.law[0]](self.law[1])
+
+    def placement(self, time: float) -> dict[str, Any]:
+        """How the circle is placed at a time."""
+        return {} if self.velocity is None else {"shift": tuple((time * self.velocity).tolist())}
 
     def named(self, boundary: str) -> str:
         """The name of a boundary of the body."""
@@ -174,8 +233,10 @@ class RandomProblem:
         parameters: dict[str, Any] = dict(zip(names, self.sizes, strict=True))
         parameters |= dict(zip(numbers, self.counts, strict=True)) | {"cell": self.cell}
         factors = list(self.factors)
-        law = {"law": self.law[0]}
-        if self.law[0] != "none":
+        law: dict[str, Any] = {"law": self.law[0]}
+        if self.law[0] == "own":
+            law |= {"coefficient": COEFFICIENT, "largest": self.law[1]}
+        elif self.law[0] != "none":
             law |= {"bound" if self.law[0] == "tresca" else "coefficient": self.law[1]}
         contact: dict[str, Any] = {"boundary": self.named("bottom"), "friction": law}
         if self.below is not None:
@@ -183,7 +244,8 @@ class RandomProblem:
         elif self.shape is None:
             contact["gap"] = f"{self.gap[0]!r} + ({self.gap[1]!r}) * x[0]"
         else:
-            contact |= {"gap": self.gap[0], "foundation": self.shape}
+            shift = None if self.velocity is None else [f"({rate!r}) * t" for rate in self.velocity.tolist()]
+            contact |= {"gap": self.gap[0], "foundation": self.shape | ({} if shift is None else {"shift": shift})}
         contacts = [contact]
         if self.wall is not None:
             contacts.append({"boundary": self.named("right"), "gap": self.wall, "friction": law})
@@ -265,7 +327,7 @@ class RandomProblem:
         if self.below is not None:
             held = fem.locate_dofs_topological(V, dim - 1, tagged.facets("low.bottom"))
             bcs.append(fem.dirichletbc(np.zeros(dim), held, V))
-        law = {"none": None, "tresca": Tresca(self.law[1]), "coulomb": Coulomb(self.law[1])}[self.law[0]]
+        law = self.friction
         common: dict[str, Any] = {"friction": law} | ({} if measure is None else {"measure": measure})
         floor: Foundation | Pair
         if self.below is not None:
@@ -319,8 +381,14 @@ def by_forms(drawn: RandomProblem, forms: Forms) -> Solution:
     """Solve the forms at the load steps."""
     a = forms.inner(ufl.TrialFunction(forms.space))
     problem = ContactProblem(a, forms.L, forms.bcs, forms.contact, stress=forms.stress, **drawn.settings)
+
+    def at(time: float) -> None:
+        forms.at(time)
+        if placement := drawn.placement(time):
+            problem.place(0, **placement)
+
     try:
-        return problem.run(LoadPath(drawn.times, steps=drawn.ramp), forms.at)
+        return problem.run(LoadPath(drawn.times, steps=drawn.ramp), at)
     except ConvergenceError as error:
         return error.solution
 
