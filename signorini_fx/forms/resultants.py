@@ -75,6 +75,8 @@ class FormResultants(Resultants):
         boundaries: the parts of the boundary with names given by the user.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
         displaced: whether forces act at the displaced points, as on a body with large displacements.
+        loads: further loads: the part of the boundary, None for the body; what acts, in words; the forces, shape (owned
+            nodes, d).
     """
 
     balance: Balance
@@ -83,6 +85,7 @@ class FormResultants(Resultants):
     boundaries: Mapping[str, Facets]
     fixed: npt.NDArray[np.bool_]
     displaced: bool = False
+    loads: Sequence[tuple[str | None, str, Array]] = ()
 
     @cached_property
     def _x(self) -> Array:
@@ -164,6 +167,10 @@ class FormResultants(Resultants):
         comm, dim = self.tagged.mesh.comm, self.tagged.mesh.geometry.dim
         on = None if boundary is None else self.tagged.facets(boundary)
         forces = dict[str, NodalForcesAt]()
+        for name, cause, values in self.loads:
+            if name == boundary:
+                earlier = forces[cause].values if cause in forces else 0.0
+                forces[cause] = NodalForcesAt(self._x, earlier + values)
         for integral in self.integrals:
             if (integral.facets is None) != (on is None):
                 continue

@@ -69,6 +69,9 @@ def test_a_ramp_has_load_steps():
     solution = problem.solution
     assert [step.time for step in solution.steps] == [0.25, 0.5, 0.75, 1.0]
     assert [step.step for step in solution.steps] == [1, 2, 3, 4]
+    for step in solution.steps:
+        bottom, top = (solution.at(step).resultants.of(name).force for name in ("bottom", "top"))
+        assert np.abs(bottom + top).max() < 1e-8 * np.abs(top).max()
     assert all(np.array_equal(step.displacement.x.array, u) for step, u in zip(solution.steps, seen, strict=True))
     assert solution.status is Status.CONVERGED
     assert solution.certificate is problem.certificate

@@ -22,8 +22,8 @@ from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.forms.given import given_forms
 from signorini_fx.forms.nonlinear.moving_shapes import curvature_of, left_by_turning
+from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.mechanics.body.assembly import assemble
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic import ElasticBody
@@ -74,6 +74,7 @@ class LinearisedProblem(FormSolver):
     Args:
         tangent: F', a compiled form.
         residual: F, a compiled form.
+        evaluated: F at the displacement, with the loads beside it.
         at: the displacement where both are evaluated.
         bcs, contact, boundaries, settings: see ``ContactProblem``.
 
@@ -90,6 +91,7 @@ class LinearisedProblem(FormSolver):
         self,
         tangent: fem.Form,
         residual: fem.Form,
+        evaluated: Residual,
         at: fem.Function,
         bcs: Any,
         contact: Any,
@@ -108,7 +110,7 @@ class LinearisedProblem(FormSolver):
             settings_of(settings),
             (petsc_options_prefix, petsc_options),
         )
-        self._at, self._definite = at, True
+        self._at, self._evaluated, self._definite = at, evaluated, True
         dim = at.function_space.mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
 
@@ -162,11 +164,11 @@ class LinearisedProblem(FormSolver):
 
     def _forces(self) -> Array:
         """See ``FormSolver``."""
-        return self.elastic.forces_of(self._at) - assemble(self.forms.compiled[1])
+        return self.elastic.forces_of(self._at) - self._evaluated.assembled()
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         """See ``FormSolver``."""
-        return self._added.nodes, self._added.blocks
+        return self._added.nodes, self._added.blocks, np.asarray(self._evaluated.loads)
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         """See ``FormSolver``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -31,12 +31,16 @@ class ResidualMechanics:
         contact_sides: the parts of the boundary with contact, met at the displaced points.
         boundaries: the facets of each part of the boundary that was given a name.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+        loads: gives the loads beside the residual at a place in the lists of factors, see ``FormResultants``.
+        steps: the same of each load step, by its displacement; none: there is this one alone.
     """
 
     balance: Balance
     contact_sides: Sequence[ContactSide]
     boundaries: Mapping[str, Facets]
     fixed: npt.NDArray[np.bool_]
+    loads: Callable[[float], Sequence[tuple[str | None, str, npt.NDArray[np.float64]]]] = lambda step: ()
+    steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
     has_stress: bool = False
     linear: bool = False
 
@@ -54,9 +58,13 @@ class ResidualMechanics:
 
     def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> FormResultants:
         """See ``Mechanics``: of contact and of supports; which loads act is known to the residual alone."""
-        statement, tagged, sides = model.statement, model.tagged, self.contact_sides
-        named, held = self.boundaries, self.fixed
-        return FormResultants(statement, tagged, y, contact, self.balance, sides, [], named, held, displaced=True)
+        at_step = next((mechanics for displacement, mechanics in self.steps if displacement is y), self)
+        statement, tagged, sides = model.statement, model.tagged, at_step.contact_sides
+        named, held = at_step.boundaries, at_step.fixed
+        loads, balance = at_step.loads(step), at_step.balance
+        return FormResultants(
+            statement, tagged, y, contact, balance, sides, [], named, held, displaced=True, loads=loads
+        )
 
     def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
         """None: a residual names no sections."""

@@ -49,9 +49,11 @@ def advice_on(status: Status) -> str:
     return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice
 
 
-def last_solution(reached: float | None, to: float) -> str:
-    """Up to which of the loads of a ramp there is a solution, in words; None: none has one."""
-    return "there is no solution before it" if reached is None else f"there is a solution at {reached:g} of {to:g}"
+def last_solution(reached: float | None, to: float | None) -> str:
+    """Up to which load of a ramp ``to`` one, or which time of a path, there is a solution, in words; None: to none."""
+    if reached is None:
+        return "there is no solution before it"
+    return f"there is a solution at time {reached:g}" if to is None else f"there is a solution at {reached:g} of {to:g}"
 
 
 def at_load(error: FormError, load: float, last: str) -> FormError:

@@ -28,22 +28,25 @@ from signorini_fx.forms.nonlinear.arguments import checked
 from signorini_fx.forms.nonlinear.certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, place, spin_at
 from signorini_fx.forms.nonlinear.overlap import overlap
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
-from signorini_fx.forms.nonlinear.ramp import RampStep, StepSizes
+from signorini_fx.forms.nonlinear.ramp import PathSizes, RampStep, StepEnds, StepSizes
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.results import findings_of_last
+from signorini_fx.forms.steps import Clock
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.foundation import Foundation
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
+from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.mechanics import NO_ESTIMATE
@@ -52,6 +55,8 @@ from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.tuned import LEAST_INCREMENT, SMALL_INCREMENT, SMALLEST_STEP
 
 Array = npt.NDArray[np.float64]
+# Iterations of Newton's method, unless it is said otherwise.
+MOST_ITERATIONS = 30
 
 
 class NonlinearContactProblem(ProblemOfForms):
@@ -117,7 +122,7 @@ class NonlinearContactProblem(ProblemOfForms):
         form_compiler_options: dict[str, Any] | None = None,
         jit_options: dict[str, Any] | None = None,
         stability: bool = True,
-        max_newton: int = 30,
+        max_newton: int = MOST_ITERATIONS,
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
@@ -136,6 +141,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.linear = LinearisedProblem(
             self._tangents.leading,
             residual,
+            self._residual,
             u,
             bcs,
             [self._seen(k, entry) if k in shaped else entry for k, entry in enumerate(self.contact)],
@@ -165,6 +171,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self._inner = ""  # how the last contact problem of a tangent ended that had no solution
         self._solved: SolvedBody | None = None  # the last solution
         self._ramped: list[StepResult] = []  # the steps of the last ramp, until the next solve
+        self._mechanics_of_steps: list[tuple[fem.Function, ResidualMechanics]] = []
         self._timings = Timings()  # of the last solve or ramp
 
     @property
@@ -209,7 +216,8 @@ class NonlinearContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution so far: call solve()")
         ended = self.status or Status.CONVERGED, self.findings
         spent = self.history, self._timings
-        return self._solved.solution(self.linear.rigid, self._ramped, ended, spent, title)
+        solution = self._solved.solution(self.linear.rigid, self._ramped, ended, spent, title)
+        return replace(solution, mechanics=replace(self._solved.mechanics, steps=tuple(self._mechanics_of_steps)))
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -270,7 +278,7 @@ class NonlinearContactProblem(ProblemOfForms):
             ConvergenceError: no solution was reached; ``status`` says why, and all else is as the last solution was.
             FormError: a value is not finite, cannot be evaluated, or ``update`` raised an exception.
         """
-        self._ramped, self._timings = [], Timings()
+        self._ramped, self._mechanics_of_steps, self._timings = [], [], Timings()
         self._attempt()
         return self.u
 
@@ -416,11 +424,19 @@ class NonlinearContactProblem(ProblemOfForms):
             return Status.INSIDE
         lost = round_off(self.u, residual, self._forces_at)
         self._forces_at(values)
-        mechanics = mechanics_at(self.u, residual, linear, self.contact, self.shapes, lost)
+        mechanics = mechanics_at(self.u, self._seen_anew(residual), linear, self.contact, self.shapes, lost)
         tractions = Tractions.of(self.state)
         self.certificate = certified(self.u, mechanics, self.shapes, tractions, linear.law, linear.previous_step)
-        self._mechanics = mechanics
+        self._mechanics = self._loaded(mechanics)
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
+
+    def _seen_anew(self, residual: Array) -> Array:
+        """The residual as the certificate takes it: itself, as nothing else knows it; collective."""
+        return residual
+
+    def _loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
+        """With the loads that are not in F: there are none."""
+        return mechanics
 
     # --- load steps ---------------------------------------------------------------------------------------------------
 
@@ -470,31 +486,100 @@ class NonlinearContactProblem(ProblemOfForms):
             FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
         """
         sizes, steps = StepSizes(to, first, largest, smallest), list[RampStep]()
-        self._ramped, self._timings = [], Timings()
+
+        def solved(load: float, step: StepResult) -> StepResult:
+            steps.append(RampStep(load, self.iterations, step.linear_solves))
+            return replace(step, place=float(step.step - 1), time=abs(load))
+
+        def last_words(reached: float | None) -> str:
+            return outcomes.last_solution(reached, to)
+
+        self._follow(sizes, apply, solved, lambda step: on_step(steps[-1]), last_words)
+        return steps
+
+    def run(
+        self,
+        path: LoadPath | Sequence[float],
+        at: Callable[[float], object] | fem.Constant,
+        *,
+        on_step: Callable[[StepResult], object] = lambda step: None,
+    ) -> Solution:
+        """Solve load steps, with ``advance`` between them; collective.
+
+        A step without a solution is halved, be it that of a ramp or not, and begins again at the end of the last one;
+        the first one begins at time 0.  Whatever ends the path, the problem is left at the last step that has a
+        solution.
+
+        Args:
+            path: the times, one load step each, or a ``LoadPath``, whose ramp takes the steps that it asks for.
+            at: changes the problem to what it is at a time, which may also be an earlier one than the last; or a
+                Constant that takes the time.
+            on_step: called with the result of each load step.
+
+        Raises:
+            ConvergenceError: see ``ramp``; the ``solution`` of this problem has the load steps before.
+            FormError: see ``ramp``.
+        """
+        path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
+        clock = Clock(at)
+        self._run(path, lambda step: clock.turn(path.time_at(step)), on_step)
+        return self.solution
+
+    def _run(self, path: LoadPath, apply: Callable[[float], object], on_step: Callable[[StepResult], object]) -> None:
+        """``run`` by places instead of times; collective."""
+
+        def solved(end: float, step: StepResult) -> StepResult:
+            return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
+
+        def last_words(reached: float | None) -> str:
+            return outcomes.last_solution(None if reached is None else path.time_at(reached), None)
+
+        self._follow(PathSizes(path), apply, solved, on_step, last_words, path.time_at)
+
+    def _follow(
+        self,
+        sizes: StepEnds,
+        apply: Callable[[float], object],
+        solved: Callable[[float, StepResult], StepResult],
+        on_step: Callable[[StepResult], object],
+        last_words: Callable[[float | None], str],
+        shown: Callable[[float], float] = float,
+    ) -> None:
+        """One step after the other; collective.
+
+        Args:
+            sizes: where the steps end.
+            apply: changes the problem to what it is there.
+            solved: gives the result of a step its place and time.
+            on_step: called after each step.
+            last_words: up to where there is a solution, in words; None: nowhere.
+            shown: a load or time for messages, from where a step ends.
+        """
+        self._ramped, self._mechanics_of_steps, self._timings = [], [], Timings()
         while not sizes.done:
-            begun, load, solves = self._snapshot(), sizes.next, len(self.history.iterations)
+            begun, end = self._snapshot(), sizes.next
             try:
-                apply(load)
+                apply(end)
                 self._attempt(damps=not sizes.may_halve)
             except Exception as error:
                 self._begin_again(begun, lambda: apply(sizes.reached))
-                self.history.add(f"load {load:g} is given up, back at {sizes.reached:g}: {error}")
+                load, reached = shown(end), shown(sizes.reached)
+                self.history.add(f"load {load:g} is given up, back at {reached:g}: {error}")
                 if not isinstance(error, ConvergenceError | FormError):
                     raise
                 if sizes.may_halve and self.status not in outcomes.FINAL:
                     sizes.halve()
                     continue
-                last = outcomes.last_solution(sizes.reached if steps else None, to)
+                last = last_words(sizes.reached if self._ramped else None)
                 raise self._ended(error, load, last) from error.__cause__
             assert self._solved is not None
-            step = replace(self._solved.step, step=len(steps) + 1, place=float(len(steps)), time=abs(load))
+            step = solved(end, replace(self._solved.step, step=len(self._ramped) + 1))
             self._solved = replace(self._solved, step=step)
             self._ramped.append(step)
+            self._mechanics_of_steps.append((step.displacement, self._solved.mechanics))
             self.advance()
             sizes.accept(self.iterations)
-            steps.append(RampStep(load, self.iterations, len(self.history.iterations) - solves))
-            on_step(steps[-1])
-        return steps
+            on_step(step)
 
     def _begin_again(self, begun: Snapshot, load: Callable[[], object]) -> None:
         """Go back to where a step has begun, with its load and its shapes; collective."""

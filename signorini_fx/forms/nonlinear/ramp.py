@@ -1,14 +1,19 @@
-"""The load steps of a ramp: how large they are, and what its arguments may be."""
+"""The load steps of a ramp and of a path: how large they are, and what their arguments may be."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from numbers import Real
+from typing import Protocol
 
 from signorini_fx.errors import FormError
+from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, SAME_NUMBER, STEP_GROWTH
+from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, SAME_LENGTH, SAME_NUMBER, SMALLEST_STEP, STEP_GROWTH
+
+# Places are rounded to these digits, so that ten tenths are one.
+_DIGITS = 12
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,76 @@ class RampStep:
     load: float
     iterations: int
     linear_solves: int
+
+
+class StepEnds(Protocol):
+    """Where the steps of a way end, one after the other."""
+
+    @property
+    def reached(self) -> float:
+        """Where the last step has ended."""
+
+    @property
+    def done(self) -> bool:
+        """Whether the way has ended."""
+
+    @property
+    def next(self) -> float:
+        """Where the next step ends."""
+
+    @property
+    def may_halve(self) -> bool:
+        """Whether a smaller step than the next one may be tried."""
+
+    def halve(self) -> None:
+        """The next step has no solution."""
+
+    def accept(self, iterations: int) -> None:
+        """The next step has a solution, after so many iterations."""
+
+
+class PathSizes:
+    """The places of the steps along a path, see ``statement.load_steps``: one for each of its times, or as many as its
+    ramp has.
+
+    A step without a solution is halved, the one to the first time, too, which begins at time 0.  After an easy one the
+    next is larger again, but not beyond what the path asks for.
+
+    Attributes:
+        reached: the place of the last step; -1 before the first one.
+    """
+
+    def __init__(self, path: LoadPath) -> None:
+        self._last, self._whole = len(path.times) - 1, 1.0 / (path.steps or 1)
+        self.reached, self._step = -1.0, self._whole if path.from_nothing else 1.0
+
+    @property
+    def done(self) -> bool:
+        """See ``StepEnds``."""
+        return self.reached >= self._last
+
+    @property
+    def next(self) -> float:
+        """See ``StepEnds``: no step goes beyond the next time."""
+        station = math.floor(self.reached + SAME_LENGTH) + 1.0
+        end = round(self.reached + self._step, _DIGITS)
+        return station if end > station - SAME_LENGTH else end
+
+    @property
+    def may_halve(self) -> bool:
+        """See ``StepEnds``."""
+        return (self.next - self.reached) / 2 >= SMALLEST_STEP * self._whole
+
+    def halve(self) -> None:
+        """See ``StepEnds``."""
+        self._step = (self.next - self.reached) / 2
+
+    def accept(self, iterations: int) -> None:
+        """See ``StepEnds``."""
+        self.reached = self.next
+        if iterations <= FEW_NEWTON_ITERATIONS:
+            self._step = self._step * STEP_GROWTH
+        self._step = min(self._step, self._whole)
 
 
 class StepSizes:

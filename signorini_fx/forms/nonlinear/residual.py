@@ -17,7 +17,7 @@ from signorini_fx.mechanics.body.assembly import assemble
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Residual:
     """F, and what a user's function does before it is assembled.
 
@@ -25,11 +25,17 @@ class Residual:
         form: F, compiled.
         u: the displacement that it depends on.
         update: the user's function.
+        loads: forces on the body beside F, at the owned unknowns, shape (owned dofs,); a number: the same at all.
     """
 
     form: fem.Form
     u: fem.Function
     update: Callable[[], object]
+    loads: Array | float = 0.0
+
+    def assembled(self) -> Array:
+        """F less the loads at ``u`` as it is, at the owned unknowns; collective."""
+        return np.asarray(assemble(self.form) - self.loads)
 
     def at(self, values: Array) -> Array | None:
         """F at the owned unknowns for values of ``u``, which it gets; None: it is not finite there, or cells are turned
@@ -43,7 +49,7 @@ class Residual:
         """
         self.u.x.array[:] = values
         self.updated()
-        forces = assemble(self.form)
+        forces = self.assembled()
         comm = self.u.function_space.mesh.comm
         if parallel.any_rank(comm, not np.isfinite(forces).all()) or turned_inside_out(self.u):
             return None

@@ -104,7 +104,8 @@ class SolvedBody:
             spent: every linear solve, and the seconds.
             title: of the results.
         """
-        path = LoadPath(tuple(step.time for step in steps)) if steps else _counted(self.step.step - 1)
+        names = tuple(step.name for step in steps) if any(step.name for step in steps) else ()
+        path = LoadPath(tuple(step.time for step in steps), names) if steps else _counted(self.step.step - 1)
         model = named_body(self.elastic, self.forms, path, self.law, {}, rigid, arguments=("F",), title=title)
         parameters = used_parameters(self.outcome, self.outcome.problem.data, 0.0)
         parameters.pop("regularisation_error", None)  # it is relative to a strain energy, which nobody knows

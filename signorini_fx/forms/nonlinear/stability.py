@@ -70,7 +70,7 @@ class Stability:
 
         Another one may lead away from any equilibrium.
         """
-        if not self.tangents.given:
+        if not self.tangents.given or self.tangents.trusted:
             return True
         self.forces_at(values)
         fits = is_derivative(self.tangents.leading, self.u, self.forces_at, ~self._fixed)
@@ -85,6 +85,8 @@ class Stability:
 
     def _derivative(self) -> fem.Form | None:
         """The user's tangent if it is the derivative of F at ``u``, else that of UFL; None: neither is; collective."""
+        if self.tangents.trusted:
+            return self.tangents.leading
         free, values = ~self._fixed, self.u.x.array.copy()
         for given in (True, False) if self.tangents.given else (False,):
             tangent = self.tangents.leading if given else self.tangents.derivative

@@ -33,7 +33,10 @@ class Tangents:
 
     Attributes:
         given: whether there is one of the user's.
+        trusted: whether that is known to be the derivative, and is not tried: near a yield stress no difference tells.
     """
+
+    trusted = False
 
     def __init__(self, F: Any, J: Any, u: fem.Function, options: dict[str, Any]) -> None:
         self.given = J is not None
