@@ -70,20 +70,30 @@ def discretise(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mo
     return discretised
 
 
-def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
+def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_step: float = 0) -> Model:
     """Compile and assemble loads and contact boundaries, and find all errors; collective.
 
+    Args:
+        statement: what is stated of the problem.
+        tagged: its mesh.
+        timings: of the mesh.
+        path_step: place in the lists of factors, at which foundations are; -1: before any has moved.
+
     Raises:
-        SceneError: with all errors that only the mesh reveals: boundaries and regions that do not exist or are empty,
-            contact and prescribed displacement in conflict, expressions that are not finite.
+        SceneError: a material is not linear; or with all errors that only the mesh reveals: boundaries and regions that
+            do not exist or are empty, contact and prescribed displacement in conflict, expressions that are not finite.
         MeshError: the cells of the mesh are not connected.
     """
+    if nonlinear := [k for k, material in enumerate(statement.material) if not material.linear]:
+        raise SceneError(
+            [(f"material[{nonlinear[0]}].law", "is not possible here yet: solve() and check() alone know it")]
+        )
     if statement.kinematics.out_of_section and tagged.dimension == tagged.mesh.geometry.dim == 2:
         from signorini_fx.mechanics.mesh.section import section_in_space
 
         tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
     try:
-        return _prepared(statement.placed(0), tagged, timings)
+        return _prepared(statement.placed(path_step), tagged, timings)
     except FormError as error:  # of a foundation; the allowance of a pair is the gap of a scene
         raise SceneError([(path.replace("].allowance", "].gap"), wrong) for path, wrong in error.problems]) from None
 

@@ -69,6 +69,7 @@ class Contact(Effect):
             ("foundation with a shape", ("foundation",), self.foundation is not None),
             ("friction axes", ("friction", "ratio"), self.friction.directed),
             ("contact in time", (), self.timed),
+            ("friction in time", ("friction",), self.friction.timed),
         )
         return tuple((name, keys) for name, keys, used in listed if used)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Points, VectorForce, is_zero
+from signorini_fx.mechanics.statement.effect import Array, Coefficients, Features, Points, VectorForce, is_zero
 from signorini_fx.mechanics.statement.values import TimedValue
 
 
@@ -28,6 +28,11 @@ class SurfaceTraction(VectorForce):
     def given(self) -> dict[str, Any]:
         """See ``Effect``."""
         return {**super().given, "pressure": self.pressure}
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (*super().features, *(() if is_zero(self.pressure) else (("pressure", ("pressure",)),)))
 
     def density(self, on: Coefficients) -> Any:
         """See ``Force``."""

@@ -44,6 +44,13 @@ class BodyOfRevolution(Kinematics):
         rows[2][2] = along
         return ufl.as_tensor(rows)
 
+    def gradient(self, y: Any) -> Any:
+        """See ``Kinematics``: with the stretch of the circumference."""
+        import ufl
+
+        slope, stretch = ufl.grad(y), y[0] / position(y)[0]
+        return ufl.as_tensor([[slope[0, 0], slope[0, 1], 0], [slope[1, 0], slope[1, 1], 0], [0, 0, stretch]])
+
     def measure(self, x: Any) -> Any:
         """The length of the circumference."""
         return 2 * math.pi * x[0]

@@ -114,6 +114,13 @@ class Kinematics:
 
         return ufl.sym(ufl.grad(y))
 
+    def gradient(self, y: Any) -> Any:
+        """Gradient of the displacement at finite strains, with what is across the mesh, UFL, shape (3, 3)."""
+        import ufl
+
+        slope, axes = ufl.grad(y), range(self.dimension)
+        return ufl.as_tensor([[slope[i, j] if i in axes and j in axes else 0 for j in range(3)] for i in range(3)])
+
     def measure(self, x: Any) -> Any:
         """By what areas and lengths of the mesh are multiplied at x, UFL of shape (d,) or numbers of shape (d, n)."""
         return 1

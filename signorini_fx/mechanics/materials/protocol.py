@@ -55,7 +55,7 @@ def _known_hypothesis(name: str) -> str:
 
 
 class Material(Effect):
-    """A linear elastic material.
+    """A material, linear elastic unless it says otherwise.
 
     Attributes:
         hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions, or one of another
@@ -76,6 +76,8 @@ class Material(Effect):
             "reduced integration": f"{_FULL}: its mean stress does not follow from the change of volume",
         },
     }
+    # Whether the stress is a linear function of the strain, as it is said here; else see ``nonlinear``.
+    linear: ClassVar[bool] = True
     # Whether the stress is a epsilon + b tr(epsilon) I, whose terms may be integrated apart or have a pressure.
     isotropic: ClassVar[bool] = False
     # How much it expands along its axes, relative to ``expansion``.

@@ -8,6 +8,8 @@ import numpy as np
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
+from signorini_fx.mechanics.materials.nonlinear import NonlinearMaterial
+from signorini_fx.mechanics.materials.nonlinear_trial import fault_of_nonlinear
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array, Material, stress_of
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 
@@ -29,6 +31,8 @@ def check_materials(materials: Iterable[Material]) -> None:
 
 def fault_of(material: Material) -> str:
     """What a material says of itself and does not keep; "": nothing was found."""
+    if isinstance(material, NonlinearMaterial):
+        return fault_of_nonlinear(material)
     name = type(material).__name__
     try:
         stiffness = material.stiffness

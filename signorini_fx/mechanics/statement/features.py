@@ -39,6 +39,8 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("requested accuracy", ("accuracy",), accuracy is not None),
         ("accuracy of the pressure", ("accuracy", "of"), accuracy is not None and accuracy.of == "pressure"),
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
+        ("statement of uniqueness", ("solver", "uniqueness"), solver.uniqueness),
+        ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
         ("several bodies", ("body",), bool(statement.bodies)),
         ("mesh that no generator makes", ("mesh",), not statement.generated),
         ("several load steps", ("load_steps",), statement.several_steps),

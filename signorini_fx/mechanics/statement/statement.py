@@ -82,6 +82,11 @@ class Statement:
         return self.effects.get("material", ())
 
     @property
+    def nonlinear(self) -> bool:
+        """Whether some material is not linear, so that the body is solved by ``scenes.nonlinear``."""
+        return not all(material.linear for material in self.material)
+
+    @property
     def displacement(self) -> tuple[Any, ...]:
         """The prescribed displacements."""
         return self.effects.get("displacement", ())

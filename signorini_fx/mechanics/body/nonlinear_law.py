@@ -1,0 +1,219 @@
+"""The work of the stress of nonlinear materials on a mesh: the residual of a body, and the state at its points.
+
+    F(u; v) = sum over the materials of the derivative of their energies, or of the integral of sigma : epsilon(v).
+
+The mean stress may be integrated with fewer points (selective reduced integration, see ``moduli.reduced_degree``): of
+finite strains the energy of the volume J, of small strains kappa tr(epsilon) I.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import basix
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from signorini_fx.mechanics.body.moduli import reduced_degree
+from signorini_fx.mechanics.body.quadrature import strain_degree
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position
+from signorini_fx.mechanics.materials.nonlinear import PathDependent
+from signorini_fx.mechanics.materials.protocol import PAIRS
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.statement import Statement
+
+Array = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.int32]
+
+
+def at_rest(statement: Statement) -> Statement:
+    """The same with the linear materials that nonlinear ones are at small strains."""
+    return statement.changed(material=tuple(getattr(material, "at_rest", material) for material in statement.material))
+
+
+def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
+    """Quadrature degree of the part of the volume; None: it is not reduced.
+
+    Raises:
+        SceneError: the cells have no reduced form.
+    """
+    if not all(getattr(material, "splits", True) for material in statement.material):
+        return None
+    return reduced_degree(at_rest(statement), tagged.mesh)
+
+
+def cells_of(material: Any, statement: Statement, tagged: TaggedMesh) -> Cells:
+    """The cells of a material that this rank owns, ascending."""
+    owned = tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local
+    if len(statement.material) == 1:
+        return np.arange(owned, dtype=np.int32)
+    cells = tagged.cells(str(material.region))
+    return np.sort(cells[cells < owned]).astype(np.int32)
+
+
+@dataclass
+class MaterialPoints:
+    """The state of one material at the points of quadrature of its cells.
+
+    Attributes:
+        material: it.
+        cells: that are made of it, c of them.
+        strain: from the displacement of now, at the q points of each cell, components ``pairs``, of shear twice
+            epsilon_ij.
+        stress: the deviatoric stress, components ``pairs``.
+        tangent: its derivative by the strain.
+        pairs: the components, as places in ``PAIRS``.
+        begun: the state at the end of the last load step, shape (c, q, numbers).
+        current: the state at the displacement of now.
+    """
+
+    material: PathDependent
+    cells: Cells
+    strain: fem.Expression
+    stress: fem.Function
+    tangent: fem.Function
+    pairs: list[int]
+    begun: Array
+    current: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.current = self.begun
+
+    def update(self) -> None:
+        """Stress, tangent and state at the displacement of now, from the state of the last load step."""
+        domain, (cells, points, numbers) = self.stress.function_space.mesh, self.begun.shape
+        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(self.pairs))
+        strain = tensors(values, self.pairs)
+        stress, tangent, state = self.material.respond(strain, self.begun.reshape(-1, numbers))
+        self.current = state.reshape(self.begun.shape)
+        rows = [[*PAIRS[pair]] for pair in self.pairs]
+        at = self.stress.function_space.dofmap.list[self.cells].ravel()
+        count = len(self.pairs)
+        self.stress.x.array.reshape(-1, count)[at] = np.array([stress[:, i, j] for i, j in rows]).T
+        used = tangent[:, self.pairs][:, :, self.pairs]
+        self.tangent.x.array.reshape(-1, count**2)[at] = used.reshape(-1, count**2)
+
+    def commit(self) -> None:
+        """A load step ends."""
+        self.begun = self.current
+
+
+def tensors(components: Array, pairs: Sequence[int]) -> Array:
+    """Strains from components whose shear is twice epsilon_ij, shape (n, len(pairs)), as (n, 3, 3)."""
+    strain = np.zeros((len(components), 3, 3))
+    for column, pair in zip(components.T, pairs, strict=True):
+        i, j = PAIRS[pair]
+        strain[:, i, j] = strain[:, j, i] = column if i == j else column / 2
+    return strain
+
+
+@dataclass(frozen=True)
+class BodyResidual:
+    """The work of the stress of a body.
+
+    Attributes:
+        form: F(u; .), UFL.
+        tangent: its derivative where that is not the one of UFL; None: it is.
+        points: of the materials with a state.
+    """
+
+    form: Any
+    tangent: Any | None
+    points: tuple[MaterialPoints, ...]
+
+    def update(self) -> None:
+        """Before anything is assembled at another displacement."""
+        for state in self.points:
+            state.update()
+
+    def commit(self) -> None:
+        """A load step ends."""
+        for state in self.points:
+            state.commit()
+
+
+def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> BodyResidual:
+    """That of the materials of a statement at the displacement ``u``; collective.
+
+    Raises:
+        SceneError: the cells have no reduced form.
+    """
+    space = u.function_space
+    kinematics = statement.kinematics_in(tagged.dimension)
+    full = max(1, strain_degree(space, kinematics))
+    reduced = volume_degree(statement, tagged)
+    cells = [cells_of(material, statement, tagged) for material in statement.material]
+    # Each rule has cells of its own number: FFCx 0.9 compiles one of one point beside another one wrongly.
+    parts = [*enumerate(cells), *enumerate(cells, len(cells))]
+    measure = ufl.Measure("dx", domain=space.mesh, subdomain_data=parts)
+    around = kinematics.measure(position(u))
+    v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
+    energies, forms, tangents, points = [], [], [], []
+    for number, (material, owned) in enumerate(zip(statement.material, cells, strict=True)):
+        shape = volume = measure(number, metadata={"quadrature_degree": full, "quadrature_rule": "default"})
+        if reduced is not None:
+            volume = measure(number + len(cells), metadata={"quadrature_degree": reduced})
+        if getattr(material, "finite", False):
+            gradient = ufl.Identity(3) + kinematics.gradient(u)
+            energies.append(material.shape_energy(gradient) * around * shape)
+            if material.splits:
+                energies.append(material.volume_energy(ufl.det(gradient)) * around * volume)
+            continue
+        bulk, shear = _constants(material)
+        work = bulk * ufl.tr(_small(kinematics, u)) * ufl.tr(_small(kinematics, v)) * around * volume
+        change = bulk * ufl.tr(_small(kinematics, du)) * ufl.tr(_small(kinematics, v)) * around * volume
+        if isinstance(material, PathDependent):
+            state = _points(material, owned, kinematics, u, full)
+            points.append(state)
+            tested, tried = (_components(_small(kinematics, y), state.pairs) for y in (v, du))
+            work = ufl.inner(state.stress, tested) * around * shape + work
+            change = ufl.inner(ufl.dot(state.tangent, tried), tested) * around * shape + change
+        else:
+            work += 2 * shear * ufl.inner(ufl.dev(_small(kinematics, u)), _small(kinematics, v)) * around * shape
+            change += 2 * shear * ufl.inner(ufl.dev(_small(kinematics, du)), _small(kinematics, v)) * around * shape
+        forms.append(work)
+        tangents.append(change)
+    if energies:
+        forms.append(ufl.derivative(sum(energies[1:], energies[0]), u, v))
+    tangent = sum(tangents[1:], tangents[0]) if points else None
+    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points))
+
+
+def _constants(material: Any) -> tuple[float, float]:
+    """The bulk and the shear modulus of a material at small strains, stresses."""
+    linear = getattr(material, "at_rest", material)
+    return linear.young / (3 * (1 - 2 * linear.poisson)), linear.young / (2 * (1 + linear.poisson))
+
+
+def _small(kinematics: Kinematics, y: Any) -> Any:
+    """The linearised strain in space, UFL, shape (3, 3)."""
+    return ufl.sym(kinematics.gradient(y))
+
+
+def _components(strain: Any, pairs: Sequence[int]) -> Any:
+    """Components of a strain, of shear twice epsilon_ij, UFL."""
+    places = [PAIRS[pair] for pair in pairs]
+    return ufl.as_vector([strain[i, j] if i == j else 2 * strain[i, j] for i, j in places])
+
+
+def _points(
+    material: PathDependent, cells: Cells, kinematics: Kinematics, u: fem.Function, degree: int
+) -> MaterialPoints:
+    """The points of one material; collective."""
+    mesh = u.function_space.mesh
+    name = mesh.topology.cell_name()
+    pairs = sorted(PAIRS.index((min(pair), max(pair))) for pair in kinematics.pairs)
+    count = len(pairs)
+    rule, _ = basix.make_quadrature(getattr(basix.CellType, name), degree)
+    stress, tangent = (
+        fem.Function(fem.functionspace(mesh, basix.ufl.quadrature_element(name, shape, degree=degree)))
+        for shape in ((count,), (count, count))
+    )
+    strain = fem.Expression(_components(_small(kinematics, u), pairs), rule)
+    begun = np.zeros((cells.size, len(rule), material.state_size))
+    return MaterialPoints(material, cells, strain, stress, tangent, pairs, begun)

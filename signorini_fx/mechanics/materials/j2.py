@@ -1,0 +1,137 @@
+"""Metal that yields: von Mises plasticity with isotropic hardening at small strains, by radial return (J. C. Simo and
+T. J. R. Hughes, Computational Inelasticity, Springer, 1998, boxes 3.1 and 3.2).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from signorini_fx.mechanics.materials.neo_hooke import PoissonBelowHalf
+from signorini_fx.mechanics.materials.nonlinear import PathDependent, deviator
+from signorini_fx.mechanics.materials.protocol import PAIRS, Array
+from signorini_fx.mechanics.statement.base import refused
+from signorini_fx.mechanics.statement.values import NonNegative, Positive
+
+_Table = Annotated[tuple[tuple[Positive, Positive], ...], Field(min_length=1)]
+# Halvings of an interval, after which it is round-off.
+_HALVINGS = 60
+
+
+class J2(PathDependent):
+    """The stress E : (epsilon - epsilon_p), whose von Mises stress stays below the yield stress that has been reached.
+
+    The state is the plastic strain, 9 numbers, and the accumulated one.
+
+    Attributes:
+        law: its name.
+        young: Young's modulus, stress.
+        poisson: Poisson's ratio, in (-1, 0.5).
+        yield_stress: by von Mises, at first, stress.
+        hardening: by how much the yield stress grows per accumulated plastic strain, a stress; or rows [plastic strain,
+            yield stress] of a table, between which it is linear; beyond the last one it is constant.
+        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+    """
+
+    state_size: ClassVar[int] = 10
+
+    law: Literal["j2"]
+    young: Positive
+    poisson: PoissonBelowHalf
+    yield_stress: Positive
+    hardening: NonNegative | _Table = 0.0
+
+    @model_validator(mode="after")
+    def _hardens(self) -> Self:
+        strains, stresses = self._curve
+        for number, (wider, stronger) in enumerate(zip(np.diff(strains) > 0, np.diff(stresses) >= 0, strict=True)):
+            if not (wider and stronger):
+                rule = "plastic strains must increase from 0, and yield stresses not decrease from yield_stress"
+                raise refused("J2", [(("hardening", number), rule)])
+        return self
+
+    @property
+    def _curve(self) -> tuple[Array, Array]:
+        """Plastic strains and yield stresses of the table, the first ones at 0; of linear hardening these alone."""
+        rows = () if isinstance(self.hardening, float) else self.hardening
+        strains, stresses = zip((0.0, self.yield_stress), *rows, strict=True)
+        return np.array(strains), np.array(stresses)
+
+    @property
+    def _slopes(self) -> Array:
+        """Of the segments that begin at the points of ``_curve``, stresses."""
+        strains, stresses = self._curve
+        return np.append(np.diff(stresses) / np.diff(strains), self._last_slope)
+
+    @property
+    def _last_slope(self) -> float:
+        """Beyond the last point of ``_curve``."""
+        return self.hardening if isinstance(self.hardening, float) else 0.0
+
+    @property
+    def constants_at_rest(self) -> tuple[float, float]:
+        """See ``NonlinearMaterial``."""
+        return self.young / (2 * (1 + self.poisson)), self.young / (3 * (1 - 2 * self.poisson))
+
+    def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
+        """See ``PathDependent``: the segment of the curve in which the return ends has a solution in closed form."""
+        shear = self.constants_at_rest[0]
+        plastic, accumulated = state[:, :9].reshape(-1, 3, 3), state[:, 9]
+        trial = 2 * shear * (deviator(strain) - plastic)
+        size = np.linalg.norm(trial, axis=(1, 2))
+        mises, (begins, stresses), slopes = np.sqrt(1.5) * size, self._curve, self._slopes
+        flow, slope = np.zeros_like(mises), np.zeros_like(mises)
+        for begin, end, stress, hardening in zip(begins, [*begins[1:], np.inf], stresses, slopes, strict=True):
+            missing = mises - stress - hardening * (accumulated - begin)
+            amount = missing / (3 * shear + hardening)
+            ends_here = (amount > 0) & (accumulated + amount >= begin) & (accumulated + amount < end)
+            flow, slope = np.where(ends_here, amount, flow), np.where(ends_here, hardening, slope)
+        yields = flow > 0
+        normal = trial / np.where(yields, size, 1.0)[:, None, None]
+        share = 1 - np.where(yields, 3 * shear * flow / np.where(yields, mises, 1.0), 0.0)
+        turned = np.where(yields, 3 * shear / (3 * shear + slope) - (1 - share), 0.0)
+        rows = np.array([normal[:, i, j] for i, j in PAIRS]).T
+        along = rows[:, :, None] * rows[:, None]
+        tangent = 2 * shear * (share[:, None, None] * _DEVIATORIC - turned[:, None, None] * along)
+        grown = plastic + np.sqrt(1.5) * flow[:, None, None] * normal
+        new = np.concatenate((grown.reshape(-1, 9), (accumulated + flow)[:, None]), axis=1)
+        return share[:, None, None] * trial, tangent, new
+
+    def respond_at(self, strain: Array, state: Array) -> Array:
+        """See ``PathDependent``: the flow by bisection of the yield condition on the curve itself."""
+        stiffness = self.young / (1 + self.poisson)
+        elastic = stiffness * (strain - state[:, :9].reshape(-1, 3, 3))
+        elastic -= np.trace(elastic, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
+        mises = np.sqrt(1.5 * np.einsum("nij,nij->n", elastic, elastic))
+        low, high = np.zeros_like(mises), mises / (1.5 * stiffness)
+        strains, stresses = self._curve
+        for _ in range(_HALVINGS):
+            flow = (low + high) / 2
+            reached = state[:, 9] + flow
+            beyond = mises - 1.5 * stiffness * flow > np.interp(reached, strains, stresses) + self._last_slope * reached
+            low, high = np.where(beyond, flow, low), np.where(beyond, high, flow)
+        share = 1 - 1.5 * stiffness * low / np.where(mises > 0, mises, 1.0)
+        return np.asarray(share[:, None, None] * elastic)
+
+    def shown_state(self, state: Array) -> Array:
+        """See ``PathDependent``."""
+        return state[:, 9]
+
+    @property
+    def shown_name(self) -> str:
+        """See ``PathDependent``."""
+        return "plastic strain"
+
+    @property
+    def said(self) -> str:
+        """See ``Material``."""
+        hardening = self.hardening
+        words = f"by {len(hardening)} rows" if isinstance(hardening, tuple) else f"= {hardening:g}"
+        constants = f"E = {self.young:g}, nu = {self.poisson:g}, yield_stress = {self.yield_stress:g}"
+        return f"{constants}, hardening {words}, small strains"
+
+
+# The deviator of a strain whose shear components are twice epsilon_ij, shape (6, 6).
+_DEVIATORIC = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) - np.pad(np.full((3, 3), 1 / 3), (0, 3))

@@ -1,0 +1,243 @@
+"""What a nonlinear material says.  A scene with one is solved by Newton's method, see ``scenes.nonlinear``.
+
+Of finite strains it has a stored energy per undeformed volume, in two parts: that of the shape, and that of the volume,
+which may be integrated with fewer points.  Of small strains it has a stress that depends on the past.  Both are said
+twice: as UFL, or with a tangent, for the solver, and once more in NumPy for the certificate:
+
+    class Soft(Hyperelastic):
+        law: Literal["soft"] = "soft"
+        shear: Positive
+        bulk: Positive
+
+        def shape_energy(self, gradient):
+            import ufl
+
+            volume = ufl.det(gradient)
+            return self.shear / 2 * (ufl.inner(gradient, gradient) * volume ** (-2 / 3) - 3)
+
+        def volume_energy(self, volume):
+            return self.bulk / 2 * (volume - 1) ** 2
+
+        def shape_stress_at(self, gradient):
+            left = gradient @ gradient.swapaxes(-1, -2)
+            ...
+
+        def volume_stress_at(self, volume):
+            return self.bulk * (volume - 1)
+
+        @property
+        def constants_at_rest(self):
+            return self.shear, self.bulk
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from signorini_fx.extensions import is_of_package
+from signorini_fx.mechanics.kinematics import KINDS
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.materials.protocol import Array, Material
+from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
+
+_ANOTHER_BODY = "two nonlinear bodies, or a nonlinear one and another, are not possible yet: give a foundation"
+_MOVED = "needs a tangent that is not symmetric as it moves with the body, which is not possible yet"
+_NOT_YET = "is not possible yet with a nonlinear material"
+
+
+class NonlinearMaterial(Material):
+    """An isotropic material whose stress is no linear function of the strain, see ``Material``."""
+
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "nonlinear material": {
+            "plane stress": "a nonlinear material in plane stress is not possible yet: take plane strain",
+            "axisymmetric, torsion": "a nonlinear material with torsion is not possible yet",
+            "mixed element": "a pressure as an unknown is not possible yet with a nonlinear material: take 'reduced' "
+            "or 'auto'",
+            "exact": "the exact algorithm is not possible yet with a nonlinear material: take 'alm'",
+            "nested iteration": "several meshes are not possible yet with a nonlinear material",
+            "requested accuracy": "a nonlinear body has no estimate of its error: compare solutions on two meshes",
+            "statement of uniqueness": "a nonlinear body may have several solutions: nothing proves that it has one",
+            "statement of an error bound": "a nonlinear body has no guaranteed bound",
+            "several bodies": _ANOTHER_BODY,
+            "contact of two bodies": _ANOTHER_BODY,
+            "driven foundation": "a foundation that forces move is not possible yet with a nonlinear material: give "
+            "its shift in the time t",
+            "friction in time": "friction that depends on the time is not possible yet with a nonlinear material",
+            "fluid": _MOVED,
+            "springs": _NOT_YET,
+            "preload": _NOT_YET,
+            "rotation": _MOVED,
+            "initial strain": _NOT_YET,
+        },
+        "finite strain": {
+            "pressure": f"{_MOVED}; give x and y for a load that keeps its direction",
+            "prescribed rotation": "is a small one, which a body at finite strains does not know: give x and y as "
+            "expressions",
+        },
+    }
+    linear: ClassVar[bool] = False
+    isotropic: ClassVar[bool] = True
+
+    @property
+    def constants_at_rest(self) -> tuple[float, float]:
+        """The shear modulus and the bulk modulus at small strains, stresses."""
+        raise NotImplementedError
+
+    @cached_property
+    def at_rest(self) -> LinearElastic:
+        """The linear material that it is at small strains, from which scales and quadratures follow."""
+        shear, bulk = self.constants_at_rest
+        shared = ("hypothesis", "density", "region")
+        return LinearElastic(
+            young=9 * bulk * shear / (3 * bulk + shear),
+            poisson=(3 * bulk - 2 * shear) / (2 * (3 * bulk + shear)),
+            **{key: getattr(self, key) for key in shared if key in self.model_fields_set},
+        )
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (("nonlinear material", ()),)
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        yield from super().contradictions(statement, number)
+        if self.grading is not None:
+            yield ("material", number, "grading"), f"{_NOT_YET}: give regions"
+        if any(not material.linear for material in statement.material[:number]):
+            return
+        if statement.kinematics not in KINDS:
+            yield ("material", number, "hypothesis"), f"that of another package {_NOT_YET}"
+        if not statement.contact:
+            yield ("material", number, "law"), "a nonlinear body without contact is not possible yet: leave law out"
+        for other, beside in enumerate(statement.material):
+            if beside.linear and (beside.varies or not beside.isotropic):
+                yield ("material", other), "is not possible yet beside a nonlinear one: give regions of isotropic ones"
+        for key, entries in statement.effects.items():
+            for row, effect in enumerate(entries):
+                foreign = not is_of_package(type(effect))
+                if foreign and (isinstance(effect, Resistance) or effect.interface):
+                    yield (key, row), _NOT_YET
+
+    # --- what linear materials say ---
+
+    def stress(self, strain: Any) -> Any:
+        """See ``Material``: at small strains."""
+        return self.at_rest.stress(strain)
+
+    def stress_at(self, strain: Array) -> Array:
+        """See ``Material``: at small strains."""
+        return self.at_rest.stress_at(strain)
+
+    @property
+    def moduli(self) -> tuple[float, float]:
+        """See ``Material``: at small strains."""
+        return self.at_rest.moduli
+
+    @property
+    def natural_modulus(self) -> float:
+        """See ``Material``: at small strains."""
+        return self.at_rest.natural_modulus
+
+    @property
+    def locks(self) -> bool:
+        """See ``Material``."""
+        return self.at_rest.locks
+
+
+class Hyperelastic(NonlinearMaterial):
+    """An elastic material at finite strains, by its energy.
+
+    Gradients F = I + grad u and stresses have the shape (3, 3), in the plane and in bodies of revolution with what is
+    across the mesh.
+    """
+
+    finite: ClassVar[bool] = True
+    # Whether it has an energy of the volume apart from that of the shape, which may be integrated with fewer points.
+    splits: ClassVar[bool] = True
+
+    def shape_energy(self, gradient: Any) -> Any:
+        """The stored energy without ``volume_energy``, per undeformed volume, UFL, a number."""
+        raise NotImplementedError
+
+    def volume_energy(self, volume: Any) -> Any:
+        """The energy of the volume J = det F, UFL, a number."""
+        return 0 * volume
+
+    def shape_stress_at(self, gradient: Array) -> Array:
+        """The second opinion: the first Piola-Kirchhoff stress P of ``shape_energy``, written without it, force per
+        undeformed area, shape (..., 3, 3).
+        """
+        raise NotImplementedError
+
+    def volume_stress_at(self, volume: Array) -> Array:
+        """The second opinion: the derivative of ``volume_energy``, written without it, a stress, shape (...)."""
+        return np.zeros_like(volume)
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (*super().features, ("finite strain", ()))
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        yield from super().contradictions(statement, number)
+        if statement.element.volumetric == "reduced" and not self.splits:
+            reason = f"'reduced' needs an energy of the volume alone, which {self.words} does not have"
+            yield ("element", "volumetric"), reason
+        for other, beside in enumerate(statement.material):
+            if not getattr(beside, "finite", False):
+                cure = "give law = 'saint-venant-kirchhoff', which has the constants of a linear one"
+                yield ("material", other), f"is one of small strains, beside one of finite strains: {cure}"
+
+
+class PathDependent(NonlinearMaterial):
+    """A material at small strains whose stress depends on the past, with a mean stress that follows the volume.
+
+    Its state is a row of numbers at each point, zeros to begin with.  Strains and stresses have the shape (n, 3, 3).
+    """
+
+    finite: ClassVar[bool] = False
+    # Numbers of the state at a point.
+    state_size: ClassVar[int] = 0
+
+    def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
+        """The deviatoric stress, its derivative by the strain, and the new state, from the state of the last load step.
+
+        Args:
+            strain: shape (n, 3, 3).
+            state: shape (n, ``state_size``).
+
+        Returns:
+            Shapes (n, 3, 3), (n, 6, 6) and (n, ``state_size``); rows and columns of the derivative are the components
+            ``protocol.PAIRS``, of strains twice epsilon_ij in shear.
+        """
+        raise NotImplementedError
+
+    def respond_at(self, strain: Array, state: Array) -> Array:
+        """The second opinion: the deviatoric stress by other means."""
+        raise NotImplementedError
+
+    def shown_state(self, state: Array) -> Array:
+        """The number of the state that pictures show, shape (n,)."""
+        raise NotImplementedError
+
+    @property
+    def shown_name(self) -> str:
+        """What ``shown_state`` is called."""
+        raise NotImplementedError
+
+
+def inverse_transposed(gradient: Array) -> Array:
+    """F^-T, shape (..., 3, 3)."""
+    return np.asarray(np.linalg.inv(gradient).swapaxes(-1, -2), dtype=np.float64)
+
+
+def deviator(tensor: Array) -> Array:
+    """The tensor without its mean, shape (..., 3, 3)."""
+    return np.asarray(tensor - np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3)

@@ -1,0 +1,136 @@
+"""Nonlinear materials at points: their two opinions of stress, and what is found of materials of a user's own."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from pydantic import TypeAdapter
+from support.nonlinear_scenes import LAWS, block, force, material
+
+from signorini_fx import Hyperelastic, PathDependent, SceneError, extensions, solve
+from signorini_fx.extensions import MATERIALS
+from signorini_fx.mechanics.materials.registry import OneMaterial
+from signorini_fx.mechanics.materials.trial import fault_of
+
+
+def named(name, **changes):
+    """One of the materials of the tests."""
+    return TypeAdapter(OneMaterial).validate_python(material(name, **changes))
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_both_opinions(name):
+    """The stress is the derivative of the energy, does not rotate with the body, and has the moduli at rest; that of
+    metal is the same by radial return and by bisection, with its derivative.
+    """
+    assert fault_of(named(name)) == ""
+    assert fault_of(named("j2", yield_stress=0.1, hardening=[[0.001, 0.3], [0.05, 0.5]])) == ""
+
+
+def test_ogden_has_no_seam():
+    """Where the series of nearly equal stretches ends, its energy and its stress go on."""
+    import ufl
+    from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+
+    ogden = named("ogden")
+
+    def energy(stretch):
+        gradient = ufl.as_matrix(np.diag([stretch, 1 / stretch, 1.0]).tolist())
+        return float(apply_algebra_lowering(ogden.shape_energy(gradient))(()))
+
+    along = np.linspace(1.004, 1.006, 41)  # the seam is at 1.005
+    values = np.array([energy(stretch) for stretch in along])
+    exact = [
+        sum(mu / alpha * (s**alpha + s**-alpha - 2) for mu, alpha in zip(ogden.mu, ogden.alpha, strict=True))
+        for s in along
+    ]
+    assert np.abs(values - exact).max() < 1e-12 * max(ogden.mu)
+
+
+class Soft(Hyperelastic):
+    """Hencky's material, whose energy is quadratic in the logarithms of the stretches of a body without shear."""
+
+    law: Literal["soft"] = "soft"
+    shear: float
+    bulk: float
+
+    @property
+    def constants_at_rest(self):
+        """Its constants."""
+        return self.shear, self.bulk
+
+    def shape_energy(self, gradient):
+        """Of the neo-Hookean one."""
+        import ufl
+
+        return self.shear / 2 * (ufl.inner(gradient, gradient) * ufl.det(gradient) ** (-2 / 3) - 3)
+
+    def volume_energy(self, volume):
+        """Logarithmic."""
+        import ufl
+
+        return self.bulk / 2 * ufl.ln(volume) ** 2
+
+    def shape_stress_at(self, gradient):
+        """By the left stretches."""
+        left = gradient @ gradient.swapaxes(-1, -2) * np.linalg.det(gradient)[..., None, None] ** (-2 / 3)
+        mean = np.trace(left, axis1=-2, axis2=-1)[..., None, None] / 3
+        return self.shear * (left - mean * np.eye(3)) @ np.linalg.inv(gradient).swapaxes(-1, -2)
+
+    def volume_stress_at(self, volume):
+        """Of the logarithm."""
+        return self.bulk * np.log(volume) / volume
+
+
+WRONG = {
+    "is not the derivative of its shape_energy": {
+        "shape_stress_at": lambda self, gradient: 1.01 * Soft.shape_stress_at(self, gradient)
+    },
+    "is not the derivative of its volume_energy": {"volume_stress_at": lambda self, volume: self.bulk * (volume - 1)},
+    "constants_at_rest of Wrong are not those of its energy": {
+        "constants_at_rest": property(lambda self: (self.shear, 1.1 * self.bulk))
+    },
+    "both must be positive": {"constants_at_rest": property(lambda self: (self.shear, -self.bulk))},
+    "does not say all": {"shape_energy": Hyperelastic.shape_energy},
+    "fails: ZeroDivisionError": {"volume_energy": lambda self, volume: 1 / 0},
+}
+
+
+def test_a_material_of_ones_own(monkeypatch):
+    """Of another package, by its name in a scene: a block of it has the force of a neo-Hookean one at first."""
+    monkeypatch.setattr(extensions, "_registered", {MATERIALS: {"soft": Soft}})
+    law = {"law": "soft", "shear": 3.0, "bulk": 10.0}
+    (step,) = solve(block(law, "1e-4*t"), MPI.COMM_SELF).steps
+    plane = 4 * 3.0 * (10.0 + 1.0) / (10.0 + 4.0)
+    assert force(step)[1] == pytest.approx(-plane * 1e-4, rel=1e-3)
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_what_is_found_of_it(message, monkeypatch):
+    """Before anything is solved."""
+    wrong = type("Wrong", (Soft,), WRONG[message])
+    monkeypatch.setattr(extensions, "_registered", {MATERIALS: {"soft": wrong}})
+    with pytest.raises(SceneError, match="material.*" + message):
+        solve(block({"law": "soft", "shear": 3.0, "bulk": 10.0}, "0.1*t"), MPI.COMM_SELF)
+
+
+def test_a_path_dependent_one_of_ones_own():
+    """A tangent that is not the derivative, and a stress that has a mean."""
+    metal = named("j2", yield_stress=0.5)
+
+    class Wrong(type(metal)):
+        fault: ClassVar[str] = ""
+
+        def respond(self, strain, state):
+            stress, tangent, after = super().respond(strain, state)
+            if self.fault == "mean":
+                stress = stress + 1e-3 * np.eye(3)
+            return stress, tangent * (1.1 if self.fault == "tangent" else 1.0), after
+
+    constants = metal.model_dump(exclude={"poisson_grading"}, exclude_unset=True)
+    assert issubclass(Wrong, PathDependent)
+    for fault, words in (("", ""), ("mean", "not deviatoric"), ("tangent", "is not that of its stress")):
+        Wrong.fault = fault
+        assert words in fault_of(Wrong(**constants))
+        assert bool(fault_of(Wrong(**constants))) == bool(fault)

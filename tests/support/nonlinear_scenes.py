@@ -1,0 +1,97 @@
+"""Scenes with nonlinear materials for the tests."""
+
+import basix.ufl
+import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx.forms.named_parts import tagged_mesh
+from signorini_fx.scenes.reading import parse_scene
+
+LAWS = {
+    "neo-hooke": {"young": 100.0, "poisson": 0.3},
+    "neo-hooke, isochoric": {"young": 100.0, "poisson": 0.3, "isochoric": True},
+    "saint-venant-kirchhoff": {"young": 100.0, "poisson": 0.3},
+    "mooney-rivlin": {"c10": 12.0, "c01": 7.0, "bulk": 80.0},
+    "ogden": {"mu": [40.0, 2.0, -5.0], "alpha": [1.3, 4.0, -2.0], "bulk": 90.0},
+    "j2": {"young": 100.0, "poisson": 0.3, "yield_stress": 1e3},
+}
+
+
+def material(name, **further):
+    """One of ``LAWS``, with other constants."""
+    return {"law": name.partition(",")[0], **LAWS[name], **further}
+
+
+def block(law, path, *, length=1.0, cells=(4, 4), unit=1.0, foundation=None, **further):
+    """A block on rollers under a plate, whose way down is an expression of the time, or under another foundation."""
+    plate = {"shape": "plane", "point": [0.0, unit], "normal": [0.0, -1.0], "shift": [0.0, f"-{unit} * ({path})"]}
+    size = {"length": length * unit, "height": unit, "nx": cells[0], "ny": cells[1]}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": size},
+        "material": law,
+        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+        "contact": {"boundary": "top", "foundation": foundation or plate},
+        "solver": {"algorithm": "alm"},  # so that closed forms hold without the penetration of a penalty
+    }
+    return parse_scene(scene | further)
+
+
+def indented(law, *, depth=0.2, cells=(10, 5), unit=1.0, **further):
+    """A clamped block, and a rough circle that is pressed into it up to time 1, and moved sideways up to time 2."""
+    circle = {"shape": "circle", "centre": [0.8 * unit, 1.5 * unit], "radius": 0.5 * unit}
+    circle["shift"] = [f"{unit} * max({depth / 2} * (t - 1), 0)", f"-{unit * depth} * min(t, 1)"]
+    size = {"length": 2.0 * unit, "height": unit, "nx": cells[0], "ny": cells[1]}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": size},
+        "material": law,
+        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+        "contact": {"boundary": "top", "foundation": circle, "friction": {"law": "coulomb", "coefficient": 0.3}},
+        "load_steps": {"times": [1.0, 2.0]},
+    }
+    return parse_scene(scene | further)
+
+
+def force(step):
+    """What contact exerts on the body in a load step, of all ranks."""
+    return np.sum(step.contact.forces, axis=0)
+
+
+def quarter_of_disk(cells, comm=MPI.COMM_SELF):
+    """A quarter of the unit disk in three blocks of quadrilaterals, with the boundaries left, bottom and arc."""
+    a, b = np.meshgrid(*[np.linspace(0.0, 1.0, cells + 1)] * 2)
+    corner = 0.5
+
+    def outer(along, out):
+        """From a side of the square to the arc."""
+        side, angle = np.array([corner + 0 * along, corner * along]), np.pi / 4 * along
+        return (1 - out) * side + out * np.array([np.cos(angle), np.sin(angle)])
+
+    points, corners = [], []
+    for patch in (corner * np.array([a, b]), outer(b, a), outer(a, b)[::-1]):
+        numbers = np.arange(a.size).reshape(a.shape) + len(points) * a.size
+        points.append(patch.reshape(2, -1).T)
+        corners.append(np.stack([numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, :-1], numbers[1:, 1:]], -1))
+    points, corners = np.concatenate(points), np.concatenate(corners).reshape(-1, 4)
+    _, first, places = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
+    element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
+    mesh = dmesh.create_mesh(comm, places.ravel()[corners].astype(np.int64), points[first], element)
+
+    def side(marker):
+        return dmesh.locate_entities_boundary(mesh, 1, marker)
+
+    names = {"left": side(lambda x: np.isclose(x[0], 0.0)), "bottom": side(lambda x: np.isclose(x[1], 0.0))}
+    return tagged_mesh(mesh, names | {"arc": side(lambda x: np.isclose(np.hypot(x[0], x[1]), 1.0))})
+
+
+def flattened_disk(law, cells, path, **load_steps):
+    """A disk between two plates, the upper right quarter."""
+    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "shift": [0.0, f"-({path})"]}
+    scene = {
+        "mesh": quarter_of_disk(cells),
+        "material": law,
+        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+        "contact": {"boundary": "arc", "foundation": plate},
+        "load_steps": load_steps,
+    }
+    return parse_scene(scene)
