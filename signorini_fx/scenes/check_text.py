@@ -14,7 +14,7 @@ from signorini_fx.solving.check.cost import Cost
 _MOST_LINES, _EFFECTS, _FINDING = 15, 5, 3
 _LABEL = 12
 # Effects that are not to be understood without what is said of them.
-_EXPLAINED = ("elasticity", "several materials", "contact", "friction", "load steps")
+_EXPLAINED = ("elasticity", "nonlinear body", "several materials", "contact", "friction", "load steps")
 
 
 def short_text(check: Check) -> str:

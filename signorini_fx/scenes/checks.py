@@ -8,7 +8,7 @@ assembled as the solver does, so that every error that the solver would find in 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -107,6 +107,8 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
         OptionsError: PETSc does not accept an option that the user has set.
     """
     refuse_mistyped(comm)
+    if scene.statement.nonlinear:
+        return _nonlinear(scene, comm)
     coarser = coarser_scenes(scene, scene.solver.levels)
     for coarse in coarser:
         _validated(coarse, comm)
@@ -123,6 +125,20 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
         tuple(findings),
         attempts_for(scene.statement),
     )
+
+
+def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
+    """See ``check_scene``: of a scene with nonlinear materials, whose modules are imported for it alone."""
+    from signorini_fx.scenes.nonlinear import linear_body
+    from signorini_fx.scenes.nonlinear_check import newton_cost, newton_effects, newton_findings, newton_plan
+
+    timings = Timings()
+    d = linear_body(scene, comm, timings)
+    cost, statement = newton_cost(estimated_cost(d), scene.statement.expected_steps), scene.statement
+    listed = _effects(replace(d, statement=statement), compared=False)
+    effects, forms = newton_effects(statement, d, listed)
+    findings = (*memory_finding(cost, comm), *newton_findings(statement, d))
+    return Check(scene.title, effects, forms, cost, findings, newton_plan())
 
 
 def _uniqueness(d: Model) -> list[Finding]:

@@ -97,6 +97,8 @@ def _solved(
     restart: bool,
 ) -> Solution:
     """The solution, or the last iterate; arguments as for ``solve``."""
+    if scene.statement.nonlinear:
+        return _solved_by_newton(scene, comm, history, restart=restart)
     coarse = coarser_scenes(scene, scene.solver.levels)
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if (goal := scene.accuracy) is not None:
@@ -105,6 +107,15 @@ def _solved(
     if not coarse:
         return _solve_alone(scene, comm, history, None if stored is None else MeshCheckpoint(stored, 0))
     return _solve_nested([*coarse, scene], comm, history, on_level, stored)
+
+
+def _solved_by_newton(scene: Scene, comm: MPI.Comm, history: History, *, restart: bool) -> Solution:
+    """That of a scene with nonlinear materials, whose forms are imported for it alone."""
+    if restart:
+        raise SceneError([("restart", "is not possible yet with a nonlinear material: solve it without restart")])
+    from signorini_fx.scenes.nonlinear import solve_nonlinear
+
+    return solve_nonlinear(scene, comm, history)
 
 
 def _checkpoint(

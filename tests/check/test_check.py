@@ -875,7 +875,9 @@ def test_the_schema_knows_the_generators():
 def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
     laws = (import_module(f"signorini_fx.mechanics.laws.{name}") for name in ("none", "tresca", "coulomb"))
-    materials = (import_module(f"signorini_fx.mechanics.materials.{name}") for name in ("isotropic", "orthotropic"))
+    nonlinear = ("neo_hooke", "saint_venant_kirchhoff", "mooney_rivlin", "ogden", "j2")
+    files = ("isotropic", "orthotropic", *nonlinear)
+    materials = (import_module(f"signorini_fx.mechanics.materials.{name}") for name in files)
     files = [
         scene,
         settings,
@@ -901,6 +903,8 @@ def test_the_schema_knows_every_class():
         "FrictionLaw",
         "DirectedLaw",
         "Material",
+        "Hyperelastic",
+        "PathDependent",
         "Axes",
         "RigidMotion",
     }

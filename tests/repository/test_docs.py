@@ -45,7 +45,12 @@ from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.materials.j2 import J2
+from signorini_fx.mechanics.materials.mooney_rivlin import MooneyRivlin
+from signorini_fx.mechanics.materials.neo_hooke import NeoHooke
+from signorini_fx.mechanics.materials.ogden import Ogden
 from signorini_fx.mechanics.materials.orthotropic import Orthotropic, OrthotropicElastic
+from signorini_fx.mechanics.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_steps import LoadSteps
@@ -197,14 +202,14 @@ def test_length_of_the_examples():
     """Each has ten lines or fewer beside its name and imports, a command or a program, and a picture of its own."""
     text = EXAMPLES.read_text(encoding="utf-8")
     asked = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
-    assert len(asked) == 14
+    assert len(asked) == 15
     for block in blocks_of(EXAMPLES):
         lines = [line for line in block.text.splitlines() if line and not re.match("#|import |from ", line)]
         assert 0 < len(lines) <= 10, block
         assert all(len(line) <= 120 for line in lines), block
     pictures = [re.findall(r"!\[.+\]\((images/[\w/-]+\.png)\)", one) for one in asked]
     assert all(len(one) == 1 for one in pictures)
-    assert len({one for (one,) in pictures}) == 14
+    assert len({one for (one,) in pictures}) == 15
     assert all(re.search("^```(sh|python)$", one, re.MULTILINE) for one in asked)
 
 
@@ -498,6 +503,13 @@ MODELS = {
     ("`[element]`", "key"): [scene.Discretised],
     ("`[[material]]`", "key"): [LinearElastic, OrthotropicElastic],
     ("`[[material]]`", "key of `orthotropic`"): [Orthotropic],
+    ("Nonlinear materials", "key of a nonlinear `law`"): [
+        NeoHooke,
+        SaintVenantKirchhoff,
+        MooneyRivlin,
+        Ogden,
+        J2,
+    ],
     ("`[[displacement]]`", "key"): [displacement.PrescribedDisplacement],
     ("Loads", "key"): [
         traction.SurfaceTraction,

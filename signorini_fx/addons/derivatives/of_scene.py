@@ -51,6 +51,7 @@ from signorini_fx.solving.stepped_problem import LoadStep
 Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.
 REFUSES = {
+    "nonlinear material": "derivatives are not possible yet with a nonlinear material",
     "mixed element": "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
     "entering load": "derivatives are not possible yet where it enters contact",
     "shortening by force": "derivatives are not possible yet where a force shortens a section",

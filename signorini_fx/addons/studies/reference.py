@@ -43,6 +43,7 @@ _EXPECTED = {"energy": 1.0, **EXPECTED_RATES}
 
 # Features of a scene that a study does not know.
 REFUSES = {
+    "nonlinear material": "a study is not possible yet with a nonlinear material",
     "mixed element": "a study compares elements without a pressure: leave 'mixed' out",
     "anisotropic material": "a study is not possible yet with an anisotropic material",
     "mesh that no generator makes": "a study needs a mesh from a generator, which can make coarser and finer ones",

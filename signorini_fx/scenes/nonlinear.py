@@ -1,0 +1,249 @@
+"""A scene with nonlinear materials: its residual, its load steps and its solution.
+
+Whether a scene is one is decided by ``Statement.nonlinear``, once in ``solver`` and once in ``checks``.  What it shares
+with linear ones, supports, loads, contact, their checks and their load factors, is assembled as for the linear body
+that it is at small strains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import mpi4py.MPI
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.moving_shapes import fitting
+from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.discretisation import boundary_facets, prepare
+from signorini_fx.mechanics.body.foundation import Foundation
+from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
+from signorini_fx.mechanics.body.scene_contact import foundations_of
+from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.materials.trial import check_materials
+from signorini_fx.mechanics.mesh.tagged import check_fits
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Finding, History, Inventory, StepRecord, Timings
+from signorini_fx.results.nonlinear_forces import NonlinearForces
+from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.solving.check.refusals import refuse_beforehand
+
+Array = npt.NDArray[np.float64]
+
+# What is compiled of the body.
+RESIDUAL_FORMS = ("residual", "tangent")
+# Settings that a nonlinear problem has not, with the values that change nothing.
+_LEFT_OUT = {"levels": 1, "initial_contact": "auto", "uniqueness": False, "error_bound": False}
+
+
+def solve_nonlinear(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> Solution:
+    """The solution, or the load steps up to one that has none; collective.
+
+    Raises:
+        SceneError: the scene is wrong, or does not fit its mesh.
+        MeshError: the mesh cannot be read or generated.
+        ConvergenceError: the first load step has no solution.
+    """
+    timings = Timings()
+    model = linear_body(scene, comm, timings)
+    with timings.phase("compile"):
+        problem = ProblemOfScene.of(scene.statement, model, history)
+    history.move(dofs=model.dofs)
+    return problem.solved(timings)
+
+
+def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
+    """The body that a scene is at small strains, on its mesh, after all checks; collective.
+
+    Raises:
+        SceneError: see ``solve_nonlinear``.
+        MeshError: see ``solve_nonlinear``.
+    """
+    with timings.phase("mesh"):
+        tagged = load_mesh(scene, comm)
+    check_materials(scene.statement.material)
+    check_fits(scene.statement, tagged)
+    model = prepare(at_rest(scene.statement), tagged, timings, path_step=-1)
+    refuse_beforehand(model)
+    if model.turned is not None:
+        number = next(k for k, support in enumerate(scene.statement.displacement) if support.normal is not None)
+        reason = "along no axis is not possible yet with a nonlinear material: turn the mesh, or take bilateral contact"
+        raise SceneError([(f"displacement[{number}].normal", reason)])
+    return model
+
+
+def compiled_forms(body: Model) -> tuple[str, ...]:
+    """The names of the forms of a nonlinear body, from the linear one that it is at small strains."""
+    return (*RESIDUAL_FORMS, *(name for name in body.inventory.forms if name not in body.elastic.names))
+
+
+class ProblemOfScene(NonlinearContactProblem):
+    """The nonlinear problem of a scene on its mesh.  Its certificate evaluates the stress by NumPy.
+
+    Attributes:
+        statement: the scene.
+        model: the linear body that it is at small strains, with its loads and supports.
+    """
+
+    statement: Statement
+    model: Model
+    _body: BodyResidual
+    _held: list[tuple[fem.Function, npt.NDArray[np.int32]]]
+    _anew: NonlinearForces
+    _path_step: float
+
+    @classmethod
+    def of(cls, statement: Statement, model: Model, history: History) -> ProblemOfScene:
+        """That of a statement; collective.
+
+        Raises:
+            SceneError: a setting or a shape does not fit.
+        """
+        space, tagged = model.space, model.tagged
+        facets = boundary_facets(statement, tagged)
+        on = [facets[entry.boundary] for entry in statement.contact]
+        contact = [entry for entry in foundations_of(statement.placed(0), on, {}) if isinstance(entry, Foundation)]
+        u = fem.Function(space, name="displacement")
+        body = body_residual(statement, tagged, u)
+        held, bcs = _conditions(model)
+        settings = {key: value for key, value in statement.solver if _LEFT_OUT.get(key) != value}
+        try:
+            problem = cls(
+                body.form,
+                u,
+                bcs=bcs,
+                contact=contact,
+                J=body.tangent,
+                update=body.update if body.points else None,
+                commit=body.commit if body.points else None,
+                boundaries=facets,
+                **settings,
+            )
+        except FormError as error:
+            raise _of_scene(error, statement) from None
+        problem.statement, problem.model, problem._body = statement, model, body
+        problem._held, problem._path_step, problem._tangents.trusted = held, -1.0, body.tangent is not None
+        problem._anew = NonlinearForces(statement, tagged, space)
+        problem.linear.history = history
+        problem._begins_at(statement.placed(-1))
+        return problem
+
+    def solved(self, timings: Timings) -> Solution:
+        """The solution of all load steps, or of those before one that has none; collective.
+
+        Args:
+            timings: of what was done so far.
+
+        Raises:
+            ConvergenceError: the first one has none.
+            SceneError: a value cannot be evaluated.
+        """
+        path, steps, failures = self.statement.path, list[StepResult](), list[Finding]()
+        several = self.statement.several_steps
+
+        def begins(end: float) -> None:
+            if several and end > self._path_step:
+                record = StepRecord(len(steps) + 1, path.name_at(end), path.time_at(end))
+                self.history.add(record)
+            self.go_to(end)
+
+        try:
+            self._run(path, begins, steps.append)
+        except ConvergenceError as error:
+            if not steps:
+                raise
+            failures.append(Finding("warning", "load_steps", str(error)))
+        except FormError as error:
+            raise _of_scene(error, self.statement) from None
+        timings.seconds.update(self._timings.seconds)
+        solution = self.titled(self.statement.title)
+        forms = Inventory([*compiled_forms(self.model)])
+        model = replace(solution.model, statement=self.statement, tagged=self.model.tagged, inventory=forms)
+        findings = (*failures, *self.findings)
+        return replace(solution, model=model, timings=timings, found=lambda: findings)
+
+    def go_to(self, path_step: float) -> None:
+        """Loads, supports and foundations of a place in the lists of factors; collective."""
+        self._path_step = path_step
+        forces, values = np.zeros(self.model.fixed.size), np.zeros_like(self.u.x.array)
+        for factor, load in self.model.applied_at(path_step):
+            forces += factor * load.forces
+            values += factor * load.prescribed.x.array
+        self._residual.loads = forces
+        for function, dofs in self._held:
+            function.x.array[:] = values[dofs]
+        self._move(self.statement.placed(path_step))
+
+    def _begins_at(self, statement: Statement) -> None:
+        """Slip counts from where foundations are at time 0."""
+        self._move(statement)
+        for moving in self.shapes.values():
+            moving.settled = moving.shape
+
+    def _move(self, statement: Statement) -> None:
+        """Put the foundations where they are in a statement."""
+        dimension = self.model.tagged.dimension
+        for number, moving in self.shapes.items():
+            if (entry := statement.contact[number]) is not self.statement.contact[number]:
+                moving.put(fitting(number, entry.foundation, dimension))
+
+    def _seen_anew(self, residual: Array) -> Array:
+        """See ``NonlinearContactProblem``: by the second opinion of materials and loads; collective."""
+        states = {
+            number: points.begun
+            for number, material in enumerate(self.statement.material)
+            for points in self._body.points
+            if points.material is material
+        }
+        internal = self._anew.of_body(self.u, states)
+        return np.asarray(internal - self._anew.external(self._path_step)).ravel()
+
+    def _loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
+        """See ``NonlinearContactProblem``: those of the scene."""
+        anew = self._anew
+
+        def loads(path_step: float) -> list[tuple[str | None, str, Array]]:
+            acting = [load for load in anew.statement.of(Force) if load.acts]
+            return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting]
+
+        return replace(mechanics, loads=loads)
+
+
+def _conditions(model: Model) -> tuple[list[Any], list[fem.DirichletBC]]:
+    """The supports of a body as conditions whose values change: the Functions of the values with the unknowns of the
+    body that they are of, and the conditions; collective.
+    """
+    space, dim = model.space, model.space.mesh.geometry.dim
+    fixed, _ = prescribed(space, model.bcs)
+    held, conditions = list[Any](), list[fem.DirichletBC]()
+    for component in range(dim):
+        collapsed, numbers = space.sub(component).collapse()
+        dofs = np.asarray(numbers, dtype=np.int32)
+        at = np.flatnonzero(fixed[dofs]).astype(np.int32)
+        if not parallel.any_rank(space.mesh.comm, at.size > 0):
+            continue
+        values = fem.Function(collapsed)
+        held.append((values, dofs))
+        pair: Any = [dofs[at], at]  # of the space and of the collapsed one
+        conditions.append(fem.dirichletbc(values, pair, space.sub(component)))
+    return held, conditions
+
+
+def _of_scene(error: FormError, statement: Statement) -> SceneError:
+    """An error of a form with the keys of a scene."""
+    settings = type(statement.solver).model_fields
+    return SceneError(
+        [
+            (f"solver.{key}" if key in settings else key.replace("].shape", "].foundation"), reason)
+            for key, reason in error.problems
+        ]
+    )

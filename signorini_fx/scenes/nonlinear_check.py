@@ -1,0 +1,79 @@
+"""What ``check`` says of a scene with nonlinear materials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from signorini_fx.forms.nonlinear.problem import MOST_ITERATIONS
+from signorini_fx.mechanics.body.nonlinear_law import volume_degree
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Finding, History
+from signorini_fx.scenes.nonlinear import RESIDUAL_FORMS, ProblemOfScene, compiled_forms
+from signorini_fx.solving.check.cost import Cost
+from signorini_fx.tuned import NEWTON_SOLVES
+
+# A ``checks.ListedEffect``, which is not imported: ``checks`` asks this module.
+Effect = TypeVar("Effect", bound=Any)
+
+
+def newton_effects(
+    statement: Statement, body: Model, listed: Sequence[Effect]
+) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
+    """The effects of a scene with its body as it is solved, and the forms that are compiled, after all its checks;
+    collective.
+
+    Args:
+        statement: of the scene.
+        body: the linear one that it is at small strains.
+        listed: the effects, as of that body.
+
+    Raises:
+        SceneError: a setting or a shape does not fit.
+    """
+    ProblemOfScene.of(statement, body, History())
+    large = any(getattr(material, "finite", False) for material in statement.material)
+    kind = f"{statement.kinematics_in(body.tagged.dimension).words}, {'finite' if large else 'small'} strains"
+    why = f"always; {kind}, Newton's method with the contact problem of its tangent in each iteration"
+    later_steps = statement.expected_steps - 1
+    changed: dict[str, dict[str, Any]] = {
+        "elasticity": {"name": "nonlinear body", "why": why, "forms": RESIDUAL_FORMS, "solves": NEWTON_SOLVES},
+        "reduced integration": {"on": volume_degree(statement, body.tagged) is not None, "forms": ()},
+        "load steps": {"solves": (NEWTON_SOLVES[0] * later_steps, NEWTON_SOLVES[1] * later_steps)},
+    }
+    effects = (replace(effect, **{"solves": (0, 0)} | changed.get(effect.name, {})) for effect in listed)
+    return tuple(effects), compiled_forms(body)
+
+
+def newton_cost(linear: Cost, steps: int) -> Cost:
+    """The cost from that of the linear body: each linear solve has a factorisation."""
+    solves = NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
+    seconds = solves[0] * linear.factorisation_seconds, solves[1] * linear.factorisation_seconds
+    low, high = (new / old if old > 0 else 1.0 for new, old in zip(seconds, linear.seconds, strict=True))
+    finer = linear.next_seconds[0] * low, linear.next_seconds[1] * high
+    return replace(linear, linear_solves=solves, seconds=seconds, next_seconds=finer)
+
+
+def newton_findings(statement: Statement, body: Model) -> Iterator[Finding]:
+    """What is to be known before a nonlinear scene is solved."""
+    yield from (Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete)
+    if body.tagged.note:
+        yield Finding("note", "mesh", body.tagged.note)
+    large = any(getattr(material, "finite", False) for material in statement.material)
+    for number, contact in enumerate(statement.contact):
+        if large and contact.foundation is None:
+            text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"
+            yield Finding("note", f"contact[{number}]", text)
+    nearly = [number for number, material in enumerate(statement.material) if material.locks]
+    if nearly and volume_degree(statement, body.tagged) is None:
+        simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
+        cells = "quadrilaterals or hexahedra, or degree 2, with " if simplices and statement.element.degree == 1 else ""
+        text = f"is nearly incompressible, and its cells lock: take {cells}element.volumetric = 'auto'"
+        yield Finding("warning", f"material[{nearly[0]}]", text)
+
+
+def newton_plan() -> tuple[tuple[str, tuple[str, ...], str], ...]:
+    """See ``attempts_for``."""
+    return (("a load step", ("Newton's method", "half the step"), f"at most {MOST_ITERATIONS} iterations each"),)

@@ -1,0 +1,335 @@
+"""Scenes with nonlinear materials: closed forms, others' figures, and the same problem as a residual in Python."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scipy.optimize import brentq
+from support.nonlinear_bodies import held, rectangle
+from support.nonlinear_scenes import LAWS, block, flattened_disk, force, indented, material
+
+from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, SceneError, Status, solve
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.scenes.reading import parse_scene
+
+HYPERELASTIC = [name for name in LAWS if name != "j2"]
+
+
+def but_slow(names, *quick):
+    """All names, of which a few are tried by `make test`."""
+    return [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
+def energy_of_stretches(name):
+    """The stored energy of a law as a function of three principal stretches, written from the literature."""
+    constants = LAWS[name]
+    if "young" in constants:
+        mu = constants["young"] / 2 / (1 + constants["poisson"])
+        lame = 2 * mu * constants["poisson"] / (1 - 2 * constants["poisson"])
+
+    def energy(*stretches):
+        along, volume = np.array(stretches), np.prod(stretches)
+        same = along * volume ** (-1 / 3)
+        if name == "neo-hooke":
+            return mu / 2 * np.sum(along**2 - 1) - mu * np.log(volume) + lame / 2 * np.log(volume) ** 2
+        if name == "neo-hooke, isochoric":
+            return mu / 2 * np.sum(same**2 - 1) + (lame + 2 * mu / 3) / 2 * (volume - 1) ** 2
+        if name == "saint-venant-kirchhoff":
+            green = (along**2 - 1) / 2
+            return mu * np.sum(green**2) + lame / 2 * np.sum(green) ** 2
+        bulk = constants["bulk"] / 2 * (volume - 1) ** 2
+        if name == "mooney-rivlin":
+            return constants["c10"] * (np.sum(same**2) - 3) + constants["c01"] * (np.sum(same**-2) - 3) + bulk
+        terms = zip(constants["mu"], constants["alpha"], strict=True)
+        return sum(mu_p / alpha * (np.sum(same**alpha) - 3) for mu_p, alpha in terms) + bulk
+
+    return energy
+
+
+def pressed_block(energy, height, free):
+    """The nominal stress along axis 1 of a block whose stretch along the axes ``free`` adjusts itself."""
+
+    def stretches(wide, high):
+        return [high if axis == 1 else wide if axis in free else 1.0 for axis in range(3)]
+
+    def slope(of, at, step=1e-5):
+        return (of(at + step) - of(at - step)) / (2 * step)
+
+    wide = brentq(lambda wide: slope(lambda x: energy(*stretches(x, height)), wide), 0.7, 2.0, xtol=1e-14)
+    return slope(lambda high: energy(*stretches(wide, high)), height)
+
+
+@pytest.mark.parametrize("name", but_slow(HYPERELASTIC, "neo-hooke"))
+def test_a_block_between_plates(name):
+    """Nominal stress of plane strain from the stretches alone, loaded and unloaded."""
+    path = "0.1*t if t <= 1 else (0.2*t - 0.1 if t <= 2 else 0.6 - 0.15*t)"
+    solution = solve(block(material(name), path, load_steps={"times": [1.0, 2.0, 3.0]}), MPI.COMM_SELF)
+    expected = [pressed_block(energy_of_stretches(name), height, (0,)) for height in (0.9, 0.7, 0.85)]
+    assert [force(step)[1] for step in solution.steps] == pytest.approx(expected, rel=1e-7)
+    assert solution.certificate.holds
+
+
+@pytest.mark.parametrize("name", but_slow(["neo-hooke", "mooney-rivlin", "ogden"], "ogden"))
+@pytest.mark.parametrize("degree", but_slow([1, 2], 2))
+def test_a_cylinder_between_plates(name, degree):
+    """A body of revolution, whose stretches across are both free, and whose force is that of a revolution."""
+    law = material(name, hypothesis="axisymmetric")
+    scene = block(law, "0.15*t", cells=(3, 3), element={"degree": degree}, load_steps={"times": [1.0, 2.0]})
+    expected = [np.pi * pressed_block(energy_of_stretches(name), height, (0, 2)) for height in (0.85, 0.7)]
+    assert [force(step)[1] for step in solve(scene, MPI.COMM_SELF).steps] == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    "name", but_slow(["neo-hooke, isochoric", "saint-venant-kirchhoff", "mooney-rivlin"], "mooney-rivlin")
+)
+def test_a_cube_between_plates(name):
+    """In space."""
+    plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0], "shift": [0.0, 0.0, "-0.15*t"]}
+    cube = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 2, "ny": 2, "nz": 2}
+    scene = {
+        "mesh": {"generator": "box", "parameters": cube},
+        "material": material(name),
+        "displacement": [
+            {"boundary": side, key: 0.0} for side, key in (("left", "x"), ("front", "y"), ("bottom", "z"))
+        ],
+        "contact": {"boundary": "top", "foundation": plate},
+        "load_steps": {"times": [1.0, 2.0]},
+        "solver": {"algorithm": "alm"},
+    }
+    expected = [pressed_block(energy_of_stretches(name), height, (0, 2)) for height in (0.85, 0.7)]
+    steps = solve(parse_scene(scene), MPI.COMM_SELF).steps
+    assert [force(step)[2] for step in steps] == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.slow
+def test_a_disk_of_rubber():
+    """Forces of felupe and of a Newton method with the exact law, on the same kind of mesh (16 cells per side), and the
+    bulge at the last one.  Ogden's material with one exponent 2 is this one.
+    """
+    constants = {"mooney-rivlin": {"c10": 0.5, "bulk": 10.0}, "ogden": {"mu": [1.0], "alpha": [2.0], "bulk": 10.0}}
+    for law, numbers in constants.items():
+        solution = solve(flattened_disk({"law": law, **numbers}, 16, "0.1*t", times=[1, 2, 3, 4]), MPI.COMM_SELF)
+        expected = [0.144644, 0.403534, 0.832366, 1.566154]
+        assert [-force(step)[1] for step in solution.steps] == pytest.approx(expected, rel=3e-4)
+        assert solution.displacement.x.array.max() == pytest.approx(0.3205, abs=1e-4)
+
+
+@pytest.mark.long
+def test_a_disk_that_yields():
+    """Forces of another return mapping and of CalculiX, with steps of 0.005 and of 0.0025, and of its unloading."""
+    law = {"law": "j2", "young": 1000.0, "poisson": 0.3, "yield_stress": 5.0, "hardening": 10.0}
+    path = "0.01*t - 0.014*max(t - 4, 0)"
+    solution = solve(flattened_disk(law, 32, path, times=[1, 2, 3, 4, 5], steps=2), MPI.COMM_SELF)
+    forces = [-force(step)[1] for step in solution.steps if step.time == round(step.time)]
+    assert forces == pytest.approx([1.29487, 2.06439, 2.40637, 2.59112, 0.83804], rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_circle_ploughs():
+    """A circle pressed into a block and moved a tenth of the length of a step of the mesh at a time."""
+    circle = {"shape": "circle", "centre": [1.5, 1.5], "radius": 0.5}
+    circle["shift"] = ["0.1*max(t - 5, 0)", "-0.06*min(t, 5)"]
+    scene = indented(
+        {"law": "neo-hooke", "young": 100.0, "poisson": 0.4},
+        mesh={"generator": "rectangle", "parameters": {"length": 4.0, "height": 1.0, "nx": 64, "ny": 16}},
+        contact={"boundary": "top", "foundation": circle, "friction": {"law": "coulomb", "coefficient": 0.3}},
+        load_steps={"times": list(range(1, 16))},
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    at = {step.time: force(step) for step in solution.steps}
+    assert np.array([at[10], at[15]]) == pytest.approx(np.array([[17.180, -44.423], [16.910, -43.733]]), rel=3e-4)
+    assert solution.history.linear_solves <= 160
+
+
+@pytest.mark.mpi
+def test_a_scene_is_a_residual():
+    """The same problem in UFL has the same forces, load steps and linear solves: with friction, a dead load that grows
+    with the path, a prescribed displacement, and a step that has to be halved.
+    """
+    comm, young, poisson = MPI.COMM_WORLD, 100.0, 0.3
+    scene = indented(
+        {"law": "neo-hooke", "young": young, "poisson": poisson},
+        depth=0.5,
+        cells=(8, 4),
+        traction={"boundary": "right", "x": 2.0, "y": -1.0, "factors": [0.5, 1.0]},
+        displacement=[
+            {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "left", "x": 0.02, "factors": [0.0, 1.0]},
+        ],
+    )
+    solution = solve(scene, comm)
+
+    space, side = rectangle([2.0, 1.0], [8, 4], comm)
+    u, v = fem.Function(space), ufl.TestFunction(space)
+    mu, lame = young / 2 / (1 + poisson), young * poisson / (1 + poisson) / (1 - 2 * poisson)
+    gradient = ufl.Identity(2) + ufl.grad(u)
+    volume = ufl.det(gradient)
+    energy = mu / 2 * (ufl.inner(gradient, gradient) - 2) - mu * ufl.ln(volume) + lame / 2 * ufl.ln(volume) ** 2
+    factor, push = fem.Constant(space.mesh, 0.0), fem.Constant(space.mesh, 0.0)
+    tags = dmesh.meshtags(space.mesh, 1, np.sort(side(0, 2.0)), np.ones(side(0, 2.0).size, dtype=np.int32))
+    ds = ufl.Measure("ds", domain=space.mesh, subdomain_data=tags)
+    load = factor * ufl.inner(ufl.as_vector((2.0, -1.0)), v) * ds(1)
+    form = ufl.derivative(energy * ufl.dx(metadata={"quadrature_degree": 2}), u, v) - load
+    pushed = fem.dirichletbc(push, fem.locate_dofs_topological(space.sub(0), 1, side(0, 0.0)), space.sub(0))
+    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+    problem = NonlinearContactProblem(
+        form,
+        u,
+        bcs=[held(space, side(1, 0.0)), pushed],
+        contact=Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3)),
+    )
+
+    def at(time):
+        factor.value = np.interp(time, [0.0, 1.0, 2.0], [0.0, 0.5, 1.0])
+        push.value = np.interp(time, [0.0, 1.0, 2.0], [0.0, 0.0, 0.02])
+        problem.place(0, shift=(max(0.25 * (time - 1), 0.0), -0.5 * min(time, 1.0)))
+
+    other = problem.run(LoadPath((1.0, 2.0)), at)
+    assert len(solution.steps) > 2
+    assert [step.time for step in solution.steps] == [step.time for step in other.steps]
+    assert [step.linear_solves for step in solution.steps] == [step.linear_solves for step in other.steps]
+    for mine, theirs in zip(solution.steps, other.steps, strict=True):
+        size = np.abs(force(theirs)).max()
+        assert np.abs(force(mine) - force(theirs)).max() <= 1e-10 * size
+
+
+@pytest.mark.parametrize("name", but_slow(LAWS, "j2"))
+def test_small_loads_are_those_of_the_linear_scene(name):
+    """To first order in the strain, and in what the normals of the circle turn by."""
+    depth = 1e-6
+    exact = {"solver": {"algorithm": "alm"}}
+    solution = solve(indented(material(name), depth=depth, **exact), MPI.COMM_SELF)
+    rest = solution.statement.material[0].at_rest
+    linear = solve(indented({"young": rest.young, "poisson": rest.poisson}, depth=depth, **exact), MPI.COMM_SELF)
+    for mine, theirs in zip(solution.steps, linear.steps, strict=True):
+        assert force(mine) == pytest.approx(force(theirs), rel=2e-5)
+    mine, theirs = solution.displacement.x.array, linear.displacement.x.array
+    assert np.abs(mine - theirs).max() < 1e-5 * np.abs(theirs).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HYPERELASTIC)
+def test_objectivity(name):
+    """A scene that is rotated as a whole has rotated forces."""
+    angle = 0.7
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    exact = {"solver": {"algorithm": "alm"}}  # the penalty follows entries of the matrix, which rotate
+    first = solve(indented(material(name), **exact), MPI.COMM_SELF)
+    tagged = first.model.tagged
+    tagged.mesh.geometry.x[:, :2] = tagged.mesh.geometry.x[:, :2] @ turn.T
+    ways = ["max(0.1*(t - 1), 0)", "-0.2*min(t, 1)"]
+    shift = [f"({row[0]:.17g}) * {ways[0]} + ({row[1]:.17g}) * ({ways[1]})" for row in turn]
+    circle = {"shape": "circle", "centre": list(turn @ (0.8, 1.5)), "radius": 0.5, "shift": shift}
+    contact = {"boundary": "top", "foundation": circle, "friction": {"law": "coulomb", "coefficient": 0.3}}
+    turned = solve(indented(material(name), mesh=tagged, contact=contact, **exact), MPI.COMM_SELF)
+    for mine, theirs in zip(turned.steps, first.steps, strict=True):
+        assert turn.T @ force(mine) == pytest.approx(force(theirs), rel=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ogden", "j2"])
+def test_units(name):
+    """Lengths in micrometres and stresses in other units: the same steps, and forces of the same digits."""
+    unit, stress = 1e-6, 1e3
+    keys = ("young", "mu", "bulk", "yield_stress")
+    law = material(name, **({"yield_stress": 5.0} if name == "j2" else {}))
+    scaled = {key: (np.multiply(value, stress).tolist() if key in keys else value) for key, value in law.items()}
+    first, second = (solve(scene, MPI.COMM_SELF) for scene in (indented(law), indented(scaled, unit=unit)))
+    for mine, theirs in zip(second.steps, first.steps, strict=True):
+        assert force(mine) / unit / stress == pytest.approx(force(theirs), rel=1e-7)
+        assert mine.linear_solves == theirs.linear_solves
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", but_slow(["ogden", "j2"], "j2"))
+def test_ranks(name):
+    """The forces are those of one rank."""
+    law = material(name, **({"yield_stress": 5.0, "hardening": [[0.01, 6.0], [0.1, 8.0]]} if name == "j2" else {}))
+    comm, scene = MPI.COMM_WORLD, indented(law, element={"volumetric": "reduced"})
+    several, alone = solve(scene, comm), solve(scene, MPI.COMM_SELF)
+    for mine, theirs in zip(several.steps, alone.steps, strict=True):
+        assert force(mine) == pytest.approx(force(theirs), rel=1e-7)
+
+
+@pytest.mark.slow
+def test_regions():
+    """A block of two halves between plates: each is pressed as it would be alone, elastic or yielding, and of two equal
+    materials it is a block of one.
+    """
+    tagged = generate_mesh("rectangle", {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}, MPI.COMM_SELF)
+    cells = np.arange(16, dtype=np.int32)
+    left = dmesh.compute_midpoints(tagged.mesh, 2, cells)[:, 0] < 0.5
+    tags = dmesh.meshtags(tagged.mesh, 2, cells, np.where(left, 1, 2).astype(np.int32))
+    tagged = replace(tagged, cell_tags=tags, regions={"left half": 1, "right half": 2})
+    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [{"boundary": "bottom", "y": 0.0}]
+
+    def pressed(*laws):
+        named = zip(laws, ("left half", "right half"), strict=False)
+        parts = [law | ({"region": region} if len(laws) > 1 else {}) for law, region in named]
+        mesh = {"mesh": tagged} if len(laws) > 1 else {}
+        scene = block(parts, "0.02*t", load_steps={"times": [1.0, 2.0]}, displacement=walls, **mesh)
+        return [force(step)[1] for step in solve(scene, MPI.COMM_SELF).steps]
+
+    metal, elastic = material("j2", yield_stress=0.5), {"young": 100.0, "poisson": 0.0}
+    smooth = metal | {"poisson": 0.0}
+    assert pressed(metal, metal) == pytest.approx(pressed(metal), rel=1e-9)
+    assert pressed(*[material("ogden")] * 2) == pytest.approx(pressed(material("ogden")), rel=1e-9)
+    both = np.array([pressed(smooth), pressed(smooth | {"yield_stress": 1e3})])
+    assert both[0, 1] > 1.02 * both[1, 1]
+    with pytest.raises(
+        SceneError, match=r"material\[1\]: is one of small strains, beside one of finite strains: give law"
+    ):
+        pressed(material("ogden"), elastic)
+    assert pressed(smooth | {"yield_stress": 1e3}, elastic) == pytest.approx(both[1], rel=1e-9)
+
+
+@pytest.mark.long
+def test_nearly_incompressible():
+    """Kappa is 1e4 mu: reduced integration agrees with elements of degree 2, and full integration locks."""
+    law = {"law": "mooney-rivlin", "c10": 0.4, "c01": 0.1, "bulk": 1e4}
+    forces = {}
+    for degree, volumetric, cells in ((1, "full", (20, 10)), (1, "auto", (20, 10)), (2, "auto", (10, 5))):
+        element = {"degree": degree, "volumetric": volumetric}
+        scene = indented(law, depth=0.1, cells=cells, element=element, load_steps={"times": [1.0]})
+        forces[degree, volumetric] = force(solve(scene, MPI.COMM_SELF).steps[-1])[1]
+    assert forces[1, "auto"] == pytest.approx(forces[2, "auto"], rel=0.02)
+    assert abs(forces[1, "full"]) > 5 * abs(forces[2, "auto"])
+
+
+def test_a_confined_block_yields_and_unloads():
+    """Radial return by hand, with a table: the deviator is 2/3 of the strain along one axis."""
+    young, poisson, table = 1000.0, 0.3, [[0.0, 5.0], [0.01, 7.0], [0.03, 8.0]]
+    depths = (0.002, 0.02, 0.04, 0.035)
+    law = {"law": "j2", "young": young, "poisson": poisson, "yield_stress": 5.0, "hardening": table[1:]}
+    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [{"boundary": "bottom", "y": 0.0}]
+    path = "0.002*t if t <= 1 else (0.018*t - 0.016 if t <= 2 else (0.02*t - 0.02 if t <= 3 else 0.055 - 0.005*t))"
+    solution = solve(block(law, path, displacement=walls, load_steps={"times": [1, 2, 3, 4]}), MPI.COMM_SELF)
+    bulk, shear = young / 3 / (1 - 2 * poisson), young / 2 / (1 + poisson)
+    plastic = grown = 0.0
+    for depth, step in zip(depths, solution.steps, strict=True):
+        mises = 2 * shear * (depth - 1.5 * plastic)
+        excess = lambda flow: abs(mises) - 3 * shear * flow - np.interp(grown + flow, *np.transpose(table))  # noqa: B023, E731
+        flow = brentq(excess, 0.0, 1.0, xtol=1e-15) if excess(0.0) > 0 else 0.0
+        plastic, grown = plastic + flow * np.sign(mises), grown + flow
+        expected = bulk * depth + 2 / 3 * (abs(mises) - 3 * shear * flow) * np.sign(mises)
+        assert -force(step)[1] == pytest.approx(expected, rel=1e-7)
+    assert grown > 0.02
+    assert force(solution.steps[3])[1] > force(solution.steps[2])[1]
+
+
+@pytest.mark.slow
+def test_a_path_that_ends():
+    """The load steps with a solution are there, with how the path ended; with none of them there is an error alone."""
+    scene = block(material("neo-hooke"), "0.4*t", load_steps={"times": [1.0, 2.0, 3.0]})
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    assert solution.status is not Status.CONVERGED
+    assert 1.0 < solution.steps[-1].time < 2.0
+    assert solution.certificate.holds
+    assert any(finding.path == "load_steps" for finding in solution.findings)
+    with pytest.raises(ConvergenceError, match="there is a solution at time"):
+        solve(scene, MPI.COMM_SELF)

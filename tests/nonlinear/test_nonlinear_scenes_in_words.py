@@ -1,0 +1,200 @@
+"""Scenes with nonlinear materials: what is refused, what ``check`` says, and the result folder."""
+
+import json
+from dataclasses import replace
+
+import jsonschema
+import numpy as np
+import pytest
+from mpi4py import MPI
+from support.nonlinear_scenes import LAWS, block, indented, material
+
+from signorini_fx import SceneError, extensions, read_results, sensitivity, solve, sweep, write_results
+from signorini_fx.extensions import KINEMATICS
+from signorini_fx.mechanics.kinematics import PLANE_STRAIN
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.template import summary_schema
+
+RUBBER = material("neo-hooke")
+CIRCLE = {"shape": "circle", "centre": [0.8, 1.5], "radius": 0.5, "shift": [0.0, "-0.2*t"]}
+
+
+def contact(**changes):
+    """The contact of ``indented`` with some of its keys changed."""
+    return {"boundary": "top", "foundation": CIRCLE} | changes
+
+
+REFUSED = {
+    "a nonlinear material in plane stress": {"material": RUBBER | {"hypothesis": "plane stress"}},
+    "torsion: a nonlinear material with torsion|a nonlinear material with torsion": {
+        "material": RUBBER | {"hypothesis": "axisymmetric", "torsion": True}
+    },
+    "element.volumetric: a pressure as an unknown": {"element": {"degree": 2, "volumetric": "mixed"}},
+    "element.volumetric: 'reduced' needs an energy of the volume": {
+        "material": material("saint-venant-kirchhoff"),
+        "element": {"volumetric": "reduced"},
+    },
+    "solver.algorithm: the exact algorithm is not possible yet": {"solver": {"algorithm": "exact"}},
+    "solver.levels: several meshes are not possible yet": {"solver": {"levels": 2}},
+    "solver.uniqueness: a nonlinear body may have several": {"solver": {"uniqueness": True}},
+    "solver.error_bound: a nonlinear body has no guaranteed bound": {"solver": {"error_bound": True}},
+    "solver.regularisation_error: must be a number": {"solver": {"algorithm": "path-following"}},
+    "accuracy: a nonlinear body has no estimate of its error": {"accuracy": {"target": 0.05}},
+    "material.grading: is not possible yet": {"material": RUBBER | {"grading": "1/(1+x[0])"}},
+    "contact.foundation: a foundation that forces move": {
+        "contact": contact(foundation=CIRCLE | {"shift": [0.0, 0.0], "force": [0.0, -1.0]}),
+        "load_steps": {},
+    },
+    "contact.friction: friction that depends on the time": {
+        "contact": contact(friction={"law": "coulomb", "coefficient": "0.1*t"})
+    },
+    "traction.pressure: needs a tangent that is not symmetric": {"traction": {"boundary": "left", "pressure": 1.0}},
+    "springs: is not possible yet": {"springs": {"boundary": "left", "normal": 1.0}},
+    "temperature: is not possible yet": {
+        "temperature": {"change": 1.0},
+        "material": RUBBER | {"expansion": 1e-5},
+    },
+    "displacement.rotation: is a small one": {
+        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "rotation": 0.1}
+    },
+    "there is no material 'neohooke': leave law out, or take another one: j2": {
+        "material": RUBBER | {"law": "neohooke"}
+    },
+    "material.poisson: must be less than 0.5": {"material": RUBBER | {"poisson": 0.5}},
+    "material.young: must be greater than 0": {"material": RUBBER | {"young": -1.0}},
+    "material.mu[1]: must have the sign of its exponent": {"material": material("ogden", mu=[40.0, -2.0, -5.0])},
+    "material.alpha: has 1 exponents, one for each of 3": {"material": material("ogden", alpha=[2.0])},
+    "material.hardening[1]: plastic strains must increase": {
+        "material": material("j2", hardening=[[0.1, 2e3], [0.2, 1.5e3]])
+    },
+    "material.c10: must be above 0, or c01": {"material": material("mooney-rivlin", c10=0.0, c01=0.0)},
+    "a nonlinear body without contact is not possible yet": {"contact": [], "load_steps": {}},
+}
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_is_refused(message):
+    """By one error that names the place and the way out, before anything is solved, by ``check`` too."""
+    begins = message.split("|")[-1]
+    for use in (solve, check_scene):
+        with pytest.raises(SceneError) as refused:
+            use(indented(RUBBER, **REFUSED[message]), MPI.COMM_SELF)
+        assert begins in str(refused.value)
+        assert len(str(refused.value).splitlines()) == 1
+
+
+def test_two_bodies_are_refused():
+    """Contact against another boundary, and bodies with meshes of their own."""
+    with pytest.raises(SceneError, match=r"contact.against: two nonlinear bodies"):
+        indented(RUBBER, contact={"boundary": "top", "against": "bottom"}, load_steps={})
+
+
+def test_kinematics_of_another_package_are_refused(monkeypatch):
+    """They do not say what finite strains are."""
+    odd = replace(PLANE_STRAIN, words="odd")
+    monkeypatch.setattr(extensions, "_registered", {KINEMATICS: {"odd": odd}})
+    with pytest.raises(SceneError, match="hypothesis: that of another package is not possible yet"):
+        indented(RUBBER | {"hypothesis": "odd"})
+
+
+def test_ogden_in_space_is_refused():
+    """Three stretches at once are not derived."""
+    cube = {"generator": "box", "parameters": {"nx": 1, "ny": 1, "nz": 1}}
+    plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0]}
+    scene = indented(material("ogden"), mesh=cube, contact={"boundary": "top", "foundation": plate}, load_steps={})
+    with pytest.raises(SceneError, match=r"material\[0\].law: 'ogden' is not possible in space yet"):
+        solve(scene, MPI.COMM_SELF)
+
+
+def test_what_else_scenes_are_used_for():
+    """A sweep, derivatives and a study say that they do not know the material; none takes it for a linear one."""
+    rough = {"friction": {"law": "coulomb", "coefficient": 0.3}, "foundation": CIRCLE | {"shift": [0.0, -0.1]}}
+    scene = indented(RUBBER, contact=contact(**rough), load_steps={})
+    with pytest.raises(SceneError, match="is not possible here yet"):
+        sweep(scene, MPI.COMM_SELF, coefficients=[0.1, 0.2])
+    with pytest.raises(SceneError, match="derivatives are not possible yet with a nonlinear material"):
+        sensitivity(scene, "force(top, y)", comm=MPI.COMM_SELF)
+
+
+def test_restart_is_refused():
+    """There is no checkpoint of it."""
+    with pytest.raises(SceneError, match="restart: is not possible yet with a nonlinear material"):
+        solve(indented(RUBBER), MPI.COMM_SELF, checkpoint="nowhere", restart=True)
+
+
+def test_check():
+    """It says what will be solved: Newton's method, the material, and what each load step may take."""
+    checked = check_scene(indented(material("j2", yield_stress=5.0)), MPI.COMM_SELF)
+    effects = {effect.name: effect for effect in checked.effects if effect.on}
+    assert "small strains, Newton's method" in effects["nonlinear body"].why
+    assert "yield_stress = 5" in effects["the material 'j2'"].why
+    assert "elasticity" not in effects
+    assert checked.forms[:2] == ("residual", "tangent")
+    assert checked.plan[0][1][0] == "Newton's method"
+    assert checked.cost.linear_solves[0] >= 10
+    assert not checked.warnings
+    locking = check_scene(
+        indented(
+            RUBBER | {"poisson": 0.499},
+            mesh={"generator": "rectangle", "parameters": {"nx": 4, "ny": 4, "cell": "triangle"}},
+            contact={"boundary": "top", "foundation": {"shape": "plane", "point": [0.0, 2.0], "normal": [0.0, -1.0]}},
+            load_steps={},
+        ),
+        MPI.COMM_SELF,
+    )
+    assert "its cells lock" in locking.warnings[0].message
+
+
+@pytest.mark.slow
+def test_estimates_of_linear_solves():
+    """What ``check`` expects of a scene is what it takes."""
+    scene = indented(RUBBER)
+    low, high = check_scene(scene, MPI.COMM_SELF).cost.linear_solves
+    assert low <= solve(scene, MPI.COMM_SELF).history.linear_solves <= high
+
+
+def test_folder(tmp_path):
+    """That of a scene: its own title, names, units and load steps; what makes no sense is left out."""
+    path = {"times": [1.0, 2.0], "names": ["press", "slide"], "steps": 2}
+    scene = indented(RUBBER, title="Rubber", units={"length": "mm", "stress": "MPa"}, load_steps=path)
+    solution = solve(scene, MPI.COMM_SELF)
+    summary = write_results(solution, tmp_path, pictures=False)
+    assert not {"strain_energy", "stress", "safety"} & set(summary)
+    jsonschema.Draft202012Validator(summary_schema()).validate(json.loads((tmp_path / "summary.json").read_text()))
+    assert summary["scene"]["material"][0]["law"] == "neo-hooke"
+    assert summary["title"] == "Rubber"
+    rows = read_results(tmp_path).summary.steps
+    assert [(row.time, row.name) for row in rows] == [(0.5, "press"), (1.0, "press"), (1.5, "slide"), (2.0, "slide")]
+    assert summary["contact_boundaries"][0]["boundary"] == "top"
+    bottom, top = (solution.resultants.of(name).force for name in ("bottom", "top"))
+    assert np.abs(bottom + top).max() < 1e-8 * np.abs(top).max()
+    assert solution.error_bound == "a nonlinear body has no guaranteed bound"
+    assert "nonlinear bodies have no estimate" in str(solution.cost)
+
+
+MOSTLY_SLOW = [name if name == "j2" else pytest.param(name, marks=pytest.mark.slow) for name in LAWS]
+
+
+@pytest.mark.mpi
+def test_resultants():
+    """Of supports, contact and loads, at each load step, in balance; moments at the displaced points, too."""
+    loads = {"traction": {"boundary": "right", "x": 2.0, "factors": [0.5, 1.0]}, "body_force": {"y": -1.0}}
+    solution = solve(indented(RUBBER, **loads), MPI.COMM_WORLD)
+    for step, factor in zip(solution.steps, (0.5, 1.0), strict=True):
+        resultants = solution.at(step).resultants
+        parts = {name: resultants.of(name) for name in ("bottom", "top", "right")}
+        assert parts["right"].force == pytest.approx([2.0 * factor, 0.0], abs=1e-12)
+        total = sum(part.force for part in parts.values()) - np.array([0.0, 2.0])
+        assert np.abs(total).max() < 1e-8 * np.abs(parts["top"].force).max()
+
+
+@pytest.mark.parametrize("name", MOSTLY_SLOW)
+def test_the_certificate_is_of_numpy(name, monkeypatch):
+    """A wrong sign, or a wrong constant, of the second opinion of a material is found."""
+    scene = block(material(name), "0.1*t", cells=(2, 2))
+    kind = type(scene.material[0])
+    said = "respond_at" if name == "j2" else "shape_stress_at"
+    right = getattr(kind, said)
+    monkeypatch.setattr(kind, said, lambda self, *arguments: 1.001 * right(self, *arguments))
+    with pytest.raises(Exception, match="certificate does not hold"):
+        solve(scene, MPI.COMM_SELF)
