@@ -74,6 +74,7 @@ def evaluate(
     Raises:
         ExpressionError: it is none, or a name is not known.
     """
+    names(text)
     return _value(_parsed(text), dict(values), functions or NUMPY, str(text))
 
 

@@ -313,6 +313,8 @@ class _Reader:
             top.one_of("cells", ("any", "triangles"), "any"),
         )
         top.end()
+        if self.named & {body.name for body in bodies} or len({body.name for body in bodies}) < len(bodies):
+            raise ProblemError(f"{self.file}: bodies and boundaries need different names")
         if len({quantity.name for quantity in found.quantities}) < len(found.quantities):
             raise ProblemError(f"{self.file}: two quantities have the same name")
         return found

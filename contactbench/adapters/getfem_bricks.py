@@ -139,11 +139,7 @@ class _Bodies:
             at = places[near].copy()
             at[:, -1] -= self._shift_at(at)
             for k, formula in traction.components.items():
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    found = values_at(self.problem, formula, at)
-                    # Formulas that are 0 / 0 on an axis are taken beside it.
-                    beside = values_at(self.problem, formula, at + 1e-6 * np.ptp(at, axis=0).max())
-                values[near, k] = np.where(np.isfinite(found), found, beside)
+                values[near, k] = values_at(self.problem, formula, at)
             factor = "2*pi*X(1)*" if self.problem.hypothesis == "axisymmetric" else ""
             self.model.add_initialized_fem_data(f"t{number}", data, values.ravel())
             self.model.add_source_term(rule, f"{factor}t{number}.Test_u", number)

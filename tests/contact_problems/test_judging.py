@@ -1,0 +1,186 @@
+"""The runner: verdicts, refusals by line, exit codes, skipped programs, and what it writes."""
+
+import csv
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contactbench import command
+from contactbench.adapters import ADAPTERS
+from contactbench.answers import Answer, CannotRun, ContactForces, measured
+from contactbench.grids import make_grid
+from contactbench.judging import Result, ResultError, distance, judge, read_results, without_value
+from contactbench.problem import Quantity, problem_names, read_problem
+
+PROBLEM = read_problem("smooth-edge")
+GOOD = "quantity,value,unknowns,seconds\nforce,6.67,306,0.1\nmoment, 4.0,,\n\nopening,0.0121,,2e-1\n"
+
+
+def written(tmp_path, text):
+    path = tmp_path / "mine.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_is_read(tmp_path):
+    """With and without the optional columns, in any order, with blank lines, blanks and a mark of byte order."""
+    expected = [Result("force", 6.67, 306, 0.1), Result("moment", 4.0), Result("opening", 0.0121, None, 0.2)]
+    assert read_results(written(tmp_path, GOOD), PROBLEM) == expected
+    assert read_results(written(tmp_path, "\ufeffvalue, Quantity\r\n-1e-3,force\r\n"), PROBLEM) == [
+        Result("force", -0.001)
+    ]
+    assert without_value(PROBLEM, expected) == ["strain energy"]
+
+
+BAD = {
+    "empty": ("", "line 1: the columns must be"),
+    "no value column": ("quantity\nforce\n", "line 1: the columns must be"),
+    "another column": ("quantity,value,unit\nforce,1,N\n", "line 1: the columns must be"),
+    "a column twice": ("quantity,value,value\nforce,1,1\n", "line 1: the columns must be"),
+    "no rows": ("quantity,value\n", "no row with a value"),
+    "a cell too many": ("quantity,value\nforce,1\nmoment,1,2\n", "line 3: 3 cells instead of 2"),
+    "a comma as the decimal mark": ('quantity,value\nforce,"6,67"\n', "line 2: value '6,67' is not a number"),
+    "not a number": ("quantity,value\nforce,nan\n", "line 2: value 'nan' is not finite"),
+    "infinite": ("quantity,value\nforce,-inf\n", "line 2: value '-inf' is not finite"),
+    "no value": ("quantity,value\n\nforce,\n", "line 3: 'force' has no value"),
+    "another quantity": ("quantity,value\nweight,1\n", "line 2: smooth-edge has no quantity 'weight': it has force,"),
+    "half an unknown": ("quantity,value,unknowns\nforce,1,2.5\n", "line 2: unknowns are a whole number"),
+    "no unknowns": ("quantity,value,unknowns\nforce,1,0\n", "line 2: unknowns '0' is less than 1"),
+    "negative time": ("quantity,value,seconds\nforce,1,-1\n", "line 2: seconds '-1' is less than 0"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_bad_file_is_refused_by_line(tmp_path, capsys, what):
+    text, message = BAD[what]
+    path = written(tmp_path, text)
+    with pytest.raises(ResultError) as error:
+        read_results(path, PROBLEM)
+    assert message in str(error.value)
+    assert str(error.value).startswith("mine.csv")
+    assert command.main(["judge", "smooth-edge", str(path)]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_no_file(tmp_path, capsys):
+    (tmp_path / "bytes.csv").write_bytes(b"quantity,value\nforce,\xff\n")
+    for name in ("none.csv", "bytes.csv"):
+        assert command.main(["judge", "smooth-edge", str(tmp_path / name)]) == 2
+        assert "cannot be read as text" in capsys.readouterr().err
+    assert command.main(["judge", "smooth", str(tmp_path / "bytes.csv")]) == 2
+    assert "there is no problem 'smooth'" in capsys.readouterr().err
+
+
+def reference(kind, *numbers, scale=2.0):
+    return Quantity("q", "normal force", "b", (), 0, "N", "q", kind, numbers, ("s",), "", 0.01, scale)
+
+
+def test_distances():
+    """Of the nearest number, or of both ends; relative to the scale."""
+    for kind in ("exact", "one_of"):
+        assert distance(reference(kind, 2.0), 1.9) == pytest.approx(0.05)
+    assert distance(reference("one_of", 2.0, -1.0), -1.1) == pytest.approx(0.05)
+    for kind in ("interval", "values"):
+        assert distance(reference(kind, 1.0, 2.0), 1.5) == 0.0
+        assert distance(reference(kind, 1.0, 2.0), 2.5) == pytest.approx(0.25)
+        assert distance(reference(kind, 1.0, 2.0), 0.5) == pytest.approx(0.25)
+    assert distance(reference("values", 2.0, 1.0), 2.5) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("name", problem_names())
+def test_verdicts(name):
+    """Beyond the tolerance of a reference on either side nothing passes; within it everything does."""
+    problem = read_problem(name)
+    for quantity in problem.quantities:
+        step = quantity.tolerance * quantity.scale
+        for side, end in ((-1, min(quantity.numbers)), (1, max(quantity.numbers))):
+            for share, meets in ((0.99, True), (1.01, False)):
+                verdict = judge(problem, [Result(quantity.name, end + side * share * step)])[0]
+                assert verdict.meets == meets
+                assert ("MISSES" in verdict.text) == (not meets)
+        assert not judge(problem, [Result(quantity.name, -quantity.numbers[0])])[0].meets
+        assert not judge(problem, [Result(quantity.name, 0.0)])[0].meets
+
+
+def test_the_command_judges(tmp_path, capsys):
+    path = written(tmp_path, GOOD)
+    assert command.main(["judge", "smooth-edge", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert "force: 6.67 is 0.05 % from the exact value 6.666667: meets 0.5 %" in text
+    assert "strain energy: not given" in text
+    path = written(tmp_path, GOOD.replace("6.67", "6.6"))
+    assert command.main(["judge", "smooth-edge", str(path), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["not given"] == ["strain energy"]
+    first = found["verdicts"][0]
+    assert (first["quantity"], first["meets"], first["unknowns"], first["seconds"]) == ("force", False, 306, 0.1)
+    assert first["error"] == pytest.approx(0.01)
+    assert first["reference"]["exact"] == pytest.approx([20 / 3])
+
+
+def test_list_show_mesh(tmp_path, capsys):
+    assert command.main(["list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == problem_names()
+    assert command.main(["show", "ring"]) == 0
+    text = capsys.readouterr().out
+    assert "certified interval" in text
+    assert "Signs: " in text
+    assert command.main(["mesh", "wedge", "sphere-space", "--levels", "2", "--out", str(tmp_path)]) == 0
+    stems = [f"{name}-{level}" for name in ("wedge", "sphere-space") for level in (0, 1)]
+    assert {path.name for path in tmp_path.iterdir()} == {stem + end for stem in stems for end in (".msh", ".inp")}
+    assert command.main(["mesh", "nothing", "--out", str(tmp_path)]) == 2
+
+
+def test_measures():
+    """Of made-up forces and displacements, each measure by hand."""
+    grid = make_grid(PROBLEM)
+    x = np.array([[-1.0, 0.0], [0.5, 0.0], [1.0, 0.0]])
+    friction = np.array([[2.0, 0], [-3, 0], [0, 0]])
+    contact = ContactForces(x, np.array([0.5, 1.0, 0.0]), np.array([1.0, 4.0, 0.0]), friction)
+    u = grid.points * [0.0, 0.25] + [0.5, 1.0]
+    answer = Answer(u, {"bottom": contact}, 1, 0.0, energy=7.0)
+
+    def found(measure, **more):
+        quantity = replace(PROBLEM.quantities[0], measure=measure, **more)
+        return measured(replace(PROBLEM, quantities=(quantity,)), grid, answer)["force"]
+
+    assert found("normal force") == 5.0
+    assert found("friction force") == -1.0
+    assert found("largest pressure") == 4.0
+    assert found("pressure at", point=(-0.9, 0)) == 2.0
+    assert found("pressure moment") == 1.0
+    assert found("pressure mean square") == pytest.approx(2 / 5)
+    assert found("displacement", point=(1, 1), axis=1) == 1.25
+    assert found("strain energy") == 7.0
+    with pytest.raises(ValueError, match="no node of the mesh"):
+        found("displacement", point=(0.01, 0.3))
+
+
+def test_programs_that_are_not_there_are_named(monkeypatch, capsys, tmp_path):
+    """No program is passed over in silence, no failure ends the others, and both are in the CSV."""
+    for name in ("signorini_fx", "dolfinx", "skfem", "getfem"):
+        monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.setenv("CCX", "no-such-program")
+    assert command.main(["run", "wedge"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(": skipped: ")[0] for line in lines] == list(ADAPTERS)
+    assert all(len(line.split(": skipped: ")[1]) > 20 for line in lines)
+
+    def solve(problem, grid):
+        if problem.name == "wedge":
+            raise CannotRun("it has no wedges")
+        raise RuntimeError("it diverged")
+
+    monkeypatch.setattr(command, "adapter", lambda program: solve)
+    table = tmp_path / "found.csv"
+    arguments = ["run", "wedge", "ring", "--program", "getfem", "--csv", str(table)]
+    assert command.main(arguments) == command.main(arguments) == 1
+    with table.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["problem"], row["meets"], row["note"]) for row in rows] == [
+        ("wedge", "skipped", "it has no wedges"),
+        ("ring", "failed", "it diverged"),
+    ] * 2

@@ -1,0 +1,413 @@
+"""Each exact value anew, from another formula or by integration; none may come from the number in the file."""
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from contactbench.elasticity import nodal_loads, prescribed
+from contactbench.expressions import ExpressionError
+from contactbench.grids import make_grid
+from contactbench.problem import problem_names, read_problem
+
+NAMES = problem_names()
+FAR = 1e-9  # off the surface, where a formula is 0 / 0 on it
+FURTHER = {"sphere": 1e-5, "two-spheres": 1e-5}  # where it would be lost in round-off
+
+
+@cache
+def rule(count):
+    return np.polynomial.legendre.leggauss(count)
+
+
+def gauss(low, high, function, singular=0.0, count=400):
+    """An integral; points gather like a square at both ends, or around a point inside."""
+    s, w = rule(count)
+    total = 0.0
+    ends = [low, singular, high] if low < singular < high else [low, high]
+    for a, b in pairwise(ends):
+        t = (1 + s) / 2
+        x = a + (b - a) * np.sin(np.pi / 2 * t) ** 2
+        total += np.sum(w / 2 * (b - a) * np.pi / 2 * np.sin(np.pi * t) * function(x))
+    return total
+
+
+# --- what the closed forms of the stress say -------------------------------------------------------------------------
+
+# Fields with their contact: from, to, both in the constants; the factor of an area is 2 pi x of revolutions.
+FIELDS = {
+    "smooth-edge": (0.0, 1.0),
+    "smooth-edge-tresca": (-1.0, 1.0),
+    "smooth-edge-coulomb": (-1.0, 1.0),
+    "smooth-edge-space": (0.0, 1.0),
+    "smooth-edge-tresca-space": (-1.0, 1.0),
+    "hertz-line": (0.0, "a"),
+    "wedge": (0.0, "a"),
+    "flat-punch": (0.0, "a"),
+    "cattaneo-incompressible": ("-a", "a"),
+    "cattaneo-mindlin": ("-a", "a"),
+    "sphere": (0.0, "a"),
+    "two-spheres": (0.0, "a"),
+    "cone": (0.0, "a"),
+    "circular-punch": (0.0, "a"),
+}
+
+
+def stress(problem, component, x, y):
+    """A component at points of the plane, in space at y = 0."""
+    at = {"x": x, "y": y} if problem.dimension == 2 else {"x": x, "y": 0 * x, "z": y}
+    if problem.dimension == 3:
+        component = component.replace("y", "z")
+    return problem.at(component, at)
+
+
+def pressure_and_shear(problem):
+    """Functions of x on the surface."""
+    near = FURTHER.get(problem.name, FAR) * float(np.ptp(make_grid(problem).points[:, 0]))
+
+    def at(component, x):
+        return np.asarray(stress(problem, component, np.asarray(x, dtype=float), np.full(np.shape(x), near)))
+
+    return lambda x: -at("s_yy", x), lambda x: -at("s_xy", x)
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_forces_of_fields(name):
+    """Forces, moments and pressures are integrals of the stress on the surface, whose formula the tractions have."""
+    problem = read_problem(name)
+    pressure, shear = pressure_and_shear(problem)
+    low, high = (problem.number(end) for end in FIELDS[name])
+    depth = problem.numbers.get("depth", 1.0) if problem.dimension == 3 else 1.0
+
+    def area(x):
+        return depth * (2 * np.pi * x if problem.hypothesis == "axisymmetric" else 1.0)
+
+    total = gauss(low, high, lambda x: pressure(x) * area(x))
+    every = 0
+    for quantity in problem.quantities:
+        if quantity.measure == "normal force":
+            found = total
+        elif quantity.measure == "friction force":
+            found = gauss(low, high, lambda x: shear(x) * area(x))
+        elif quantity.measure == "pressure moment":
+            found = gauss(low, high, lambda x: x * pressure(x) * area(x))
+        elif quantity.measure == "pressure mean square":
+            found = gauss(low, high, lambda x: x**2 * pressure(x) * area(x)) / total
+        elif quantity.measure == "pressure at":
+            found = pressure(problem.number(quantity.point[0]))
+        elif quantity.measure == "largest pressure":
+            found = pressure(np.linspace(low, high, 2001) + FAR).max()
+        else:
+            continue
+        every += 1
+        assert found == pytest.approx(quantity.numbers[0], rel=5e-5), quantity.name
+    assert every >= 2
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_fields_are_in_equilibrium(name):
+    """Also off the surface, and the surface beside the contact is free: central differences at random points."""
+    problem = read_problem(name)
+    grid, random = make_grid(problem), np.random.default_rng(4)
+    size = np.ptp(grid.points[:, 0])
+    x = random.uniform(0.1, 0.9, 40) * size * random.choice([1, -1 if grid.points[:, 0].min() < 0 else 1], 40) / 2
+    y = random.uniform(0.15, 0.8, 40) * size / 2
+    h = 1e-4 * size
+
+    def slope(component, across):
+        dx, dy = (h, 0.0) if across == "x" else (0.0, h)
+        return (stress(problem, component, x + dx, y + dy) - stress(problem, component, x - dx, y - dy)) / (2 * h)
+
+    forces = [slope("s_xx", "x") + slope("s_xy", "y"), slope("s_xy", "x") + slope("s_yy", "y")]
+    scale = np.abs(stress(problem, "s_yy", x, y)).max() / size
+    if problem.hypothesis == "axisymmetric":
+        # The hoop stress that equilibrium along the radius asks for must be continuous with s_xx on the axis.
+        forces = [forces[1] + stress(problem, "s_xy", x, y) / x]
+        near = np.full(5, 1e-3 * size)
+        level = np.linspace(0.2, 0.8, 5) * size
+        hoop = stress(problem, "s_xx", near, level) + near * (
+            (stress(problem, "s_xx", near * 1.01, level) - stress(problem, "s_xx", near * 0.99, level)) / (0.02 * near)
+            + (stress(problem, "s_xy", near, level + h) - stress(problem, "s_xy", near, level - h)) / (2 * h)
+        )
+        np.testing.assert_allclose(hoop, stress(problem, "s_xx", near, level), rtol=1e-2, atol=1e-3 * scale * size)
+    for force in forces:
+        assert np.abs(force).max() < 1e-4 * scale
+    low, high = (problem.number(end) for end in FIELDS[name])
+    beside = np.array([high * 1.2, high * 2.0]) if high < grid.points[:, 0].max() else np.array([-0.3, -0.7])
+    if low > grid.points[:, 0].min() or high < grid.points[:, 0].max():
+        surface = pressure_and_shear(problem)
+        assert all(np.abs(part(beside)).max() < 1e-5 * np.abs(surface[0](0.5 * high)) for part in surface)
+
+
+def test_stress_of_complex_functions():
+    """The plane fields again with complex numbers: Westergaard's of pressures, Kolosov's of friction."""
+    random = np.random.default_rng(2)
+    x, y = random.uniform(0.05, 1.5, 50), random.uniform(0.05, 1.5, 50)
+    z = x + 1j * y
+
+    def root(a):  # sqrt(a^2 - z^2), cut along the real axis outside
+        return np.sqrt(a - z) * np.sqrt(a + z)
+
+    wedge, punch, hertz, edge = (read_problem(n) for n in ("wedge", "flat-punch", "hertz-line", "smooth-edge"))
+    size, a = wedge.numbers["size"], wedge.numbers["a"]
+    forms = [(wedge, -size * np.log((a + root(a)) / z), size * a / (z * root(a)))]
+    load, a = punch.numbers["load"] / np.pi, punch.numbers["a"]
+    forms.append((punch, -load / root(a), -load * z / root(a) ** 3))
+    p, a = hertz.numbers["peak"] / hertz.numbers["a"], hertz.numbers["a"]
+    forms.append((hertz, -p * (root(a) + 1j * z), p * (z / root(a) - 1j)))
+    c = edge.numbers["size"]
+    forms.append((edge, -c * np.sqrt(z), -c / 2 / np.sqrt(z)))
+    for problem, function, slope in forms:
+        expected = {"s_xx": function.real - y * slope.imag, "s_yy": function.real + y * slope.imag}
+        for component, values in (expected | {"s_xy": -y * slope.real}).items():
+            np.testing.assert_allclose(stress(problem, component, x, y), values, rtol=1e-9, atol=1e-9)
+    for name, kappa in (("smooth-edge-tresca", 1.8), ("smooth-edge-coulomb", 1.0)):
+        problem = read_problem(name)
+        phi, slope, psi = 1.5j * np.sqrt(z), 0.75j / np.sqrt(z), -1.5j * (kappa + 1.5) * np.sqrt(z)
+        both, apart = 4 * phi.real, 2 * (np.conj(z) * slope + psi)
+        nu = problem.numbers["poisson"]
+        parts = {"s_yy": (both + apart.real) / 2 - 20, "s_xy": apart.imag / 2 + 5}
+        parts["s_xx"] = (both - apart.real) / 2 - 20 * nu / (1 - nu)
+        for component, values in parts.items():
+            np.testing.assert_allclose(stress(problem, component, x, y), values, rtol=1e-9, atol=1e-9)
+
+
+def energy_of_edge(name):
+    """Half of the work of tractions on the displacement of the closed form, by complex numbers, over the boundary."""
+    problem = read_problem(name)
+    young, nu = problem.numbers["young"], problem.numbers["poisson"]
+    mu, kappa = young / (2 * (1 + nu)), 3 - 4 * nu
+    size = problem.numbers["size"]
+
+    def displacement(x, y):
+        z = x + 1j * y
+        if "tresca" in name:
+            phi, slope = 1j * size * z**1.5, 1.5j * size * np.sqrt(z)
+            psi = -1j * (kappa + 1.5) * size * z**1.5
+            u = (kappa * phi - z * np.conj(slope) - np.conj(psi)) / (2 * mu)
+            e = -20.0 / (2 * mu * nu / (1 - 2 * nu) + 2 * mu)
+            return u.real + 5 * y / mu, u.imag + e * y
+        function, integral = -size * np.sqrt(z), -2 * size / 3 * z**1.5
+        along = (kappa - 1) / 2 * integral.real - y * function.imag
+        return along / (2 * mu), ((kappa + 1) / 2 * integral.imag - y * function.real) / (2 * mu)
+
+    def work(x, y, nx, ny):
+        s = {c: np.asarray(stress(problem, c, x, y)) for c in ("s_xx", "s_yy", "s_xy")}
+        u, v = displacement(x, y)
+        return (s["s_xx"] * nx + s["s_xy"] * ny) * u + (s["s_xy"] * nx + s["s_yy"] * ny) * v
+
+    total = gauss(-1, 1, lambda x: work(x, np.ones_like(x), 0, 1))
+    total += gauss(0, 1, lambda y: work(np.ones_like(y), y, 1, 0))
+    total += gauss(0, 1, lambda y: work(-np.ones_like(y), y, -1, 0))
+    total += gauss(-1, 1, lambda x: work(x, np.full_like(x, 1e-12), 0, -1), singular=0.0)
+    return total / 2
+
+
+@pytest.mark.parametrize("name", ["smooth-edge", "smooth-edge-tresca", "smooth-edge-space"])
+def test_energies_of_edges(name):
+    problem = read_problem(name)
+    depth = problem.numbers.get("depth", 1.0)
+    energy = energy_of_edge(name.replace("-space", "")) * depth
+    assert problem.quantity("strain energy").numbers[0] == pytest.approx(energy, rel=1e-6)
+
+
+# --- others ----------------------------------------------------------------------------------------------------------
+
+
+def tubes(inner, outer, fit):
+    """Displacements A r + B / r of tubes in plane strain that touch with an overlap: pressure, and u of the outside.
+
+    Args:
+        inner: E, nu, inner and outer radius; None: rigid.
+        outer: the same.
+        fit: the overlap.
+    """
+
+    def row(young, nu, r):  # radial stress of (A, B)
+        mu, lam = young / (2 * (1 + nu)), young * nu / ((1 + nu) * (1 - 2 * nu))
+        return [2 * (lam + mu), -2 * mu / r**2]
+
+    young, nu, b, c = outer
+    rows, right = [[*row(young, nu, c), 0, 0]], [0.0]
+    if inner is None:
+        rows += [[b, 1 / b, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+        right += [fit, 0.0, 0.0]
+    else:
+        young_i, nu_i, a, _ = inner
+        rows += [[0, 0, *row(young_i, nu_i, a)], [b, 1 / b, -b, -1 / b]]
+        rows += [[*row(young, nu, b), *(-value for value in row(young_i, nu_i, b))]]
+        right += [0.0, fit, 0.0]
+    found = np.linalg.solve(rows, right)
+    return -np.dot(row(young, nu, b), found[:2]), found[0] * c + found[1] / c
+
+
+STEEL, BRASS = (210e3, 0.3), (70e3, 0.33)
+
+
+def test_tubes():
+    """Lame's tubes by a linear system for the four constants."""
+    for name, inner in (("tube-on-shaft", None), ("press-fit-axisymmetric", (*BRASS, 4.0, 10.0))):
+        pressure, outside = tubes(inner, (*STEEL, 10.0, 25.0), 0.01)
+        problem = read_problem(name)
+        found = {"largest pressure": pressure, "force": pressure * 2 * np.pi * 10 * 4}
+        found["strain energy"] = found["force"] * 0.01 / 2
+        if inner is None:
+            found["widening"] = outside
+        assert {q.name: q.numbers[0] for q in problem.quantities} == pytest.approx(found, rel=1e-9)
+    pressure, outside = tubes((*BRASS, 4.0, 10.0), (*STEEL, 10.0, 25.0), 0.01)
+    found = {"force": pressure * np.pi / 2 * 10, "strain energy": pressure * 0.01 * np.pi * 10 / 4, "widening": outside}
+    assert {q.name: q.numbers[0] for q in read_problem("press-fit-plane").quantities} == pytest.approx(found, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["wavy-quarter", "wavy-three-quarters", "wavy-two-bodies"])
+def test_wavy_surfaces(name):
+    """The pressure of Westergaard makes the surface follow the wave: the integral of its kernel is tried, too."""
+    problem = read_problem(name)
+    n = problem.numbers
+    length, part = n["L"], n["part"]
+    soft = sum((1 - b.poisson**2) / b.young for b in problem.bodies)
+    a = length / np.pi * np.arcsin(np.sqrt(part))
+    mean = part * np.pi * n["depth"] / (length * soft)
+
+    def pressure(x):
+        s = np.sin(np.pi * a / length)
+        inside = np.clip(s**2 - np.sin(np.pi * x / length) ** 2, 0, None)
+        return 2 * mean * np.cos(np.pi * x / length) / s**2 * np.sqrt(inside)
+
+    total = gauss(0, a, pressure)
+    found = {"force": total, "largest pressure": pressure(0.0)}
+    found["mean square of x"] = gauss(0, a, lambda x: x**2 * pressure(x)) / total
+    assert {q.name: q.numbers[0] for q in problem.quantities} == pytest.approx(found, rel=1e-7)
+    # Displacements of a periodic half-plane: u(k) = 2 soft p(k) / k; inside, gap + u is constant.
+    count = 4096
+    x = np.arange(count) * length / count
+    spectrum = np.fft.rfft(pressure(np.minimum(x, length - x)) * (np.minimum(x, length - x) < a))
+    k = 2 * np.pi * np.arange(len(spectrum)) / length
+    u = np.fft.irfft(np.concatenate([[0], 2 * soft * spectrum[1:] / k[1:]]), count)
+    level = u + n["depth"] * (1 - np.cos(2 * np.pi * x / length))
+    inside = np.minimum(x, length - x) < a
+    assert np.ptp(level[inside]) < 1e-3 * n["depth"]
+    assert level[~inside].min() > level[inside].max() - 1e-3 * n["depth"]
+
+
+def test_rounded_punch():
+    """The load of each half-width from the moment of the shape, and the pressure as a sum of flat punches."""
+    problem = read_problem("rounded-punch")
+    n = problem.numbers
+    radius, b, a, modulus = n["R"], n["b"], n["a"], n["young"] / (1 - n["poisson"] ** 2)
+
+    def load(c):  # P = E* int x g'(x) / sqrt(c^2 - x^2) dx over 0 < x < c, g' = (x - b) / R beyond b
+        return modulus * gauss(b, c, lambda x: x * (x - b) / radius / np.sqrt(np.maximum(c * c - x * x, 1e-24)))
+
+    h = 1e-4 * b
+
+    def slope(c):
+        return (load(c + h) - load(max(c - h, b))) / (c + h - max(c - h, b))
+
+    c, w = np.polynomial.legendre.leggauss(60)
+    at, share = b + (a - b) * (1 + c) / 2, w * (a - b) / 2
+    slopes = np.array([slope(value) for value in at])
+    found = {"force": load(a) / 2, "pressure at 0": (share * slopes / (np.pi * at)).sum()}
+    found["mean square of x"] = (share * slopes * at**2 / 2).sum() / load(a)
+    assert {q.name: q.numbers[0] for q in problem.quantities} == pytest.approx(found, rel=2e-4)
+
+
+def test_two_materials_of_spheres():
+    """E* and load of two spheres, and both fields have the same pressure."""
+    n = read_problem("two-spheres").numbers
+    soft = (1 - n["nu_u"] ** 2) / n["young_u"] + (1 - n["nu_l"] ** 2) / n["young_l"]
+    # Two spheres of radius R: the gap is x^2 / R = x^2 / (2 R'), R' = R / 2; P = 4 a^3 / (3 R' soft).
+    assert n["load"] == pytest.approx(4 * n["a"] ** 3 / (3 * n["R"] / 2 * soft))
+
+
+def test_loads_are_balanced():
+    """Where no support takes a force, that of the contact balances the tractions of the file."""
+    every = 0
+    for name in NAMES:
+        problem = read_problem(name)
+        grid = make_grid(problem, 2 if problem.dimension == 2 else 0)
+        d, contact = problem.dimension, problem.contacts[0]
+        at_points = {k for s in problem.supports for k in s.components if s.at}
+        held = {k for _, k in prescribed(problem, grid)} - at_points
+        loads = nodal_loads(problem, grid)
+        if contact.against:
+            below = {n for k, b in enumerate(grid.names) for n in grid.cells[grid.body == k].ravel() if b == "lower"}
+            loads[sorted(below)] = 0.0
+            held -= {d - 1}
+        for quantity in problem.quantities:
+            if quantity.measure == "normal force" and contact.direction != ():
+                axis = int(np.abs([problem.number(c) for c in contact.direction]).argmax())
+            elif quantity.measure == "normal force" and problem.bodies[0].name == "upper":
+                axis = d - 1
+            elif quantity.measure == "friction force":
+                axis = quantity.axis
+            else:
+                continue
+            around = problem.hypothesis == "axisymmetric" and axis == 0  # the hoop stress has a share
+            if axis not in held and not around and quantity.kind == "exact":
+                balance = quantity.numbers[0] + loads[:, axis].sum()
+                assert balance == pytest.approx(0.0, abs=1e-5 * abs(quantity.numbers[0])), (name, quantity.name)
+                every += 1
+    assert every >= 25
+
+
+def test_formulas_of_numbers():
+    """Where the formula in the file has constants alone, it gives the number; others are in words, and tested above."""
+    checked, words = [], []
+    for name in NAMES:
+        problem = read_problem(name)
+        for quantity in problem.quantities:
+            if quantity.kind != "exact":
+                continue
+            try:
+                value = problem.number(quantity.formula)
+            except ExpressionError:
+                words.append((name, quantity.name))
+                continue
+            assert value == pytest.approx(quantity.numbers[0], rel=1e-7), (name, quantity.name)
+            checked.append(name)
+    assert len(checked) > 60
+    assert sorted(set(words)) == IN_WORDS
+
+
+# Integrals; the tests above compute each anew.
+IN_WORDS = [
+    ("rounded-punch", "mean square of x"),
+    ("rounded-punch", "pressure at 0"),
+    ("smooth-edge", "strain energy"),
+    ("smooth-edge-space", "strain energy"),
+    ("smooth-edge-tresca", "strain energy"),
+    ("wavy-quarter", "mean square of x"),
+    ("wavy-three-quarters", "mean square of x"),
+    ("wavy-two-bodies", "mean square of x"),
+]
+
+
+def test_patches():
+    """Displacements of constant states from Hooke's law as a matrix, whatever the formulas in the files."""
+    for name in ("patch-stick", "patch-slip", "patch-compression"):
+        problem = read_problem(name)
+        n = problem.numbers
+        compliance = (np.eye(3) * (1 + n["poisson"]) - n["poisson"]) / n["young"]
+        sides = 0.0 if name == "patch-compression" else -n["poisson"] / (1 - n["poisson"]) * n["pressed"]
+        # Plane strain: the third strain is zero.
+        out = n["poisson"] * (sides - n["pressed"])
+        strain = compliance @ [sides, -n["pressed"], out]
+        assert strain[2] == pytest.approx(0.0, abs=1e-15)
+        if name == "patch-compression":
+            assert problem.quantity("widening").numbers[0] == pytest.approx(2 * strain[0])
+            energy = np.dot(strain, [sides, -n["pressed"], out]) / 2 * 2
+            assert problem.quantity("strain energy").numbers[0] == pytest.approx(energy)
+        else:
+            assert strain[0] == pytest.approx(0.0, abs=1e-15)
+            angle = n["shear"] * 2 * (1 + n["poisson"]) / n["young"]
+            top = angle if name == "patch-stick" else n["moved"] - angle
+            key = "sideways" if name == "patch-stick" else "slip"
+            assert problem.quantity(key).numbers[0] == pytest.approx(top)
+    n = read_problem("stacked-blocks").numbers
+    down = n["pressed"] * ((1 - n["nu_u"] ** 2) / n["young_u"] + (1 - n["nu_l"] ** 2) / n["young_l"])
+    assert read_problem("stacked-blocks").quantity("shortening").numbers[0] == pytest.approx(-down)
+    n = read_problem("patch-slip-space").numbers
+    angle = 0.4 * n["pressed"] * 2 * (1 + n["poisson"]) / n["young"]
+    assert read_problem("patch-slip-space").quantity("slip").numbers[0] == pytest.approx(0.8 * (0.05 - angle))

@@ -1,0 +1,232 @@
+"""The problem files: complete, consistent, and readable by others; what is wrong in one is named by its key."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from contactbench.elasticity import nodal_loads, nodal_weights, prescribed, strain_energy, values_at
+from contactbench.expressions import ExpressionError, evaluate, written_out
+from contactbench.grids import make_grid
+from contactbench.mesh_files import write_inp, write_msh
+from contactbench.problem import FOLDER, ON_BOUNDARY, ProblemError, problem_names, read_problem
+from signorini_fx.mechanics.mesh.files.formats import read_file
+
+NAMES = problem_names()
+each_problem = pytest.mark.parametrize("name", NAMES)
+NEEDED = ["example1-frictionless", "example1-tresca", "example1-coulomb", "smooth-edge", "smooth-edge-tresca"]
+NEEDED += ["smooth-edge-coulomb", "press-fit-plane", "wedge", "flat-punch", "ring", "lug-and-pin", "two-spheres"]
+NEEDED += ["cattaneo-mindlin"]
+
+
+def test_thirty_problems():
+    """Those that were asked for are there."""
+    assert len(NAMES) >= 30
+    assert set(NEEDED) <= set(NAMES)
+    assert {kind for name in NAMES for kind in [q.kind for q in read_problem(name).quantities]} >= {
+        "exact",
+        "interval",
+        "values",
+    }
+    assert {read_problem(name).hypothesis for name in NAMES} == {"plane strain", "axisymmetric", "space"}
+
+
+@each_problem
+def test_complete(name):
+    """Every statement has its words, every reference its source, every boundary its facets and points their nodes."""
+    problem = read_problem(name)
+    for text in (problem.title, problem.text, problem.signs, problem.units, problem.source):
+        assert len(text) > 5
+    assert "pressure > 0" in problem.signs
+    named = set()
+    for level in (0, 1):
+        grid = make_grid(problem, level)
+        named = {c.boundary for c in problem.contacts} | {c.against for c in problem.contacts} - {""}
+        named |= {t.boundary for t in problem.tractions} | {s.boundary for s in problem.supports} - {""}
+        assert named <= set(grid.facets)
+        for boundary in named - {"axis"}:
+            assert nodal_weights(problem, grid, boundary).sum() > 0
+        assert np.isfinite(nodal_loads(problem, grid)).all()
+        assert all(np.isfinite(value) for value in prescribed(problem, grid).values())
+        for quantity in problem.quantities:
+            if quantity.point:
+                grid.node_at(np.array([problem.number(c) for c in quantity.point]))
+            assert quantity.boundary in {c.boundary for c in problem.contacts} or quantity.measure not in ON_BOUNDARY
+            assert all(len(source) > 5 for source in quantity.sources)
+            assert len(quantity.text) > 5
+        for contact in problem.contacts:
+            gap = values_at(problem, contact.gap, grid.points[grid.nodes(contact.boundary)])
+            assert np.isfinite(gap).all()
+            direction = [problem.number(c) for c in contact.direction]
+            assert not direction or np.linalg.norm(direction) == pytest.approx(1.0)
+
+
+@each_problem
+def test_nothing_of_the_package(name):
+    """A statement names the package in the source of a certified interval or of one of two values alone."""
+    problem = read_problem(name)
+    for quantity in problem.quantities:
+        ours = ["signorini_fx" in source for source in quantity.sources]
+        if quantity.kind == "exact":
+            assert not any(ours), "an exact value rests on a formula"
+        elif quantity.kind == "values":
+            assert sum(ours) <= 1, "two values of one program are not independent"
+        else:
+            assert "certified" in quantity.sources[0]
+
+
+@each_problem
+def test_meshes(name):
+    """Cells are positive, a level divides each by two along each direction, named facets are on the outside."""
+    problem = read_problem(name)
+    coarse, fine = make_grid(problem), make_grid(problem, 1)
+    d = problem.dimension
+    assert len(fine.cells) == 2**d * len(coarse.cells)
+    for grid in (coarse, fine, make_grid(problem, triangles=d == 2)):
+        corners = grid.points[grid.cells]
+        along = [corners[:, k] - corners[:, 0] for k in ((1, -1) if d == 2 else (1, 3, 4))]
+        assert (np.linalg.det(np.stack(along, axis=1)) > 0).all()
+        sides = [frozenset(row) for facets in grid.facets.values() for row in facets.tolist()]
+        assert len(set(sides)) == len(sides)
+        cells = [set(cell) for cell in grid.cells.tolist()]
+        for side in sides[:: max(1, len(sides) // 7)]:
+            assert sum(side <= cell for cell in cells) == 1
+        # Every node belongs to one body.
+        owners = [set(grid.cells[grid.body == k].ravel()) for k in range(len(grid.names))]
+        assert sum(map(len, owners)) == len(grid.points) == len(set().union(*owners))
+
+
+@pytest.mark.parametrize("name", ["smooth-edge", "lug-and-pin", "sphere-space"])
+def test_files(tmp_path, name):
+    """Other programs read the same mesh from both files: nodes, cells, names."""
+    problem = read_problem(name)
+    for triangles in {False, problem.dimension == 2}:
+        grid = make_grid(problem, triangles=triangles)
+        write_msh(grid, tmp_path / "a.msh")
+        write_inp(grid, problem.hypothesis, tmp_path / "a.inp")
+        found = meshio.read(tmp_path / "a.msh")
+        np.testing.assert_allclose(found.points[:, : problem.dimension], grid.points, rtol=0, atol=1e-15)
+        kind = {3: "triangle", 4: "quad", 8: "hexahedron"}[grid.cells.shape[1]]
+        np.testing.assert_array_equal(np.vstack([b.data for b in found.cells if b.type == kind]), grid.cells)
+        assert set(found.field_data) == {*grid.facets, *grid.names}
+        tag = {key: int(value[0]) for key, value in found.field_data.items()}
+        across = {2: "line", 3: "quad"}[problem.dimension]
+        rows = np.vstack([b.data for b in found.cells if b.type == across])
+        tags = found.get_cell_data("gmsh:physical", across)
+        for boundary, facets in grid.facets.items():
+            np.testing.assert_array_equal(rows[tags == tag[boundary]], facets)
+        deck = read_file(tmp_path / "a.inp")
+        np.testing.assert_allclose(np.asarray(deck.points)[:, : problem.dimension], grid.points, rtol=1e-11, atol=1e-12)
+        text = (tmp_path / "a.inp").read_text()
+        assert all(f"NAME=S_{boundary.upper()}," in text for boundary in grid.facets)
+        assert all(len(word.strip()) <= 20 for line in text.splitlines()[1:5] for word in line.split(","))
+
+
+SPOILED = {
+    "no title": (r"(?m)^title = .*$", "", "title: is missing"),
+    "no unit": (r'(?m)^unit = "force / length"\n', "", "unit: is missing"),
+    "a key that is none": (r"(?m)^hypothesis", "thickness = 2\nhypothesis", "thickness: is not a key"),
+    "another boundary": ('boundary = "bottom"', 'boundary = "floor"', "'floor' is no side of a body"),
+    "an unknown name": ('y = "s_yy"', 'y = "s_zz"', "'s_zz' is not known"),
+    "no formula": ('y = "s_yy"', 'y = "s_yy +"', "is not a formula"),
+    "an attack": ('y = "s_yy"', "y = \"__import__('os')\"", "is not part of a formula"),
+    "no law": ('law = "none"', 'law = "glue"', "'glue' is none of none, tresca, coulomb"),
+    "no bound": ('law = "none"', 'law = "tresca"', "bound: is missing"),
+    "no source": (r'(?m)^source = "integral of the pressure size.*$', "", "source: is missing"),
+    "no formula of an exact value": (r'(?m)^formula = "2 \* size / 3"$', "", "formula: is missing"),
+    "no reference": (r"(?m)^exact = 6.*$", "", "needs one of exact, interval, values, one_of"),
+    "two references": (r"(?m)^exact = 6(.*)$", r"exact = 6\1\ninterval = [1, 2]", "needs one of"),
+    "an interval upside down": (r"(?m)^exact = 6.*$", "interval = [2, 1]", "not below the second"),
+    "one of two values": (r"(?m)^exact = 6.*$", "values = [2]", "must have two numbers"),
+    "a wide tolerance": (r"(?m)^tolerance = 5e-3$", "tolerance = 0.5", "tolerance: must be between"),
+    "a measure that is none": ('measure = "normal force"', 'measure = "weight"', "'weight' is none of"),
+    "no point": (r"(?m)^point = .*$", "", "point: is missing"),
+    "two components": ("direction = \\[0, -1\\]", "direction = [0, 0, -1]", "must have 2 components"),
+    "a gap between segments": (r"x = \[\[-1, 1, 16, 1\]\]", "x = [[-1, 0, 8, 1], [0.5, 1, 4, 1]]", "does not begin"),
+    "no cells": (r"x = \[\[-1, 1, 16, 1\]\]", "x = [[-1, 1, 0, 1]]", "one cell at least"),
+    "a text as a number": ("poisson = 0.3", 'poisson = "much"', "'much' is not known"),
+    "an impossible material": ("poisson = 0.3", "poisson = 0.6", "Poisson's ratio"),
+    "broken TOML": ("law = ", "law == ", "line "),
+    "two names": ('name = "moment"', 'name = "force"', "two quantities have the same name"),
+    "a support of nothing": (r"at = \[0, 1\]\n", "", "either a boundary or a point"),
+}
+
+
+@pytest.mark.parametrize("what", SPOILED)
+def test_a_spoiled_file_is_refused(tmp_path, what):
+    """With the file, the key and what is wrong."""
+    pattern, other, message = SPOILED[what]
+    text, count = re.subn(pattern, other, (FOLDER / "smooth-edge.toml").read_text(encoding="utf-8"), count=1)
+    assert count == 1
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ProblemError, match=re.escape(message)) as error:
+        read_problem(tmp_path / "mine.toml")
+    assert str(error.value).startswith("mine.toml: ")
+
+
+def test_no_such_problem():
+    with pytest.raises(ProblemError, match="there is no problem 'hertz'"):
+        read_problem("hertz")
+
+
+def test_formulas():
+    """As Python would evaluate them, in any order of the names, and with the symbols of others."""
+    values = {"b": "a * 2", "a": 3.0, "x": np.array([-1.0, 2.0])}
+    np.testing.assert_allclose(evaluate("where(x < 0, b, a ** -1)", values), [6.0, 1 / 3])
+    assert evaluate("-pi + acosh(2) - max(1, 2)", {}) == pytest.approx(-np.pi + np.arccosh(2) - 2)
+    assert written_out("a * b", {"a": "x - 1", "b": -2.0, "x": "x[0]"}) == "(x[0] - 1) * -2.0"
+    for wrong in ("a.b", "[1]", "f(1)", "lambda: 1", "1 if 2 else 3", "x[0]", "'a'", "True", "1 < 2 < 3", "sin(x=1)"):
+        with pytest.raises(ExpressionError):
+            evaluate(wrong, {"a": 1.0, "x": 1.0})
+        with pytest.raises(ExpressionError):
+            written_out(wrong, {"a": 1.0})
+    with pytest.raises(ExpressionError, match="'c' in 'c' is not known"):
+        evaluate("c", {})
+    with pytest.raises(ExpressionError, match="not known"):
+        evaluate("d", {"d": "d + 1"})
+
+
+@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "axisymmetric", "space"])
+@pytest.mark.parametrize("triangles", [False, True])
+def test_energy_and_weights(hypothesis, triangles):
+    """A constant strain on a distorted mesh: the energy of Hooke's law, and weights that add up to the area."""
+    base = read_problem({"space": "patch-slip-space", "axisymmetric": "tube-on-shaft"}.get(hypothesis, "ring"))
+    problem = type(base)(**{**base.__dict__, "hypothesis": hypothesis})
+    d = problem.dimension
+    if triangles and d == 3:
+        pytest.skip("meshes in space have hexahedra")
+    grid = make_grid(problem, 1, triangles=triangles)
+    slope = np.array([[0.3, 0.2, -0.1], [0.4, -0.5, 0.6], [0.1, 0.2, 0.7]])[:d, :d]
+    if hypothesis == "axisymmetric":
+        slope = np.diag([0.3, -0.5])
+    e = np.zeros((3, 3))
+    e[:d, :d] = (slope + slope.T) / 2
+    body = problem.bodies[0]
+    nu, mu = body.poisson, body.mu
+    if hypothesis == "axisymmetric":
+        e[2, 2] = 0.3
+    elif hypothesis == "plane stress":
+        e[2, 2] = -nu / (1 - nu) * (e[0, 0] + e[1, 1])
+    density = mu * ((e**2).sum() + nu / (1 - 2 * nu) * np.trace(e) ** 2)
+    if d == 3:
+        volume = 2.0
+    elif hypothesis == "axisymmetric":
+        volume = np.pi * (25**2 - 10**2) * 4
+    else:
+        x, y = grid.points[grid.cells].transpose(2, 0, 1)
+        volume = ((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1) / 2).sum()
+    assert strain_energy(problem, grid, grid.points @ slope.T) == pytest.approx(density * volume, rel=1e-10)
+    if hypothesis == "axisymmetric":
+        assert nodal_weights(problem, grid, "bore").sum() == pytest.approx(2 * np.pi * 10 * 4)
+
+
+def test_plain_text():
+    """Nothing but the adapters of other programs needs more than NumPy; every file is TOML of UTF-8."""
+    for path in FOLDER.glob("*.toml"):
+        tomllib.loads(path.read_text(encoding="utf-8"))
+    for path in Path(FOLDER).parent.glob("*.py"):
+        imported = re.findall(r"(?m)^(?:from|import) (\w+)", path.read_text(encoding="utf-8"))
+        assert not set(imported) & {"signorini_fx", "dolfinx", "scipy", "skfem", "getfem", "meshio"}, path.name
