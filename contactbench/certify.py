@@ -1,8 +1,8 @@
 """Recomputes certified intervals with the guaranteed bounds of ``signorini_fx``; nothing else here needs them.
 
 The mesh has triangles, displacements are quadratic.  An interval holds for the solution of the problem, whatever the
-mesh that it was found on: no program may leave it by more than its own error.  Round-off has a share, which grows with the
-mesh: the finest mesh need not have the narrowest interval.
+mesh that it was found on: no program may leave it by more than its own error.  Round-off has a share, which grows with
+the mesh: the finest mesh need not have the narrowest interval.
 """
 
 from __future__ import annotations
