@@ -109,7 +109,7 @@ def _write_meshes(given: argparse.Namespace) -> int:
     given.out.mkdir(parents=True, exist_ok=True)
     for name in given.problem or problem_names():
         problem = read_problem(name)
-        for level in range(given.levels if problem.cells == "any" else 1):
+        for level in range(given.levels):
             triangles = given.triangles and problem.dimension == 2
             grid = make_grid(problem, level, triangles=triangles)
             stem = given.out / f"{problem.name}-{level}"
@@ -147,7 +147,7 @@ def _entry(verdict: Verdict) -> dict[str, object]:
 
 
 def _run_programs(given: argparse.Namespace) -> int:
-    failed, rows = False, list[dict[str, object]]()
+    failed = False
     for program in given.program or ADAPTERS:
         try:
             solve = adapter(program)
@@ -155,24 +155,27 @@ def _run_programs(given: argparse.Namespace) -> int:
             print(f"{program}: skipped: {why}", flush=True)
             continue
         for name in given.problem or problem_names():
-            for row in _solved(program, solve, read_problem(name), given.levels):
-                failed |= row["meets"] == FAILED or (row["level"] == 0 and row["meets"] == "no")
-                rows.append(row)
-    if given.csv:
-        new = not given.csv.exists()
-        with given.csv.open("a", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-            if new:
-                writer.writeheader()
-            writer.writerows(rows)
+            rows = list(_solved(program, solve, read_problem(name), given.levels))
+            failed |= any(row["meets"] == FAILED or (row["level"] == 0 and row["meets"] == "no") for row in rows)
+            if given.csv:
+                _append(given.csv, rows)
     return int(failed)
+
+
+def _append(path: Path, rows: list[dict[str, object]]) -> None:
+    new = not path.exists()
+    with path.open("a", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        if new:
+            writer.writeheader()
+        writer.writerows(rows)
 
 
 def _solved(
     program: str, solve: Callable[[Problem, Grid], Answer], problem: Problem, levels: int
 ) -> Iterator[dict[str, object]]:
     """A row for each quantity on each mesh; one without a quantity where the program cannot, or fails."""
-    for level in range(levels if problem.cells == "any" else 1):
+    for level in range(levels):
         where = f"{program}, {problem.name}, level {level}"
         row: dict[str, object] = {"problem": problem.name, "program": program, "level": level}
         grid = make_grid(problem, level)

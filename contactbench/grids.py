@@ -67,14 +67,11 @@ def make_grid(problem: Problem, level: int = 0, *, triangles: bool = False) -> G
     """
     if level < 0:
         raise ValueError("the level of a mesh is not negative")
-    fixed = problem.cells == "triangles"
-    if fixed and level:
-        raise ValueError(f"the mesh of {problem.name} belongs to the problem: it has level 0 alone")
     if triangles and problem.dimension == 3:
         raise ValueError("meshes in space have hexahedra")
     points, cells, body, facets, start = [], [], [], dict[str, list[Ints]](), 0
     for number, part in enumerate(problem.bodies):
-        x, corners, sides = _own(part) if part.shape == "cells" else _lattice(part, 2**level)
+        x, corners, sides = _lattice(part, 2**level)
         points.append(x)
         cells.append(corners + start)
         body.append(np.full(len(corners), number))
@@ -86,11 +83,6 @@ def make_grid(problem: Problem, level: int = 0, *, triangles: bool = False) -> G
         every, owner = np.concatenate([every[:, [0, 1, 2]], every[:, [0, 2, 3]]]), np.concatenate([owner, owner])
     named = {name: np.concatenate(parts) for name, parts in facets.items()}
     return Grid(np.concatenate(points), every, owner, named, tuple(part.name for part in problem.bodies))
-
-
-def _own(body: Body) -> tuple[Floats, Ints, list[tuple[str, Ints]]]:
-    sides = [(name, np.array(pairs, dtype=np.int64)) for name, pairs in body.facets.items()]
-    return np.array(body.points), np.array(body.cells, dtype=np.int64), sides
 
 
 def _line(segments: list[tuple[float, float, int, float]], times: int) -> Floats:
@@ -124,11 +116,10 @@ def _lattice(body: Body, times: int) -> tuple[Floats, Ints, list[tuple[str, Ints
     numbers = np.arange(x[..., 0].size).reshape(x.shape[:-1])
     cells = _cells(numbers)
     sides: list[tuple[str, Ints]] = []
-    for k, key in enumerate(keys):
+    for k in range(len(keys)):
         for end, side in enumerate(_sides_of(body.shape, k)):
             surface = numbers.take(-end, axis=k)
             sides += _named(body, side, surface, [i for i in range(len(keys)) if i != k], times)
-        del key
     return x.reshape(-1, x.shape[-1]), cells, sides
 
 

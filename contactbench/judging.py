@@ -117,7 +117,7 @@ def distance(quantity: Quantity, value: float) -> float:
     numbers = quantity.numbers
     if quantity.kind in ("interval", "values"):
         return max(min(numbers) - value, value - max(numbers), 0.0) / quantity.scale
-    return min(abs(value - number) for number in numbers) / quantity.scale
+    return abs(value - numbers[0]) / quantity.scale
 
 
 def judge(problem: Problem, results: list[Result]) -> list[Verdict]:
@@ -137,9 +137,8 @@ def _text(quantity: Quantity, value: float, error: float, meets: bool) -> str:
         "exact": f"the exact value {numbers}",
         "interval": f"the certified interval [{numbers}]",
         "values": f"two independent values, {numbers}",
-        "one_of": f"the nearest of all solutions, {numbers}",
     }[quantity.kind]
-    place = f"{100 * error:.3g} % from" if error or quantity.kind in ("exact", "one_of") else "within"
+    place = f"{100 * error:.3g} % from" if error or quantity.kind == "exact" else "within"
     limit = f"{100 * quantity.tolerance:.3g} %"
     return f"{value:.7g} is {place} {reference}: {'meets' if meets else 'MISSES'} {limit}"
 

@@ -16,12 +16,11 @@ FOLDER = Path(__file__).parent / "problems"
 Formula = str | float
 HYPOTHESES = {"plane strain": 2, "plane stress": 2, "axisymmetric": 2, "space": 3}
 LAWS = {"none": set[str](), "tresca": {"bound"}, "coulomb": {"coefficient"}}
-SHAPES = {"rectangle": ("x", "y"), "annulus": ("radius", "angle"), "box": ("x", "y", "z"), "cells": ()}
+SHAPES = {"rectangle": ("x", "y"), "annulus": ("radius", "angle"), "box": ("x", "y", "z")}
 SIDES = {
     "rectangle": ("left", "right", "bottom", "top"),
     "annulus": ("inner", "outer", "start", "end"),
     "box": ("left", "right", "front", "back", "bottom", "top"),
-    "cells": (),
 }
 MEASURES = {
     "normal force": set[str](),
@@ -35,7 +34,7 @@ MEASURES = {
 }
 ON_BOUNDARY = {"normal force", "friction force", "pressure at", "largest pressure", "pressure moment"}
 ON_BOUNDARY |= {"pressure mean square"}
-REFERENCES = ("exact", "interval", "values", "one_of")
+REFERENCES = ("exact", "interval", "values")
 
 
 class ProblemError(ValueError):
@@ -56,9 +55,6 @@ class Body:
         sides: name of each side, or of each of its segments; "" has no name.
         centre: of an annulus, whose angles are degrees from the x-axis.
         straight: whether the body is the polygon of the coarsest mesh, which finer meshes keep.
-        points: of the shape "cells", shape (n, 2).
-        cells: of the shape "cells", triangles, numbers from 0.
-        facets: of the shape "cells": name of a side to pairs of points.
     """
 
     name: str
@@ -69,9 +65,6 @@ class Body:
     sides: dict[str, list[str]] = field(default_factory=dict)
     centre: tuple[float, float] = (0.0, 0.0)
     straight: bool = False
-    points: tuple[tuple[float, ...], ...] = ()
-    cells: tuple[tuple[int, ...], ...] = ()
-    facets: dict[str, list[list[int]]] = field(default_factory=dict)
 
     @property
     def mu(self) -> float:
@@ -133,7 +126,7 @@ class Quantity:
         unit: such as "force / length".
         text: what it is in words, with its sign.
         kind: of the reference, one of ``REFERENCES``.
-        numbers: the exact value; both ends of the interval; the independent values; or all solutions.
+        numbers: the exact value; both ends of the interval; or two independent values.
         sources: where the numbers come from.
         formula: of the exact value; "" for the others.
         tolerance: largest error of a correct program on the coarsest mesh, relative to ``scale``.
@@ -174,7 +167,6 @@ class Problem:
         tractions: see ``Traction``.
         contacts: see ``Contact``.
         quantities: see ``Quantity``.
-        cells: "any", or "triangles": the mesh belongs to the problem, and is not refined.
     """
 
     name: str
@@ -191,7 +183,6 @@ class Problem:
     tractions: tuple[Traction, ...]
     contacts: tuple[Contact, ...]
     quantities: tuple[Quantity, ...]
-    cells: str = "any"
 
     @property
     def dimension(self) -> int:
@@ -298,7 +289,7 @@ class _Reader:
             self.formula(key, value, position=key in self.fields)
         bodies = tuple(self.body(table) for table in self.tables("body"))
         sides = [name for body in bodies for names_of_side in body.sides.values() for name in names_of_side]
-        self.named = {name for name in [*sides, *(name for body in bodies for name in body.facets)] if name}
+        self.named = set(sides) - {""}
         found = Problem(
             name,
             *(top.text(key) for key in ("title", "text", "signs", "units", "source")),
@@ -310,7 +301,6 @@ class _Reader:
             tuple(self.traction(table) for table in self.tables("traction", some=False)),
             tuple(self.contact(table) for table in self.tables("contact")),
             tuple(self.quantity(table) for table in self.tables("quantity")),
-            top.one_of("cells", ("any", "triangles"), "any"),
         )
         top.end()
         if self.named & {body.name for body in bodies} or len({body.name for body in bodies}) < len(bodies):
@@ -390,9 +380,6 @@ class _Reader:
             sides,
             tuple(float(c) for c in table.take("centre", list, [0.0, 0.0])),  # type: ignore[arg-type]
             table.take("straight", bool, False),
-            tuple(tuple(self.number("points", c) for c in row) for row in table.take("points", list, [])),
-            tuple(tuple(row) for row in table.take("cells", list, [])),
-            dict(table.take("facets", dict, {})),
         )
         if not (found.young > 0 and -1 < found.poisson <= 0.5):
             raise table.wrong("young", "Young's modulus must be positive, and Poisson's ratio between -1 and 1/2")
@@ -454,7 +441,7 @@ class _Reader:
         sources = table.take("sources", list) if kind == "values" else [table.text("source")]
         if not isinstance(sources, list) or len(sources) != (2 if kind == "values" else 1) or not all(sources):
             raise table.wrong("sources", "each of two values needs its source")
-        formula = table.text("formula", None if kind in ("exact", "one_of") else "")
+        formula = table.text("formula", None if kind == "exact" else "")
         asked = MEASURES[measure]
         found = Quantity(
             table.text("name"),

@@ -137,7 +137,7 @@ SPOILED = {
     "no bound": ('law = "none"', 'law = "tresca"', "bound: is missing"),
     "no source": (r'(?m)^source = "integral of the pressure size.*$', "", "source: is missing"),
     "no formula of an exact value": (r'(?m)^formula = "2 \* size / 3"$', "", "formula: is missing"),
-    "no reference": (r"(?m)^exact = 6.*$", "", "needs one of exact, interval, values, one_of"),
+    "no reference": (r"(?m)^exact = 6.*$", "", "needs one of exact, interval, values"),
     "two references": (r"(?m)^exact = 6(.*)$", r"exact = 6\1\ninterval = [1, 2]", "needs one of"),
     "an interval upside down": (r"(?m)^exact = 6.*$", "interval = [2, 1]", "not below the second"),
     "one of two values": (r"(?m)^exact = 6.*$", "values = [2]", "must have two numbers"),
