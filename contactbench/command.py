@@ -50,6 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("problem", nargs="*", help="none: all")
     run.add_argument("--program", action="append", choices=sorted(ADAPTERS), help="none: all")
     run.add_argument("--levels", type=int, default=1)
+    run.add_argument("--seconds", type=float, default=60.0, help="no finer mesh where one took longer")
     run.add_argument("--csv", type=Path, help="append the rows to this file")
     prove = parts.add_parser("certify", help="recompute certified intervals with signorini_fx")
     prove.add_argument("problem", nargs="*", help="none: all that have one")
@@ -155,7 +156,7 @@ def _run_programs(given: argparse.Namespace) -> int:
             print(f"{program}: skipped: {why}", flush=True)
             continue
         for name in given.problem or problem_names():
-            rows = list(_solved(program, solve, read_problem(name), given.levels))
+            rows = list(_solved(program, solve, read_problem(name), given.levels, given.seconds))
             failed |= any(row["meets"] == FAILED or (row["level"] == 0 and row["meets"] == "no") for row in rows)
             if given.csv:
                 _append(given.csv, rows)
@@ -172,10 +173,11 @@ def _append(path: Path, rows: list[dict[str, object]]) -> None:
 
 
 def _solved(
-    program: str, solve: Callable[[Problem, Grid], Answer], problem: Problem, levels: int
+    program: str, solve: Callable[[Problem, Grid], Answer], problem: Problem, levels: int, limit: float
 ) -> Iterator[dict[str, object]]:
     """A row for each quantity on each mesh; one without a quantity where the program cannot, or fails."""
-    for level in range(levels):
+    level = -1
+    while (level := level + 1) < levels:
         where = f"{program}, {problem.name}, level {level}"
         row: dict[str, object] = {"problem": problem.name, "program": program, "level": level}
         grid = make_grid(problem, level)
@@ -189,6 +191,9 @@ def _solved(
             print(f"{where}: FAILED: {error}", flush=True)
             yield row | {"meets": FAILED, "note": str(error)[:LONGEST]}
             return
+        if answer.seconds > limit and level + 1 < levels:
+            print(f"{where}: took {answer.seconds:.3g} s: no finer mesh is run", flush=True)
+            levels = level + 1
         values = measured(problem, grid, answer)
         results = [Result(key, value, answer.unknowns, answer.seconds) for key, value in values.items()]
         for verdict in judge(problem, results):

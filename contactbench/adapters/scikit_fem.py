@@ -63,7 +63,8 @@ def solve(problem: Problem, grid: Grid) -> Answer:
         u[rows] = list(now.values())
         free = np.setdiff1d(every, rows)
         right = loads + active.forces()
-        u[free] = splu(stiffness[free][:, free].tocsc()).solve((right - stiffness @ u)[free])
+        factor = splu(stiffness[free][:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        u[free] = factor.solve((right - stiffness @ u)[free])
         if active.settled(u.reshape(-1, d), (stiffness @ u - loads).reshape(-1, d)):
             break
     else:

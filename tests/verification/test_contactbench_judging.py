@@ -182,3 +182,25 @@ def test_programs_that_are_not_there_are_named(monkeypatch, capsys, tmp_path):
         ("wedge", "skipped", "it has no wedges"),
         ("ring", "failed", "it diverged"),
     ] * 2
+
+
+def test_finer_meshes_end_where_one_took_long(monkeypatch, capsys, tmp_path):
+    """Each level is run until one takes more seconds than are allowed; that is said."""
+    seconds = {0: 1.0, 1: 5.0}
+
+    def solve(problem, grid):
+        x = grid.points[grid.nodes("bottom")]
+        one = np.ones(len(x))
+        level = int(len(grid.cells) > len(make_grid(problem).cells))
+        return Answer(0 * grid.points, {"bottom": ContactForces(x, one, one, 0 * x)}, 7, seconds[level])
+
+    monkeypatch.setattr(command, "adapter", lambda program: solve)
+    arguments = ["run", "wedge", "--program", "getfem", "--levels", "4", "--csv", str(tmp_path / "found.csv")]
+    for limit, levels in (("0.5", "0"), ("2", "01")):
+        (tmp_path / "found.csv").unlink(missing_ok=True)
+        assert command.main([*arguments, "--seconds", limit]) == 1
+        with (tmp_path / "found.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert "".join(sorted({row["level"] for row in rows})) == levels
+        assert {row["meets"] for row in rows} == {"no"}
+        assert f"level {levels[-1]}: took" in capsys.readouterr().out

@@ -313,6 +313,42 @@ def test_rounded_punch():
     assert {q.name: q.numbers[0] for q in problem.quantities} == pytest.approx(found, rel=2e-4)
 
 
+def bonded_layer(nu, a, count=24):
+    """A parabola on a layer bonded to a rigid base, E* = h = R = 1: load, largest pressure and approach.
+
+    The kernel is that of a half-plane, -log |x|, whose integrals of Chebyshev polynomials are known, and a smooth rest
+    from the Fourier transform of the layer; the pressure vanishes at the ends like a square root.
+    """
+    s, share = rule(400)
+    w, share = 15 * (1 + s), 15 * share  # frequencies: the rest decays like exp(-2 w)
+    kappa, e = 3 - 4 * nu, np.exp(-2 * w)
+    layer = (kappa * (1 - e * e) - 4 * w * e) / (kappa * (1 + e * e) + (1 + kappa**2 + 4 * w**2) * e)
+    angle = np.arange(1, 201) * np.pi / 201
+    t, weight = np.cos(angle), np.pi / 201 * np.sin(angle) ** 2
+    at = (np.arange(count + 1) + 0.5) * np.pi / (2 * (count + 1))
+    s, rows = np.cos(at), -np.ones((count + 1, count + 1))
+    apart = np.multiply.outer(a * (s[:, None] - t), w)
+    rest = ((np.exp(-w) - (1 - layer) * np.cos(apart)) / w) @ share
+    for j, n in enumerate(range(0, 2 * count, 2)):
+        known = np.pi / 2 * ((np.cos(n * at) / n if n else np.log(2 / a)) - np.cos((n + 2) * at) / (n + 2))
+        rows[:, j] = 2 / np.pi * a * (known + rest @ (weight * np.sin((n + 1) * angle) / np.sin(angle)))
+    *c, approach = np.linalg.solve(rows, -((a * s) ** 2) / 2)
+    return a * np.pi / 2 * c[0], np.dot(c, (-1.0) ** np.arange(count)), approach
+
+
+def test_layer_on_a_cylinder():
+    """By an integral equation, which has Hertz's solution as its limit for a thick layer."""
+    load, peak, approach = bonded_layer(0.3, 1.0)
+    problem = read_problem("layer-cylinder")
+    unit = problem.numbers["modulus"] / problem.numbers["R"]
+    found = {"force": load * unit / 2, "largest pressure": peak * unit}
+    assert {q.name: q.numbers[0] for q in problem.quantities} == pytest.approx(found, rel=1e-8)
+    assert problem.numbers["approach"] * problem.numbers["R"] == pytest.approx(approach, rel=1e-8)
+    load, peak, _ = bonded_layer(0.3, 0.02)
+    assert load == pytest.approx(np.pi * 0.02**2 / 4, rel=1e-3)
+    assert peak == pytest.approx(0.02 / 2, rel=1e-3)
+
+
 def test_two_materials_of_spheres():
     """E* and load of two spheres, and both fields have the same pressure."""
     n = read_problem("two-spheres").numbers
