@@ -1,11 +1,13 @@
 """Programs on the problems: ours meets each reference on the coarsest mesh, others where they are installed."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from contactbench.adapters import adapter
+from contactbench import command
+from contactbench.adapters import adapter, signorini
 from contactbench.adapters.calculix_deck import deck
 from contactbench.adapters.signorini import scene
 from contactbench.answers import CannotRun, measured
@@ -143,6 +145,23 @@ def test_coarser_certificates_contain_the_interval(name):
         assert low < most
         assert least < high
         assert most - least < (high - low) / 2
+
+
+def test_estimates_are_no_certificates(monkeypatch):
+    """Of functions of Python bounds do not know enough: what they estimate is refused."""
+    monkeypatch.setattr(signorini, "scene", lambda *given, text, **more: scene(*given, **more))
+    with pytest.raises(ValueError, match="no guaranteed bound, as the gap"):
+        certified(read_problem("example1-tresca"), 0)
+
+
+def test_the_command_certifies(monkeypatch, capsys):
+    """It ends with 1 where an interval of the file and a new one have nothing in common."""
+    assert command.main(["certify", "ring", "wedge", "--level", "0"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 2
+    problem = read_problem("ring")
+    other = [replace(q, numbers=tuple(10 * number for number in q.numbers)) for q in problem.quantities]
+    monkeypatch.setattr(command, "read_problem", lambda name: replace(problem, quantities=tuple(other)))
+    assert command.main(["certify", "ring", "--level", "0"]) == 1
 
 
 @pytest.mark.slow
