@@ -67,7 +67,8 @@ def solve(problem: Problem, grid: Grid) -> Answer:
         text = data.read_text(encoding="utf-8") if data.exists() else ""
     tables = _tables(text)
     if "*ERROR" in done.stdout or "displacements" not in tables or "forces" not in tables:
-        raise RuntimeError("ccx has not solved it: " + " ".join(done.stdout.split()[-30:]))
+        said = re.findall(r"\*ERROR.*", done.stdout) or done.stdout.splitlines()[-1:]
+        raise RuntimeError("ccx has not solved it: " + " ".join(" ".join(said).split()))
     n, d = len(grid.points), problem.dimension
     u = np.array([tables["displacements"][node + 1][:d] for node in range(n)])
     contact = problem.contacts[0]

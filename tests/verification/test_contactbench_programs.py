@@ -187,7 +187,7 @@ def test_nothing_refutes_an_interval(name):
         least, most = problem.quantity(key).numbers
         assert least <= low
         assert high <= most
-    for degree, levels in ((1, (2, 3, 4)), (2, (1, 2, 3))):
+    for degree, levels in ((1, (2, 3)), (2, (1, 2, 3))):
         found = []
         for level in levels:
             grid = make_grid(problem, level)
@@ -200,8 +200,7 @@ def test_nothing_refutes_an_interval(name):
                 limit = values[-1] + (values[-1] - values[-2])
                 for value in (values[-1], limit):
                     assert quantity.numbers[0] <= value <= quantity.numbers[1]
-    others = [(program, 3) for program in ("dolfinx", "scikit-fem")]
-    for program, level in others:
+    for program, level in (("dolfinx", 1), ("scikit-fem", 2)):
         try:
             solve = adapter(program)
         except CannotRun:
