@@ -25,8 +25,8 @@ PAGE, TABLE = DOCS / "contactbench.md", DOCS / "evidence" / "contactbench.csv"
 TEXT = """# contactbench
 
 Contact problems as plain text, each with a reference that does not rest on one program: {NUMBER} problems with
-{QUANTITIES} quantities in the folder [contactbench](../contactbench/README.md) of the repository. Your program needs
-neither this package nor FEniCSx. The runner needs Python 3.11 and NumPy.
+{QUANTITIES} quantities in the folder `contactbench` of the repository, whose `README.md` explains the files. Your
+program needs neither this package nor FEniCSx. The runner needs Python 3.11 and NumPy.
 
 <!-- not run: its commands are run by tests/verification/test_contactbench_judging.py -->
 ```sh
