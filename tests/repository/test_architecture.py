@@ -206,7 +206,8 @@ def test_a_missing_package_is_one_message():
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (
-        "MissingPackageError: 'pictures' needs matplotlib, which is not installed: pip install matplotlib" in ended.stderr
+        "MissingPackageError: 'pictures' needs matplotlib, which is not installed: pip install matplotlib"
+        in ended.stderr
     )
     assert "During handling" not in ended.stderr
 
