@@ -48,6 +48,9 @@ class Status(Enum):
     TOO_LARGE = "deformation too large for linear elasticity"
     INVERTED = "cells turned inside out"
     INSIDE = "rigid shape inside the body"
+    PASSED = "bodies inside each other"
+    FOLDED = "a side sees two sheets of the other one"
+    AT_END = "contact reaches the end of the other side"
     UNSTABLE = "unstable equilibrium"
     STABILITY_UNKNOWN = "stability not known"
     LIMIT = "no equilibrium found beyond a load"
@@ -122,6 +125,18 @@ _ADVICE = {
     Status.INSIDE: (
         "a part of a rigid shape is inside the body, or has passed through it since the last solution: begin where it "
         "is outside, move it in smaller steps, as ramp does, and take facets that are not wider than the shape"
+    ),
+    Status.PASSED: (
+        "a body is inside another one, or has passed through it, where contact does not see it: begin where they are "
+        "apart, move them in smaller steps, as ramp does, and name all sides that may touch"
+    ),
+    Status.FOLDED: (
+        "along one direction a point sees the other side twice, as where that folds: take smaller steps, or give a "
+        "smaller reach"
+    ),
+    Status.AT_END: (
+        "points in contact have begun to see past the end of the other side, whose corner would carry them: exchange "
+        "facets and against, so that the points are on the side that ends, or name more of the other side"
     ),
     Status.STABILITY_UNKNOWN: (
         "the result is an equilibrium, but whether it is stable cannot be told: J is not the derivative of F, or the "

@@ -693,6 +693,11 @@ FACING_SIDES = -0.2
 # Share of the size of the smaller side within which facets are partners, beyond the smallest distance of both sides.
 # Choice.
 PARTNERS_REACH = 0.2
+# Share of a facet of the other side that an increment may move a point along it, up to which the next increment is
+# that of normals that turn at the vertices alone.  Record: two facets a step with the stiffer side as slave.
+NEAR_PARTNER = 0.1
+# Share of the area of a point below which it is beyond the end of the other side.  Choice.
+LEAST_SEEN = 0.5
 # A node that lies under a sliver of a point stands for at least this share of it: a stress is a force over an area.
 # Choice.
 SLIVER = 1e-3

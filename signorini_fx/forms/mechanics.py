@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,10 @@ from signorini_fx.results.sections import SectionForce
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+
+if TYPE_CHECKING:
+    from signorini_fx.results.paired_claim import Claim
+    from signorini_fx.results.sliding_claim import SlidingClaim
 
 Nodal = npt.NDArray[np.float64]
 NO_STRESS = "only the form knows the stresses: give stress=, a function of the displacement"
@@ -162,6 +166,7 @@ def sides_of(
     facets: Sequence[Facets],
     masters: Mapping[int, Facets],
     space: fem.FunctionSpace,
+    claims: Mapping[int, SlidingClaim] | None = None,
 ) -> list[ContactSide]:
     """The parts of the boundary with contact.
 
@@ -171,15 +176,22 @@ def sides_of(
         facets: of each of them.
         masters: of the other side of each pair, by its number.
         space: the displacements.
+        claims: the second opinions on pairs that slide, by their numbers; None: there are none.
     """
+    sliding = claims or {}
     return [
-        _side(contact_data, entry, of_entry, masters.get(k), space)
+        _side(contact_data, entry, of_entry, masters.get(k), space, sliding.get(k))
         for k, (contact_data, entry, of_entry) in enumerate(zip(data, contact, facets, strict=True))
     ]
 
 
 def _side(
-    data: FoundationData, entry: Foundation | Pair, facets: Facets, master: Facets | None, space: fem.FunctionSpace
+    data: FoundationData,
+    entry: Foundation | Pair,
+    facets: Facets,
+    master: Facets | None,
+    space: fem.FunctionSpace,
+    sliding: SlidingClaim | None,
 ) -> ContactSide:
     """One foundation or pair; what the user named decides which facets meet, and up to which distance."""
 
@@ -188,9 +200,10 @@ def _side(
             return np.full(nodes.size, np.inf)
         return np.zeros(nodes.size) if data.law is None else data.law.at(nodes).claimed(np.abs(pressure))
 
-    claim, by_geometry = None, False
+    claim: Claim | SlidingClaim | None = sliding
+    by_geometry = False
     factor, along, axes = data.shape.factor, data.shape.direction, data.shape.axes
-    if isinstance(entry, Pair):
+    if isinstance(entry, Pair) and sliding is None:
         from signorini_fx.results.paired_claim import claim_of
 
         assert data.pair is not None

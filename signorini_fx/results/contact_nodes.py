@@ -19,6 +19,7 @@ from signorini_fx.tuned import SAME_DIRECTION, SAME_PLACE_IN_CELL, ZERO_SUM
 
 if TYPE_CHECKING:
     from signorini_fx.results.paired_claim import Claim
+    from signorini_fx.results.sliding_claim import SlidingClaim
 
 Nodal = npt.NDArray[np.float64]
 
@@ -47,7 +48,7 @@ class ContactSide:
     bilateral: bool
     direction: Callable[[npt.NDArray[np.integer[Any]]], Nodal] | None = None
     factor: Nodal | None = None
-    claim: Claim | None = None
+    claim: Claim | SlidingClaim | None = None
     by_geometry: bool = False
     directions: Callable[[npt.NDArray[np.integer[Any]]], tuple[Nodal, Nodal]] | None = None
     adjust: float | None = None
@@ -86,7 +87,7 @@ class ContactNodes:
     shear: Nodal
     spread: list[Any] | None
     counts: list[int]
-    claims: list[Claim | None] | None = None
+    claims: list[Claim | SlidingClaim | None] | None = None
     across: Nodal | None = None
     ratio: Nodal | None = None
 
@@ -324,10 +325,16 @@ class ContactNodes:
         if self.claims is None:
             return 0.0
         from signorini_fx.results.paired_sides import defect, not_held
+        from signorini_fx.results.sliding_claim import SlidingClaim
 
         free = [supports.left(np.tile(axis, (len(y), 1))) for axis in np.eye(y.shape[1])]
         held = np.eye(y.shape[1]) - np.stack(free, axis=2)
-        return max(max(defect(claim, self.evaluation.space), not_held(claim, held, y)) for claim, _ in self._paired())
+        return max(
+            claim.error()
+            if isinstance(claim, SlidingClaim)
+            else max(defect(claim, self.evaluation.space), not_held(claim, held, y))
+            for claim, _ in self._paired()
+        )
 
     @property
     def shear_across(self) -> Nodal:
@@ -337,7 +344,7 @@ class ContactNodes:
             across[part] = np.einsum("nij,nj->ni", claim.across, self.shear[part])
         return across
 
-    def _paired(self) -> list[tuple[Claim, slice]]:
+    def _paired(self) -> list[tuple[Claim | SlidingClaim, slice]]:
         """The pairs of bodies, and which points are theirs."""
         listed = zip(self.claims or [], self.parts(), strict=False)
         return [(claim, part) for claim, part in listed if claim is not None]
@@ -373,7 +380,7 @@ class ContactNodes:
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
-def _normals_of(forces: SurfaceQuadrature, claim: Claim, nodes: npt.NDArray[np.int64]) -> Nodal:
+def _normals_of(forces: SurfaceQuadrature, claim: Claim | SlidingClaim, nodes: npt.NDArray[np.int64]) -> Nodal:
     """Those of a pair at its points, means of both sides, but of the slave where they are nominally in contact, shape
     (n, d); collective.
     """

@@ -369,16 +369,17 @@ def test_certificate_notices_what_is_wrong():
 def test_wrong_arguments():
     """Each is named."""
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
-    u = fem.Function(space)
+    u, quadratic = fem.Function(space), fem.Function(fem.functionspace(space.mesh, ("Lagrange", 2, (2,))))
     top = side(1, 1.0)
     for form, contact, wrong in (
-        (residual(u), Pair(top, side(1, 0.0)), "two nonlinear bodies"),
         (ufl.TrialFunction(space)[0] * ufl.TestFunction(space)[0] * ufl.dx, Foundation(top), "one test function"),
         (residual(u), Foundation(top, shape=PLATE | {"force": (0.0, -1.0), "pivot": (0.5, 1.0)}), "place"),
         (residual(u), Foundation(top, shape=PLATE | {"shape": "cube"}), "shape"),
     ):
         with pytest.raises(FormError, match=wrong):
             NonlinearContactProblem(form, u, contact=contact)
+    with pytest.raises(FormError, match="a mesh of the plane and degree 1"):
+        NonlinearContactProblem(residual(quadratic), quadratic, contact=Pair(top, side(1, 0.0)))
     problem = NonlinearContactProblem(residual(u), u, contact=Foundation(top))
     with pytest.raises(FormError, match="no shape"):
         problem.place(0, shift=(0.0, 1.0))

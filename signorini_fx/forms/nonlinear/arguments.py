@@ -33,8 +33,8 @@ def checked(
     commit: Any,
     max_newton: Any,
     settings: Mapping[str, Any],
-) -> tuple[Foundation, ...]:
-    """The foundations, if the arguments fit each other.
+) -> tuple[Foundation | Pair, ...]:
+    """The foundations and pairs, if the arguments fit each other.
 
     Raises:
         FormError: they do not.
@@ -47,11 +47,7 @@ def checked(
         for name, function in (("update", update), ("commit", commit))
         if function is not None and not callable(function)
     ]
-    problems += [
-        (f"contact[{k}]", "two nonlinear bodies are not possible yet: give a Foundation")
-        for k, entry in enumerate(contact)
-        if isinstance(entry, Pair)
-    ]
+    problems += [fault for k, entry in enumerate(contact) if isinstance(entry, Pair) for fault in _faults(k, entry)]
     if not isinstance(u, fem.Function):
         problems.append(("u", f"must be a Function, not {kind_of(u)}"))
     if not isinstance(F, ufl.Form) or F.empty() or len(F.arguments()) != 1:
@@ -68,16 +64,41 @@ def checked(
     except FormError as error:
         names = {"a": "u" if J is None or _unsupported(error) else "J", "L": "F"}
         raise FormError([(names.get(key, key), reason) for key, reason in error.problems]) from None
-    foundations = tuple(entry for entry in contact if isinstance(entry, Foundation))
-    if averaging(u.function_space):
+    space = u.function_space
+    if averaging(space):
         problems += [
             (f"contact[{k}].shape", "on quadratic tetrahedra a shape must be a plane: take hexahedra, or degree 1")
-            for k, entry in enumerate(foundations)
-            if entry.shape is not None and not _flat(entry.shape)
+            for k, entry in enumerate(contact)
+            if isinstance(entry, Foundation) and entry.shape is not None and not _flat(entry.shape)
+        ]
+    if space.mesh.geometry.dim != 2 or space.element.basix_element.degree != 1:
+        problems += [
+            (f"contact[{k}]", "two bodies that slide on each other need a mesh of the plane and degree 1")
+            for k, entry in enumerate(contact)
+            if isinstance(entry, Pair)
         ]
     if problems:
         raise FormError(problems)
-    return foundations
+    return tuple(contact)
+
+
+def _faults(number: int, pair: Pair) -> list[tuple[str, str]]:
+    """What of a pair is not possible where its sides slide on each other."""
+    path, law = f"contact[{number}]", pair.friction
+    across = "acts without pressure, too, and so across the gap of sides that slide: take Coulomb friction with a cap"
+    alone = law is not None and (not law.follows_pressure or getattr(law, "cohesion", None) is not None)
+    return [
+        (f"{path}.{key}", reason)
+        for key, wrong, reason in (
+            ("gap", pair.gap != "geometry", 'must be "geometry": sides that slide do not stay opposite each other'),
+            ("friction", alone, across),
+            ("bonded", pair.bonded, "is not possible yet: nonlinear bodies that are tied need one mesh"),
+            ("bilateral", pair.bilateral, "is not possible yet: give a contact that can open"),
+            ("adjust", pair.adjust is not None, "is not possible yet: move the meshes to where they touch"),
+            ("measure", pair.measure is not None, "is not possible yet: two bodies slide in the plane only"),
+        )
+        if wrong
+    ]
 
 
 def _unsupported(error: FormError) -> bool:

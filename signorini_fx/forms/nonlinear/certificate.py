@@ -15,14 +15,15 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.forms.mechanics import prescribed_nodes, sides_of
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
-from signorini_fx.forms.solver import FormSolver
-from signorini_fx.mechanics.body.foundation import Foundation
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import ShapeDistances
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.equilibrium import Balance
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.sliding_claim import sliding_claim
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 
 Array = npt.NDArray[np.float64]
@@ -31,8 +32,8 @@ Array = npt.NDArray[np.float64]
 def mechanics_at(
     u: fem.Function,
     residual: Array,
-    linear: FormSolver,
-    contact: Sequence[Foundation],
+    linear: LinearisedProblem,
+    contact: Sequence[Foundation | Pair],
     shapes: Mapping[int, MovingShape],
     lost: Array | None = None,
 ) -> ResidualMechanics:
@@ -54,6 +55,14 @@ def mechanics_at(
         nodal_gap[moving.nodes], along[moving.nodes] = moving.seen_from(places[moving.nodes])
         distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
         data[number] = replace(data[number], gap=nodal_gap, shape=distances)
+    previous = linear.previous_step
+    ends = u, None if previous is None else previous.displacement
+    claims = {}
+    for number, pair in linear.pairs.items():
+        sides = pair.sides
+        side = sides.slave.surface, sides.points, sides.unable, sides.reach
+        facets = linear.forms.facets[number], linear.forms.masters[number]
+        claims[number] = sliding_claim(space, side, facets, ends)
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)
@@ -62,7 +71,7 @@ def mechanics_at(
         SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known, with_loads=True
     )
     return ResidualMechanics(
-        balance, sides_of(data, contact, linear.forms.facets, {}, space), linear.forms.boundaries, fixed
+        balance, sides_of(data, contact, linear.forms.facets, {}, space, claims), linear.forms.boundaries, fixed
     )
 
 

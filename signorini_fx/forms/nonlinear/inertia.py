@@ -11,7 +11,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.tuned import HOLDING_STIFFNESS
 
 Array = npt.NDArray[np.float64]
@@ -24,6 +24,7 @@ def negative_directions(
     curvature: NodalStiffness,
     nodes: npt.NDArray[np.int32],
     held: Array,
+    joint: Sequence[JointStiffness] = (),
 ) -> int:
     """The number of negative eigenvalues of the tangent where contact points stay in contact; collective.
 
@@ -38,6 +39,7 @@ def negative_directions(
         curvature: what the foundations add to the tangent, and friction where slips turn.
         nodes: of the contact points, local numbers of owned nodes, shape (n,).
         held: directions that contact holds at each of them, zero where it holds none, shape (n, directions, d).
+        joint: what contact holds between nodes, products of the rows of relative displacements that do not change.
     """
     matrix = fem_petsc.assemble_matrix(tangent, list(bcs), 0.0)
     matrix.assemble()
@@ -49,6 +51,8 @@ def negative_directions(
     left = held * ~fixed.reshape(-1, held.shape[2])[nodes][:, None, :]
     holding = HOLDING_STIFFNESS * largest * np.einsum("nki,nkj->nij", left, left)
     NodalStiffness.summed(nodes, holding).add_to(matrix)
+    for rows in joint:
+        rows.scaled(HOLDING_STIFFNESS * largest).add_to(matrix, held.shape[2], fixed)
     diagonal = matrix.getDiagonal()
     diagonal.getArray()[fixed] = largest
     matrix.setDiagonal(diagonal)

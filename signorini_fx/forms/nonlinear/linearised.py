@@ -21,14 +21,19 @@ from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memo
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.forms.given import given_forms
+from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness
 from signorini_fx.forms.nonlinear.moving_shapes import curvature_of, left_by_turning
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import Foundations
-from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
+from signorini_fx.mechanics.body.sliding_sides import SlidingSides
+from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Law
@@ -47,10 +52,50 @@ class MovingFoundations(Foundations):
     """
 
     motion: Callable[[ContactBoundary], Array | None]
+    sliding: Mapping[int, MovingPair]
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """See ``Foundations``."""
         return self.motion(boundary)
+
+    def sides_of(self, number: int, fixed: npt.NDArray[np.bool_], at_rest: npt.NDArray[np.bool_]) -> SlidingSides:
+        """Both sides of a pair, for the arguments see ``boundary``; collective.
+
+        Raises:
+            FormError: see ``SlidingSides``.
+        """
+        pair, space = self._contact[number], self._space
+        assert isinstance(pair, Pair)
+        taken = [
+            self.facets[k]
+            for k, contact in enumerate(self._contact)
+            if k != number and (k < number or isinstance(contact, Foundation))
+        ]
+        flags, rests = (values.reshape(-1, self._dimension) for values in (fixed, at_rest))
+        facets = self.facets[number], self._masters[number]
+        return SlidingSides.of(space, pair.reach, facets, number, flags, rests[: len(flags)], taken)
+
+    def _paired(
+        self,
+        number: int,
+        factor: Array | None,
+        fixed: npt.NDArray[np.bool_],
+        turned: TurnedNodes | None,
+        at_rest: npt.NDArray[np.bool_] | None,
+    ) -> ContactBoundary:
+        """See ``Foundations``: where both sides are now."""
+        return self.sliding[number].boundary()
+
+    def _gap_of(self, number: int) -> tuple[Array, Array | None]:
+        """See ``Foundations``."""
+        contact = self._contact[number]
+        if not isinstance(contact, Pair):
+            return super()._gap_of(number)
+        pair = self.sliding[number]
+        allowance = self._values[number](contact.allowance, f"contact[{number}].allowance")
+        gap = allowance.copy()
+        gap[pair.sides.local_points()] += pair.opening
+        return gap, allowance
 
 
 @dataclass(frozen=True)
@@ -120,7 +165,29 @@ class LinearisedProblem(FormSolver):
         spin: Callable[[ContactBoundary], Array | None],
     ) -> None:
         """Take the motion of shapes from here, and their rotations."""
-        self.foundations.motion, self._spin_of = motion, spin
+        self.foundations.motion, self._spin_of, self.foundations.sliding = motion, spin, {}
+
+    @property
+    def pairs(self) -> Mapping[int, MovingPair]:
+        """The sides that slide on each other by the numbers of their contacts, once a solve has begun."""
+        return self.foundations.sliding
+
+    def slide(self) -> None:
+        """Renew the maps of pairs at the displacement of now; collective.
+
+        Raises:
+            PairingError: a facet sees two sheets of the other side.
+            FormError: two sides do not fit together.
+        """
+        numbers = [k for k, entry in enumerate(self.contact) if isinstance(entry, Pair)]
+        if numbers and not self.pairs:
+            fixed, values = prescribed(self.space, conditions_of(self.bcs, self.space))
+            at_rest, owned = self.foundations.at_rest(fixed, values), self.space.dofmap.index_map.size_local
+            owned *= self.space.dofmap.index_map_bs
+            sides = {k: self.foundations.sides_of(k, fixed[:owned], at_rest[:owned]) for k in numbers}
+            self.foundations.sliding = {k: MovingPair(both) for k, both in sides.items()}
+        for pair in self.pairs.values():
+            pair.move(self._at)
 
     def bend(self, hessians: Array) -> None:
         """Give the tangent the curvature of the shapes with the tractions of the last solution.
@@ -128,14 +195,15 @@ class LinearisedProblem(FormSolver):
         Args:
             hessians: see ``hessians_at``, at the displacement of now.
         """
-        self._hessians, self.curvature = hessians, curvature_of(hessians, self.state)
+        self._hessians, curvature = hessians, curvature_of(hessians, self.state)
+        self.curvature = replace(curvature, joint=joint_stiffness(self.pairs, self.state))
 
     # --- what a FormSolver asks for ---
 
     def begin_step(self) -> Start:
         """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
-        begun = super().begin_step()
+        begun = self._from_pairs(super().begin_step())
         boundary, previous = self.boundary, self.previous_step
         if state is None or not len(self._hessians) == boundary.size == state.boundary.size:
             return begun
@@ -149,6 +217,17 @@ class LinearisedProblem(FormSolver):
         slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
         turned = left_by_turning(boundary, self._hessians, way, slip)
         origin = origin + np.where(self._sticks[:, None], turned, 0.0)
+        return replace(begun, data=replace(begun.data, slip_origin=origin))
+
+    def _from_pairs(self, begun: Start) -> Start:
+        """With the slips of pairs counted from where their step has begun."""
+        if not self.pairs:
+            return begun
+        origin = np.zeros_like(begun.data.mu_hat)
+        if begun.data.slip_origin is not None:
+            origin += begun.data.slip_origin
+        for number, pair in self.pairs.items():
+            origin[self.boundary.part == number] = pair.slip_origin
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
@@ -168,7 +247,9 @@ class LinearisedProblem(FormSolver):
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         """See ``FormSolver``."""
-        return self._added.nodes, self._added.blocks, np.asarray(self._evaluated.loads)
+        pairs = [values for pair in self.pairs.values() for values in pair.fingerprint]
+        joint = [part.matrix.data for part in self.curvature.joint]
+        return self._added.nodes, self._added.blocks, np.asarray(self._evaluated.loads), *pairs, *joint
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         """See ``FormSolver``."""
@@ -209,7 +290,8 @@ class LinearisedProblem(FormSolver):
         dim, nodes = self.curvature.blocks.shape[1], np.arange(len(self._diagonal))
         damping = self._damping * self._diagonal[:, None, None] * np.eye(dim)
         blocks = np.concatenate((self.curvature.blocks, damping))
-        return NodalStiffness.summed(np.concatenate((self.curvature.nodes, nodes)), blocks)
+        numbers = np.concatenate((self.curvature.nodes, nodes))
+        return NodalStiffness.summed(numbers, blocks, self.curvature.joint)
 
     def solve(self) -> None:
         """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.
@@ -274,11 +356,21 @@ class LinearisedProblem(FormSolver):
 
     @property
     def held(self) -> Array:
-        """The directions that contact holds at each contact point, zero where it holds none, shape (n, d, d)."""
+        """The directions that contact with shapes holds at each contact point, zero where it holds none, shape (n, d,
+        d).
+        """
         assert self.outcome is not None
         boundary = self.state.boundary
-        normal = boundary.normal[:, None, :] * self.state.in_contact[:, None, None]
-        return np.concatenate((normal, boundary.tangents.transpose(0, 2, 1) * self._sticks[:, None, None]), axis=1)
+        alone = ~np.isin(boundary.part, list(self.pairs))
+        normal = boundary.normal[:, None, :] * (self.state.in_contact & alone)[:, None, None]
+        tangents = boundary.tangents.transpose(0, 2, 1) * (self._sticks & alone)[:, None, None]
+        return np.concatenate((normal, tangents), axis=1)
+
+    @property
+    def holding(self) -> list[JointStiffness]:
+        """What contact holds between the sides of pairs, see ``SlidingSides``; collective."""
+        sticks = self._sticks
+        return [pair.holding(self.state, sticks) for pair in self.pairs.values()]
 
     @property
     def factor_fits(self) -> bool:

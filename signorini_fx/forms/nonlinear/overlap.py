@@ -1,4 +1,6 @@
-"""Whether a rigid shape lies inside a nonlinear body, or has passed through it since the last solution, in words."""
+"""Whether a rigid shape lies inside a nonlinear body, or has passed through it since the last solution, or two bodies
+have done so with each other, in words.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,11 @@ from collections.abc import Mapping
 import numpy as np
 from dolfinx import fem
 
+from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.bodies_inside import PairedBodies
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
 
 
@@ -37,4 +41,14 @@ def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape]
         deep = cells.passed((then, before), (now, moving.shape), added)
         if deep is not None:
             return f"contact[{number}]: on its way, {deep}"
+    return ""
+
+
+def overlap_of_bodies(u: fem.Function, cells: BodyCells, pairs: Mapping[int, MovingPair], last: Snapshot) -> str:
+    """Which pair, how deep and where; empty: none; collective.  For the arguments see ``overlap``."""
+    now, then = cells.placed(u.x.array), cells.placed(last.displacement)
+    for number, pair in pairs.items():
+        deep = PairedBodies.of(cells, pair.sides).inside(then, now)
+        if deep is not None:
+            return f"contact[{number}]: {deep}"
     return ""

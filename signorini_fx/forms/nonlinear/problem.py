@@ -30,7 +30,7 @@ from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, place, spin_at
-from signorini_fx.forms.nonlinear.overlap import overlap
+from signorini_fx.forms.nonlinear.overlap import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.ramp import PathSizes, RampStep, StepEnds, StepSizes
 from signorini_fx.forms.nonlinear.residual import Residual
@@ -43,9 +43,10 @@ from signorini_fx.forms.steps import Clock
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.foundation import Foundation
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
+from signorini_fx.mechanics.pairs.coupling import PairingError
 from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate import Certificate
@@ -113,7 +114,7 @@ class NonlinearContactProblem(ProblemOfForms):
         u: fem.Function,
         *,
         bcs: Sequence[fem.DirichletBC] = (),
-        contact: Sequence[Foundation] | Foundation = (),
+        contact: Sequence[Foundation | Pair] | Foundation | Pair = (),
         J: Any = None,
         update: Callable[[], object] | None = None,
         commit: Callable[[], object] | None = None,
@@ -137,14 +138,14 @@ class NonlinearContactProblem(ProblemOfForms):
             residual = fem.form(F, **options)
         refuse_miscompiled(F, residual, u, options)
         self._residual = Residual(residual, u, update or (lambda: None))
-        shaped = [k for k, entry in enumerate(self.contact) if entry.shape is not None]
+        shaped = [k for k, entry in enumerate(self.contact) if getattr(entry, "shape", None) is not None]
         self.linear = LinearisedProblem(
             self._tangents.leading,
             residual,
             self._residual,
             u,
             bcs,
-            [self._seen(k, entry) if k in shaped else entry for k, entry in enumerate(self.contact)],
+            [self._seen(k) if k in shaped else entry for k, entry in enumerate(self.contact)],
             petsc_options_prefix=petsc_options_prefix,
             petsc_options=dict(petsc_options or {}),
             boundaries=boundaries,
@@ -233,21 +234,26 @@ class NonlinearContactProblem(ProblemOfForms):
 
     def _shape_of(self, number: int) -> MovingShape:
         """The shape of a foundation at its nodes."""
-        entry, values = self.contact[number], self.linear.nodal_values[number]
+        entry, values = self._foundation(number), self.linear.nodal_values[number]
         x = node_positions(self._space)[values.nodes]
         shape = fitting(number, entry.shape, self._dimension)
         self.linear.check_shape(number, shape)
         added = values(entry.gap, f"contact[{number}].gap")[values.nodes]
         return MovingShape(shape, shape, added, values.nodes, x[:, : self._dimension].astype(np.float64))
 
-    def _seen(self, number: int, entry: Foundation) -> Foundation:
+    def _foundation(self, number: int) -> Foundation:
+        entry = self.contact[number]
+        assert isinstance(entry, Foundation)
+        return entry
+
+    def _seen(self, number: int) -> Foundation:
         """A foundation with a shape as the linearised problem has it: a gap and a direction."""
 
         def seen() -> tuple[Array, Array]:
             moving = self.shapes[number]
             return moving.seen_from(self._places[moving.nodes])
 
-        return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
+        return replace(self._foundation(number), shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
 
     def _bend(self) -> None:
         """Give the tangent the curvature of the shapes with the contact tractions of now; collective."""
@@ -345,6 +351,11 @@ class NonlinearContactProblem(ProblemOfForms):
             residual = self._forces_at(old)
             if residual is None:
                 return Status.INVERTED
+            try:
+                self.linear.slide()
+            except PairingError as error:
+                self._overlap = str(error)
+                return Status.FOLDED
             self._bend()
             try:
                 increment, length = self._increment(old, residual, search=iteration > 1, damps=damps)
@@ -422,6 +433,18 @@ class NonlinearContactProblem(ProblemOfForms):
         self._overlap = overlap(self.u, self._cells, self.shapes, self._good)
         if self._overlap:
             return Status.INSIDE
+        self._overlap = overlap_of_bodies(self.u, self._cells, linear.pairs, self._good)
+        if self._overlap:
+            return Status.PASSED
+        try:
+            linear.slide()
+        except PairingError as error:
+            self._overlap = str(error)
+            return Status.FOLDED
+        for pair in linear.pairs.values():
+            if reached := pair.at_end(self.state):
+                self._overlap = reached
+                return Status.AT_END
         lost = round_off(self.u, residual, self._forces_at)
         self._forces_at(values)
         mechanics = mechanics_at(self.u, self._seen_anew(residual), linear, self.contact, self.shapes, lost)
@@ -452,6 +475,9 @@ class NonlinearContactProblem(ProblemOfForms):
         self._commit()
         for moving in self.shapes.values():
             moving.settled = moving.shape
+        for pair in self.linear.pairs.values():
+            pair.move(self.u)
+            pair.settle()
 
     def ramp(
         self,

@@ -106,5 +106,6 @@ class Stability:
         beside = NodalStiffness.summed(
             np.concatenate((linear.curvature.nodes, turning.nodes)),
             np.concatenate((linear.curvature.blocks, turning.blocks)),
+            linear.curvature.joint,
         )
-        return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held)
+        return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held, linear.holding)

@@ -217,6 +217,8 @@ class ElasticBody:
         boundary = self.boundary
         if boundary is None or boundary.moving is not None or self.turned is not None or self.elastic.pressed:
             return False
+        if self.beside is not None and self.beside.joint:
+            return False
         if self.settings.algorithm == "exact" or options.user_chooses_solver() or self.dofs < FEWEST_BLOCK_UNKNOWNS:
             return False
         # Nothing that resists is assembled yet: without it more motions are free, and contact holds them or not.

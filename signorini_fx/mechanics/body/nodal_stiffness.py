@@ -1,4 +1,6 @@
-"""Stiffness between the components of single nodes, beside that of forms, such as curved foundations add."""
+"""Stiffness between the components of single nodes, beside that of forms, such as curved foundations add, and between
+the nodes of two sides that slide on each other.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +8,59 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 from dolfinx import fem
 from petsc4py import PETSc
 
+from signorini_fx.mechanics.body.averages import from_owners
+
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointStiffness:
+    """Between the components of some nodes, the same on every rank.
+
+    Attributes:
+        nodes: global numbers, shape (m,).
+        matrix: force per length, symmetric, scipy sparse, shape (m d, m d).
+    """
+
+    nodes: npt.NDArray[np.int64]
+    matrix: sp.csr_array
+
+    def scaled(self, factor: float) -> JointStiffness:
+        """Times a factor."""
+        return JointStiffness(self.nodes, factor * self.matrix)
+
+    def times(self, displacement: fem.Function) -> Array:
+        """See ``NodalStiffness``; collective."""
+        space = displacement.function_space
+        index_map, dim = space.dofmap.index_map, space.dofmap.index_map_bs
+        owned = displacement.x.array.reshape(-1, dim)[: index_map.size_local]
+        forces = (self.matrix @ from_owners(owned, self.nodes, space.mesh.comm).ravel()).reshape(-1, dim)
+        here = (self.nodes >= index_map.local_range[0]) & (self.nodes < index_map.local_range[1])
+        at_owned = np.zeros((index_map.size_local, dim))
+        np.add.at(at_owned, self.nodes[here] - index_map.local_range[0], forces[here])
+        return at_owned.ravel()
+
+    def add_to(self, matrix: PETSc.Mat, dim: int, fixed: npt.NDArray[np.bool_] | None) -> None:
+        """See ``NodalStiffness``; entries for which the matrix has no room are made; collective."""
+        free = np.ones(self.nodes.size * dim)
+        if fixed is not None:
+            rows = (~fixed).reshape(-1, dim).astype(np.float64)
+            free = from_owners(rows, self.nodes, matrix.comm.tompi4py()).ravel()
+        entries = (sp.diags_array(free) @ self.matrix @ sp.diags_array(free)).tocoo()
+        first, last = matrix.getOwnershipRange()
+        unknowns = (dim * self.nodes[:, None] + np.arange(dim)).ravel()
+        rows, columns = unknowns[entries.row], unknowns[entries.col]
+        here = (rows >= first) & (rows < last)
+        shape = (last - first, matrix.getSize()[1])
+        added = sp.csr_array(sp.coo_array((entries.data[here], (rows[here] - first, columns[here])), shape=shape))
+        csr = added.indptr.astype(PETSc.IntType), added.indices.astype(PETSc.IntType), added.data
+        more = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
+        matrix.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        more.destroy()
 
 
 @dataclass(frozen=True)
@@ -19,10 +70,12 @@ class NodalStiffness:
     Attributes:
         nodes: owned nodes of this rank, local numbers, each once, shape (n,).
         blocks: force per length, symmetric, shape (n, d, d).
+        joint: between nodes, which is added to them.
     """
 
     nodes: npt.NDArray[np.int64]
     blocks: Array
+    joint: tuple[JointStiffness, ...] = ()
 
     @classmethod
     def none(cls, dimension: int) -> NodalStiffness:
@@ -30,20 +83,22 @@ class NodalStiffness:
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, dimension, dimension)))
 
     @classmethod
-    def summed(cls, nodes: npt.NDArray[np.integer], blocks: Array) -> NodalStiffness:
+    def summed(
+        cls, nodes: npt.NDArray[np.integer], blocks: Array, joint: tuple[JointStiffness, ...] = ()
+    ) -> NodalStiffness:
         """Blocks of contact points, of which a node may have several."""
         each, position = np.unique(nodes, return_inverse=True)
         sums = np.zeros((each.size, *blocks.shape[1:]))
         np.add.at(sums, position, blocks)
-        return cls(each.astype(np.int64), sums)
+        return cls(each.astype(np.int64), sums, joint)
 
     def times(self, displacement: fem.Function) -> Array:
-        """The forces of a displacement at the unknowns of this rank, shape (owned dofs,)."""
+        """The forces of a displacement at the unknowns of this rank, shape (owned dofs,); collective."""
         space = displacement.function_space
         dim, owned = self.blocks.shape[1], space.dofmap.index_map.size_local
         forces = np.zeros((owned, dim))
         forces[self.nodes] = np.einsum("nij,nj->ni", self.blocks, displacement.x.array.reshape(-1, dim)[self.nodes])
-        return forces.ravel()
+        return np.asarray(sum((joint.times(displacement) for joint in self.joint), forces.ravel()))
 
     def add_to(self, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_] | None = None) -> None:
         """Add it to a matrix with a row for each unknown, which is assembled; collective.
@@ -61,3 +116,5 @@ class NodalStiffness:
         for numbers, block in zip(rows, blocks, strict=True):
             matrix.setValues(numbers, numbers, block, addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()
+        for joint in self.joint:
+            joint.add_to(matrix, dim, fixed)

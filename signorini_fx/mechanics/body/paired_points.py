@@ -89,6 +89,88 @@ class PairedSide:
 
 
 @dataclass(frozen=True)
+class FacingSides:
+    """Both sides of a pair before they are paired, and what supports prescribe there.
+
+    Attributes:
+        slave: the side with the contact points.
+        master: the other one.
+        frames: in which supports are told of at the nodes of both, shape (N, d, d).
+        entries: at the nodes of both, which components are prescribed, which to zero at all times, and whether another
+            contact or the other side owns the node, shape (N, 2 d + 1).
+        supported: nodes of the slave that are held along their normals, shape (N,).
+    """
+
+    slave: PairedSide
+    master: PairedSide
+    frames: tuple[Array, Array]
+    entries: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
+    supported: npt.NDArray[np.bool_]
+
+    @property
+    def unable(self) -> npt.NDArray[np.bool_]:
+        """Nodes of the slave that cannot carry a point, shape (N,)."""
+        return np.asarray(self.supported | self.entries[0][:, -1])
+
+    @classmethod
+    def of(
+        cls,
+        space: fem.FunctionSpace,
+        facets: tuple[Indices, Indices],
+        name: str,
+        fixed: npt.NDArray[np.bool_],
+        taken: Sequence[Indices],
+        turned: TurnedNodes | None = None,
+        at_rest: npt.NDArray[np.bool_] | None = None,
+        factor: Array | None = None,
+    ) -> FacingSides:
+        """Two parts of the boundary; collective.  For the arguments see ``PairedSides.of``.
+
+        Raises:
+            FormError: the sides are curved and the displacement is linear.
+        """
+        if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
+            raise FormError([(name, "two bodies with curved cells need a space of degree 2")])
+        comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
+        slave, master = (PairedSide.of(space, entries) for entries in facets)
+        taken_nodes = np.zeros(owned, dtype=bool)
+        for taken_facets in (*taken, facets[1]):
+            reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
+            taken_nodes[reached[reached < owned]] = True
+        at_rest = np.zeros_like(fixed) if at_rest is None else at_rest
+        owned_rows = np.column_stack((fixed, at_rest, taken_nodes)).astype(np.float64)
+
+        def told(side: PairedSide) -> tuple[Array, npt.NDArray[np.bool_]]:
+            """Frames of the nodes of a side, shape (N, d, d), and what is known there, shape (N, 2 d + 1)."""
+            frames: Array = np.tile(np.eye(dim), (side.nodes.size, 1, 1))
+            if turned is not None:
+                owned_frames = turned.frames_at(np.arange(owned)).reshape(owned, dim**2)
+                frames = from_owners(owned_frames, side.nodes, comm).reshape(frames.shape)
+            return frames, from_owners(owned_rows, side.nodes, comm) > 0
+
+        (frames, entries), (axes, reached) = told(slave), told(master)
+        rests = (frames, entries[:, dim:-1]), (axes, reached[:, dim:-1])
+        measures = [
+            None if factor is None else from_owners(np.nan_to_num(factor[:owned, None]), side.nodes, comm)[:, 0]
+            for side in (slave, master)
+        ]
+        slave = replace(slave, surface=replace(slave.surface, measure=measures[0]))
+        on_axis = [None if measure is None else measure <= ZERO_SUM * measure.max() for measure in measures]
+        across = (
+            mirrored(slave.surface, master.surface, rests, on_axis[0]),
+            mirrored(master.surface, slave.surface, (rests[1], rests[0]), on_axis[1]),
+        )
+        slave, master = (
+            replace(side, surface=replace(side.surface, across=planes))
+            for side, planes in zip((slave, master), across, strict=True)
+        )
+        normals = slave.surface.nodal_normals
+        supported = held_along(normals, frames, entries[:, :dim])
+        supported[~normals.any(axis=1)] = False  # nodes that no point belongs to
+        return cls(slave, master, (frames, axes), (entries, reached), supported)
+
+
+@dataclass(frozen=True)
 class PairedSides:
     """Both sides of a pair, and what joins them.
 
@@ -137,45 +219,8 @@ class PairedSides:
         Raises:
             FormError: the sides do not fit together, or are curved and the displacement is linear.
         """
-        if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
-            raise FormError([(name, "two bodies with curved cells need a space of degree 2")])
-        comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
-        slave, master = (PairedSide.of(space, entries) for entries in facets)
-        taken_nodes = np.zeros(owned, dtype=bool)
-        for taken_facets in (*taken, facets[1]):
-            reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
-            taken_nodes[reached[reached < owned]] = True
-        at_rest = np.zeros_like(fixed) if at_rest is None else at_rest
-        owned_rows = np.column_stack((fixed, at_rest, taken_nodes)).astype(np.float64)
-
-        def told(side: PairedSide) -> tuple[Array, npt.NDArray[np.bool_]]:
-            """Frames of the nodes of a side, shape (N, d, d), and what is known there, shape (N, 2 d + 1)."""
-            frames: Array = np.tile(np.eye(dim), (side.nodes.size, 1, 1))
-            if turned is not None:
-                owned_frames = turned.frames_at(np.arange(owned)).reshape(owned, dim**2)
-                frames = from_owners(owned_frames, side.nodes, comm).reshape(frames.shape)
-            return frames, from_owners(owned_rows, side.nodes, comm) > 0
-
-        (frames, entries), (axes, reached) = told(slave), told(master)
-        rests = (frames, entries[:, dim:-1]), (axes, reached[:, dim:-1])
-        measures = [
-            None if factor is None else from_owners(np.nan_to_num(factor[:owned, None]), side.nodes, comm)[:, 0]
-            for side in (slave, master)
-        ]
-        slave = replace(slave, surface=replace(slave.surface, measure=measures[0]))
-        on_axis = [None if measure is None else measure <= ZERO_SUM * measure.max() for measure in measures]
-        across = (
-            mirrored(slave.surface, master.surface, rests, on_axis[0]),
-            mirrored(master.surface, slave.surface, (rests[1], rests[0]), on_axis[1]),
-        )
-        slave, master = (
-            replace(side, surface=replace(side.surface, across=planes))
-            for side, planes in zip((slave, master), across, strict=True)
-        )
-        normals = slave.surface.nodal_normals
-        supported = held_along(normals, frames, entries[:, :dim])
-        supported[~normals.any(axis=1)] = False  # nodes that no point belongs to
-        unable = supported | entries[:, -1]
+        facing = FacingSides.of(space, facets, name, fixed, taken, turned, at_rest, factor)
+        slave, master, comm = facing.slave, facing.master, space.mesh.comm
         first, last = space.dofmap.index_map.local_range
         mine = (slave.nodes >= first) & (slave.nodes < last)
         by_geometry = not pair.bonded and isinstance(pair.gap, str)
@@ -183,7 +228,7 @@ class PairedSides:
             coupling = couple(
                 slave.surface,
                 master.surface,
-                unable,
+                facing.unable,
                 bonded=pair.bonded,
                 nominal=not by_geometry,
                 reach=pair.reach,
@@ -192,10 +237,11 @@ class PairedSides:
             )
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
-        turns, held = None if turned is None else frames[coupling.nodes], None
-        if (alone := supported & ~entries[:, -1]).any():
+        turns, held = None if turned is None else facing.frames[0][coupling.nodes], None
+        if (alone := facing.supported & ~facing.entries[0][:, -1]).any():
             sides, names = (slave.surface, master.surface), (slave.nodes, master.nodes)
-            held = HeldPairs.of(sides, names, alone, (axes, reached[:, :dim]), coupling, pair.adjust)
+            axes, reached = facing.frames[1], facing.entries[1][:, : slave.surface.dimension]
+            held = HeldPairs.of(sides, names, alone, (axes, reached), coupling, pair.adjust)
         return cls(slave, master, coupling, by_geometry, turns, held)
 
     @property

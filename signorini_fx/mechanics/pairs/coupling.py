@@ -119,7 +119,7 @@ def closed_within(gap: Array, limit: float | None) -> Array:
 
 
 @dataclass(frozen=True)
-class _Tested:
+class Tested:
     """An overlap, as far as this rank has found it, with the functions of the points.
 
     Attributes:
@@ -135,7 +135,7 @@ class _Tested:
     hats: bool
 
     @classmethod
-    def of(cls, slave: PairSurface, master: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> _Tested:
+    def of(cls, slave: PairSurface, master: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> Tested:
         """With the functions on what is covered; collective."""
         local_area = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
         area: Array = parallel.global_sum(comm, local_area.astype(np.float64))
@@ -185,18 +185,8 @@ def couple(
     used = [side.x[np.unique(side.nodes)] for side in (slave, master)]
     if reach is None:
         reach = default_reach(*used)
-    ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
-    facets = np.arange(*ends)
-    project, turned = (plane_overlap, turned_in_plane) if slave.dimension == 2 else (space_overlap, turned_in_space)
-    overlap = project(slave, master, reach, facets, None).measured(slave).within(reach, slave, master)
-    tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
-    _check(slave, master, tested.area, reach)
-    directions = None if nominal else _mean_normals(slave, master, tested, comm)
-    if directions is not None and turned(slave, directions) > PARALLEL:
-        overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
-        tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
-        _check(slave, master, tested.area, reach)
-
+    tested, directions = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
+    overlap = tested.overlap
     points, weighted = slave.points[overlap.slave], tested.weighted
     count = len(slave.x)
     weight = tested.moments(slave, np.ones((*weighted.shape[:2], 1)), comm)[:, 0]
@@ -204,13 +194,13 @@ def couple(
     shapes = slave.functions.values(overlap.at), master.functions.values(overlap.over)
     sizes = count, len(master.x)
     sums = [
-        _sparse(points, nodes, np.einsum("pqi,pqj->pij", weighted, shape), count, size)
+        sparse_sums(points, nodes, np.einsum("pqi,pqj->pij", weighted, shape), count, size)
         for nodes, shape, size in zip(seen, shapes, sizes, strict=True)
     ]
     distance = tested.moments(slave, overlap.distance(slave, master), comm)
     areas = overlap.weight.sum(axis=1)[:, None, None]
     arms = [
-        _sparse(points, nodes, np.broadcast_to(areas, (*points.shape, nodes.shape[1])), count, size)
+        sparse_sums(points, nodes, np.broadcast_to(areas, (*points.shape, nodes.shape[1])), count, size)
         for nodes, size in zip(seen, sizes, strict=True)
     ]
     sums, arms = ([_over_ranks(comm, matrix) for matrix in matrices] for matrices in (sums, arms))
@@ -226,7 +216,7 @@ def couple(
     slave_shares, master_shares = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in sums)
     half = 0.0 if nominal else 0.5
     turnings = [
-        _turning(sp.csr_array(shares @ matrix), side.x, part * distance)
+        turning_of(sp.csr_array(shares @ matrix), side.x, part * distance)
         for matrix, side, part in zip(arms, (slave, master), (half, 1.0 - half), strict=True)
     ]
     normal = slave.nodal_normals[nodes]
@@ -258,7 +248,48 @@ def couple(
     return coupling
 
 
-def _mean_normals(slave: PairSurface, master: PairSurface, tested: _Tested, comm: MPI.Comm) -> Array:
+def projected(
+    slave: PairSurface,
+    master: PairSurface,
+    reach: float,
+    comm: MPI.Comm = MPI.COMM_SELF,
+    *,
+    bonded: bool = False,
+    nominal: bool = False,
+    apart: bool = False,
+) -> tuple[Tested, Array | None]:
+    """The overlap of both sides with the functions of the points, and the directions of projection at the nodes of the
+    slave, shape (N, d); None: its normals; collective.
+
+    Args:
+        slave: the side with the points.
+        master: the other one.
+        reach: distance beyond which facets are no partners, length.
+        comm: the ranks that share the work.
+        bonded: see ``couple``.
+        nominal: see ``couple``.
+        apart: whether it may be that no facet has a partner.
+
+    Raises:
+        PairingError: see ``couple``.
+    """
+    ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
+    facets = np.arange(*ends)
+    project, turned = (plane_overlap, turned_in_plane) if slave.dimension == 2 else (space_overlap, turned_in_space)
+    overlap = project(slave, master, reach, facets, None).measured(slave).within(reach, slave, master)
+    tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
+    if apart and not tested.area.any():
+        return tested, slave.nodal_normals
+    _check(slave, master, tested.area, reach)
+    directions = None if nominal else _mean_normals(slave, master, tested, comm)
+    if directions is not None and turned(slave, directions) > PARALLEL:
+        overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
+        tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
+        _check(slave, master, tested.area, reach)
+    return tested, directions
+
+
+def _mean_normals(slave: PairSurface, master: PairSurface, tested: Tested, comm: MPI.Comm) -> Array:
     """N_i of the nodes of the slave, as if each could carry a point, shape (N, d); collective.
 
     Where a node has no point, the normal of the master is the mean of those beside it.
@@ -320,7 +351,8 @@ def _nearest(slave: PairSurface, master: PairSurface) -> str:
     )
 
 
-def _sparse(points: Indices, nodes: Indices, values: Array, rows: int, columns: int) -> sp.csr_array:
+def sparse_sums(points: Indices, nodes: Indices, values: Array, rows: int, columns: int) -> sp.csr_array:
+    """A matrix of values of shape (p, k, l) at numbers of rows, shape (p, k), and of columns, shape (p, l), summed."""
     row_numbers, column_numbers = (np.broadcast_to(at, values.shape) for at in (points[:, :, None], nodes[:, None]))
     return sp.csr_array(
         sp.coo_array((values.ravel(), (row_numbers.ravel(), column_numbers.ravel())), shape=(rows, columns))
@@ -343,7 +375,7 @@ def _clean(matrix: sp.csr_array) -> sp.csr_array:
     return matrix
 
 
-def _turning(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
+def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
     """Omega_i(u) x d_i as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, nodes), ``distance``: d_i."""
     arms.sort_indices()
     count, dim = distance.shape

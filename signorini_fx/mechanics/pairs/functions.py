@@ -74,10 +74,15 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     them, ring by ring, shape (N, k); zero where no ring arrives.
     """
     tested_nodes, beside = _beside(side, np.arange(len(side.nodes)))
-    able = np.zeros(len(tested_nodes), dtype=bool)
-    able[nodes] = True
-    _, shares = _taken_over(beside, tested_nodes, able)
-    return np.asarray(shares.T @ values)
+    done, extension = np.zeros(len(tested_nodes), dtype=bool), np.zeros((len(tested_nodes), values.shape[1]))
+    done[nodes], extension[nodes] = True, values
+    while True:
+        number = beside @ done.astype(np.float64)
+        ring = np.flatnonzero(tested_nodes & ~done & (number > 0))
+        if not ring.size:
+            return extension
+        extension[ring] = (beside[ring] @ extension) / number[ring, None]
+        done[ring] = True
 
 
 def _beside(side: PairSurface, facets: Indices) -> tuple[npt.NDArray[np.bool_], sp.csr_array]:

@@ -54,8 +54,7 @@ def plane_overlap(
     shape = slave.functions.values(at[..., None])
     x, normal = np.einsum("mqk,mkd->mqd", shape, corners), np.einsum("mqk,mkd->mqd", shape, normals)
     over = _over(master, master.corners[master_facets], x, normal)
-    size = np.linalg.norm(slave.normals(slave_facets, at[..., None]), axis=2)
-    weight = size * weights / 2 * width[:, None]
+    weight = slave.sizes(slave_facets, at[..., None]) * weights / 2 * width[:, None]
     return Overlap(slave_facets, master_facets, at[..., None], over[..., None], weight)
 
 

@@ -6,7 +6,7 @@ in [0, 1]^2, in any order: what the functions are follows from the places.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import basix
@@ -102,6 +102,8 @@ class PairSurface:
         across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d, d); None: there are
             none.
         measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape (N,); None: 1.
+        undeformed: positions of all nodes of which areas are, where ``x`` are those of a deformed body, length, shape
+            (N, d); None: those of ``x``.
     """
 
     nodes: Indices
@@ -110,6 +112,12 @@ class PairSurface:
     sign: Array
     across: Array | None = None
     measure: Array | None = None
+    undeformed: Array | None = None
+
+    def displaced(self, displacement: Array) -> PairSurface:
+        """The same nodes elsewhere, with the areas of the undeformed surface; ``displacement``: shape (N, d)."""
+        start = self.x if self.undeformed is None else self.undeformed
+        return replace(self, x=start + displacement, undeformed=start)
 
     @property
     def dimension(self) -> int:
@@ -145,12 +153,19 @@ class PairSurface:
         Returns:
             Shape (m, q, d).
         """
-        along = np.einsum("smqk,mkd->smqd", self.functions.slopes(at), self.corners[facets])
+        return self._crossed(self.corners, facets, at) * self.sign[facets][:, None, None]
+
+    def sizes(self, facets: Indices, at: Array) -> Array:
+        """Undeformed area (in the plane: length) of a unit of the reference facet, shape (m, q), see ``normals``."""
+        corners = self.corners if self.undeformed is None else self.undeformed[self.nodes]
+        return np.asarray(np.linalg.norm(self._crossed(corners, facets, at), axis=2))
+
+    def _crossed(self, corners: Array, facets: Indices, at: Array) -> Array:
+        """Normals up to their signs, of facets with these corners, see ``normals``."""
+        along = np.einsum("smqk,mkd->smqd", self.functions.slopes(at), corners[facets])
         if self.dimension == 2:
-            crossed = np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
-        else:
-            crossed = np.cross(along[0], along[1])
-        return crossed * self.sign[facets][:, None, None]
+            return np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
+        return np.cross(along[0], along[1])
 
     def positions(self, facets: Indices, at: Array) -> Array:
         """Positions of points of each facet, length, shapes as in ``normals``."""
@@ -171,7 +186,7 @@ class PairSurface:
         normals = self.normals(facets, at)
         tests = self.tests.values(points) * weights[:, None]
         area, moment = np.zeros(len(self.x)), np.zeros(self.x.shape)
-        sizes = self.measured(facets, at, np.linalg.norm(normals, axis=2))
+        sizes = self.measured(facets, at, self.sizes(facets, at))
         np.add.at(area, self.points, np.einsum("qt,mq->mt", tests, sizes))
         np.add.at(moment, self.points, np.einsum("qt,mqd->mtd", tests, normals))
         return area, moment
@@ -228,4 +243,4 @@ class PairSurface:
         points, weights = self.functions.rule(_DEGREE)
         facets = np.arange(len(self.nodes))
         at = np.broadcast_to(points, (len(facets), *points.shape))
-        return np.asarray(self.measured(facets, at, np.linalg.norm(self.normals(facets, at), axis=2)) @ weights)
+        return np.asarray(self.measured(facets, at, self.sizes(facets, at)) @ weights)

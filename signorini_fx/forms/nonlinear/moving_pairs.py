@@ -1,0 +1,115 @@
+"""Two bodies that slide on each other: a pair at the displacement of now, and where its step has begun."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
+from signorini_fx.mechanics.body.sliding_sides import SlidingSides
+from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
+from signorini_fx.tuned import LEAST_SEEN, NEAR_PARTNER
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass
+class MovingPair:
+    """The two sides of a pair, and where they are.
+
+    Attributes:
+        sides: both, undeformed.
+        displacement: of the nodes of both, length, shape (m, 2).
+        coupling: the map there.
+        settled: the displacement at the end of the last step.
+        begun: which nodes the points met there.
+        covered: share of the area of each point that saw the other side there.
+        near: whether the last increment has hardly moved points along the other side.
+    """
+
+    sides: SlidingSides
+    displacement: Array = field(init=False)
+    coupling: SlidingCoupling = field(init=False)
+    settled: Array = field(init=False)
+    begun: Frames = field(init=False)
+    covered: Array = field(init=False)
+    near: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.displacement = np.zeros((self.sides.nodes.size, 2))
+        self.coupling = self.sides.at(self.displacement)
+        self.settle()
+
+    def move(self, u: fem.Function) -> None:
+        """Renew the map at a displacement; collective.
+
+        Raises:
+            PairingError: a facet sees two sheets of the other side.
+        """
+        owned = u.function_space.dofmap.index_map.size_local
+        displacement = self.sides.gathered(u.x.array.reshape(-1, 2)[:owned])
+        if not np.array_equal(displacement, self.displacement):
+            self.near = self.coupling.slides(displacement - self.displacement) <= NEAR_PARTNER
+            self.coupling = self.sides.at(displacement)
+            self.displacement = displacement
+
+    def settle(self) -> None:
+        """A step begins here."""
+        self.settled, self.begun, self.near = self.displacement, self.coupling.frames, False
+        self.covered = self.coupling.covered
+
+    def boundary(self) -> ContactBoundary:
+        """The contact points of this rank."""
+        return self.sides.boundary(self.coupling)
+
+    @property
+    def opening(self) -> Array:
+        """See ``SlidingSides``."""
+        return self.sides.opening(self.coupling, self.displacement)
+
+    @property
+    def slip_origin(self) -> Array:
+        """See ``SlidingSides``."""
+        count = self.sides.slave.nodes.size
+        places = self.sides.slave.surface.x, self.sides.master.surface.x
+        start = self.coupling.started(self.begun, places[0] + self.settled[:count], places[1] + self.settled[count:])
+        return self.sides.slip_origin(self.coupling, start, self.displacement)
+
+    def stiffness(self, state: ContactState) -> JointStiffness:
+        """What the tractions of a state add to the tangent; collective."""
+        rows = np.flatnonzero(state.boundary.part == self.sides.index)
+        return self.sides.stiffness(self.coupling, state.pressure[rows], state.shear[rows, 0], near=self.near)
+
+    def holding(self, state: ContactState, sticks: npt.NDArray[np.bool_]) -> JointStiffness:
+        """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""
+        rows = np.flatnonzero(state.boundary.part == self.sides.index)
+        return self.sides.holding(self.coupling, state.in_contact[rows], sticks[rows])
+
+    def at_end(self, state: ContactState) -> str:
+        """Where a point in contact sees less than half of the other side that it saw as the step began: "" nowhere;
+        collective.
+        """
+        rows = np.flatnonzero(state.boundary.part == self.sides.index)
+        touching = self.sides.at_points(state.in_contact[rows].astype(np.float64)) > 0
+        left = np.flatnonzero(touching & (self.covered >= LEAST_SEEN) & (self.coupling.covered < LEAST_SEEN))
+        if not left.size:
+            return ""
+        place = self.coupling.slave.x[self.sides.points[left[0]]]
+        return f"contact[{self.sides.index}], at ({', '.join(f'{component:.4g}' for component in place)})"
+
+    @property
+    def fingerprint(self) -> list[Array]:
+        """What the contact points depend on."""
+        coupling = self.coupling
+        return [coupling.normal_rows.data, coupling.tangent_rows.data, coupling.weight, coupling.gap]
+
+
+def joint_stiffness(pairs: Mapping[int, MovingPair], state: ContactState) -> tuple[JointStiffness, ...]:
+    """What the tractions of all pairs add to the tangent; collective."""
+    return tuple(pair.stiffness(state) for pair in pairs.values())

@@ -1,0 +1,216 @@
+"""The contact points of two sides of the plane that slide on each other: at the displacement of now, see
+``pairs.sliding``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from dolfinx import fem
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from signorini_fx.errors import FormError
+from signorini_fx.mechanics.body.averages import Averages, from_owners
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, segments_of
+from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
+from signorini_fx.mechanics.body.paired_points import FacingSides, PairedSide
+from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, slide
+from signorini_fx.tuned import PARTNERS_REACH
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class SlidingSides:
+    """Both sides of a pair, undeformed, the same on every rank.
+
+    Attributes:
+        space: of the displacement.
+        slave: the side with the points.
+        master: the other one.
+        points: its nodes that have a point, numbers of the side, shape (n,).
+        unable: its nodes that cannot carry one, shape (N,).
+        reach: distance beyond which facets are no partners, length.
+        fixed: which components are prescribed at the nodes of both sides, shape (m, 2).
+        facets: of the slave, owned, local numbers.
+        index: of the pair among the contacts.
+    """
+
+    space: fem.FunctionSpace
+    slave: PairedSide
+    master: PairedSide
+    points: npt.NDArray[np.int64]
+    unable: npt.NDArray[np.bool_]
+    reach: float
+    fixed: npt.NDArray[np.bool_]
+    facets: Indices
+    index: int
+
+    @classmethod
+    def of(
+        cls,
+        space: fem.FunctionSpace,
+        reach: float | None,
+        facets: tuple[Indices, Indices],
+        index: int,
+        fixed: npt.NDArray[np.bool_],
+        at_rest: npt.NDArray[np.bool_],
+        taken: Sequence[Indices],
+    ) -> SlidingSides:
+        """Two parts of the boundary; collective.
+
+        Args:
+            space: of the displacement.
+            reach: distance beyond which facets are no partners, length; None: a default.
+            facets: of the slave and of the master, owned, local numbers.
+            index: of the pair among the contacts.
+            fixed: which components are prescribed at the owned nodes, shape (owned nodes, 2).
+            at_rest: which of them to zero, likewise.
+            taken: facets of other contacts, whose nodes carry no points of this one.
+
+        Raises:
+            FormError: the sides share nodes, or no node can carry a point.
+        """
+        name = f"contact[{index}]"
+        facing = FacingSides.of(space, facets, name, fixed, taken, at_rest=at_rest)
+        slave, master = facing.slave, facing.master
+        if np.intersect1d(slave.nodes, master.nodes).size:
+            raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
+        points = np.flatnonzero(~facing.unable & (slave.surface.area > 0.0))
+        if not points.size:
+            raise FormError([(name, "bcs or other contacts own all nodes of its side: exchange facets and against")])
+        if reach is None:
+            reach = _default_reach(slave.surface.x, master.surface.x)
+        nodes = np.concatenate((slave.nodes, master.nodes))
+        held = from_owners(fixed.astype(np.float64), nodes, space.mesh.comm) > 0
+        return cls(space, slave, master, points, facing.unable, reach, held, facets[0], index)
+
+    @property
+    def nodes(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
+        return np.concatenate((self.slave.nodes, self.master.nodes))
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the body."""
+        comm: MPI.Comm = self.space.mesh.comm
+        return comm
+
+    @property
+    def mine(self) -> npt.NDArray[np.int64]:
+        """Which of the points this rank owns."""
+        first, last = self.space.dofmap.index_map.local_range
+        names = self.slave.nodes[self.points]
+        return np.flatnonzero((names >= first) & (names < last))
+
+    def gathered(self, owned: Array) -> Array:
+        """Rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
+        return from_owners(owned, self.nodes, self.comm)
+
+    def at(self, displacement: Array) -> SlidingCoupling:
+        """The map at a displacement of the nodes of both sides, shape (m, 2).
+
+        Raises:
+            PairingError: a facet sees two sheets of the other side.
+        """
+        count = self.slave.nodes.size
+        slave = self.slave.surface.displaced(displacement[:count])
+        master = self.master.surface.displaced(displacement[count:])
+        return slide(slave, master, self.points, self.unable, self.reach)
+
+    def local_points(self) -> npt.NDArray[np.int32]:
+        """Local numbers of the nodes of the points of this rank."""
+        names = self.slave.nodes[self.points[self.mine]]
+        return (names - self.space.dofmap.index_map.local_range[0]).astype(np.int32)
+
+    def boundary(self, coupling: SlidingCoupling) -> ContactBoundary:
+        """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
+        across it.
+        """
+        mine, count = self.mine, self.mine.size
+        planes = self.slave.surface.across
+        assert planes is not None
+        across = planes[self.points[mine]]
+        normal, tangent = coupling.normal[mine], coupling.frames.tangent[mine]
+        moved = sp.csr_array(sp.hstack((coupling.frames.slave, -coupling.frames.master)))[mine]
+        translating = sp.csr_array(sp.kron(moved, sp.eye_array(2)))
+        turning = sp.csr_array(translating.shape)
+        along = sp.diags_array(1.0 - np.einsum("ni,nij,nj->n", tangent, across, tangent))
+        for vectors, rows in ((normal, coupling.normal_rows[mine]), (tangent, along @ coupling.tangent_rows[mine])):
+            at = np.arange(2 * count + 1)
+            entries = vectors.ravel(), np.repeat(np.arange(count), 2), at
+            outward = sp.csr_array(entries, shape=(2 * count, count))
+            turning = turning + outward @ (rows - outward.T @ translating)
+        x = np.concatenate((self.slave.surface.x, self.master.surface.x))
+        averages = Averages(moved, self.nodes, x, self.fixed, sp.csr_array(turning), coupling.centre[mine])
+        partnered = coupling.frames.partnered
+        counted = partnered | ~partnered.any()
+        free = averages.any_of(~self.fixed) & counted[mine, None]
+        free &= np.einsum("nii->ni", across) < 0.5
+        names = self.slave.nodes[self.points[mine]]
+        return ContactBoundary(
+            comm=self.comm,
+            nodes=self.local_points(),
+            x=self.slave.surface.x[self.points[mine]],
+            weight=coupling.weight[mine],
+            normal=normal,
+            part=np.full(count, self.index, dtype=np.int32),
+            free=free,
+            segments=segments_of(self.space, self.facets, self.index, vertices=False),
+            global_nodes=names,
+            averages=averages,
+        )
+
+    def opening(self, coupling: SlidingCoupling, displacement: Array) -> Array:
+        """The linearised gap of the points of this rank, for the whole displacement, length, shape (n,).
+
+        Args:
+            coupling: the map at a displacement.
+            displacement: of the nodes of both sides, shape (m, 2).
+        """
+        gap = np.where(coupling.frames.partnered, coupling.gap, self.reach)
+        return np.asarray(gap + coupling.normal_rows @ displacement.ravel())[self.mine]
+
+    def slip_origin(self, coupling: SlidingCoupling, begun: Frames, displacement: Array) -> Array:
+        """Where slips of the points of this rank are counted from, for the whole displacement, length, shape (n, 1)."""
+        origin = coupling.tangent_rows @ displacement.ravel() - coupling.slip(begun)
+        return np.asarray(origin)[self.mine, None]
+
+    def at_points(self, values: Array) -> Array:
+        """Values at the points of this rank, shape (n,), at those of all ranks; collective."""
+        owned = np.zeros((self.space.dofmap.index_map.size_local, 1))
+        owned[self.local_points(), 0] = values
+        return from_owners(owned, self.slave.nodes[self.points], self.comm)[:, 0]
+
+    def stiffness(self, coupling: SlidingCoupling, pressure: Array, shear: Array, *, near: bool) -> JointStiffness:
+        """What tractions at the points of this rank add to the tangent, see ``SlidingCoupling``; collective."""
+        tractions = self.at_points(pressure), self.at_points(shear)
+        return JointStiffness(self.nodes, coupling.stiffness(*tractions, near=near))
+
+    def holding(
+        self, coupling: SlidingCoupling, touching: npt.NDArray[np.bool_], sticking: npt.NDArray[np.bool_]
+    ) -> JointStiffness:
+        """Products of the rows of relative displacements that contact holds at the points of this rank; collective."""
+        total = sp.csr_array((2 * self.nodes.size, 2 * self.nodes.size))
+        for rows, flags in ((coupling.normal_rows, touching), (coupling.tangent_rows, sticking)):
+            chosen = sp.csr_array(rows)[np.flatnonzero(self.at_points(flags.astype(np.float64)) > 0)]
+            total = total + chosen.T @ chosen
+        return JointStiffness(self.nodes, sp.csr_array(total))
+
+
+def _default_reach(slave: Array, master: Array) -> float:
+    """That of ``pairs.search``, from sizes that do not depend on the axes: twice the largest distance from the middle.
+
+    Args:
+        slave: positions of the nodes of the one side, shape (n, 2).
+        master: those of the other one.
+    """
+    nearest = float(cKDTree(master).query(slave)[0].min())
+    sizes = [2.0 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in (slave, master)]
+    return nearest + PARTNERS_REACH * min(sizes)

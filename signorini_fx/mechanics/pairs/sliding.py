@@ -1,0 +1,478 @@
+"""The map of a pair in the plane whose bodies slide and turn: at the deformed sides, with what changes it.
+
+A point i of the slave sees the master along directions N that are half-way between the normals of both sides,
+
+    x_s + g N = x_m(xi),   gap_i = sum_q P_iq g_q,
+
+where P_iq are the functions of the points times areas of the undeformed slave, over their sum w_i.  A displacement d
+changes the distance g by
+
+    dg = nu . (d_m - d_s - g dN) / (nu . N),   dxi = (d_s + g dN - d_m) . N^ / (x_m' . N^),
+
+with nu the normal of the facet of the master, N^ the direction across N, and dN the turning of the normals of the
+slave.  The rows dgap_i of the map are zero on every joint rigid motion, so that pressures on both sides, their
+transpose, balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals
+of the slave are held: what these change of the gap is of second order where sides touch.  The map of friction is that
+of ``coupling``, with half of the rotations of both sides.
+
+Slips are chords.  With the functions D, M of the beginning of a step, marked by 0,
+
+    slip_i = t_i . (D0 x_s - M0 x_m) - t0_i . (D0 x0_s - M0 x0_m),
+
+which no joint motion changes, and which goes over any number of facets.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from mpi4py import MPI
+
+from signorini_fx.mechanics.pairs.coupling import Tested, projected, sparse_sums, turning_of
+from signorini_fx.mechanics.pairs.functions import carried, dual_coefficients
+from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.tuned import NO_PART
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Which nodes of both sides a point of the slave meets, and in which frame, n points.
+
+    Attributes:
+        slave: D, sparse, shape (n, nodes of the slave).
+        master: M, sparse, shape (n, nodes of the master).
+        tangent: t_i, of length one, shape (n, 2).
+        way: t_i . (D x_s - M x_m), length, shape (n,).
+        partnered: whether the point sees the other side, shape (n,).
+    """
+
+    slave: sp.csr_array
+    master: sp.csr_array
+    tangent: Array
+    way: Array
+    partnered: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class SlidingCoupling:
+    """The contact points of a pair of deformed sides, one for each of some nodes of the slave, n of them.
+
+    A point that sees no partner has the displacement of its node, and no gap that counts.
+
+    Attributes:
+        slave, master: both sides as they are deformed.
+        nodes: of the slave, shape (n,).
+        weight: w_i, undeformed area, shape (n,).
+        normal: n_i, from the slave to the master, of length one, shape (n, 2).
+        gap: length, shape (n,); infinite without a partner.
+        frames: of the points.
+        covered: share of the area of each node that sees the master, shape (n,).
+        normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
+            (n, 2 m).
+        tangent_rows: the relative displacement along t_i, likewise.
+        centre: where forces act, length, shape (n, 2).
+        pieces: what the second derivatives of the gap are made of; None: no point has a partner.
+    """
+
+    slave: PairSurface
+    master: PairSurface
+    nodes: Indices
+    weight: Array
+    normal: Array
+    gap: Array
+    frames: Frames
+    covered: Array
+    normal_rows: sp.csr_array
+    tangent_rows: sp.csr_array
+    centre: Array
+    pieces: _Pieces | None = field(repr=False)
+
+    def slip(self, begun: Frames) -> Array:
+        """How far the points have slid since a step has begun, length, shape (n,); of a point that had no partner then
+        with the functions that it has now, see ``started``.
+        """
+        way = np.einsum("nk,nk->n", self.frames.tangent, begun.slave @ self.slave.x - begun.master @ self.master.x)
+        return np.asarray(way - begun.way)
+
+    def started(self, begun: Frames, slave: Array, master: Array) -> Frames:
+        """The frames at the beginning of a step, and for points that had no partner then, those of now there.
+
+        Args:
+            begun: as they were.
+            slave: positions of the nodes of the slave at the beginning, shape (N, 2).
+            master: those of the master.
+        """
+        old = sp.diags_array(begun.partnered.astype(np.float64))
+        new = sp.diags_array((~begun.partnered).astype(np.float64))
+        sharing = sp.csr_array(old @ begun.slave + new @ self.frames.slave)
+        opposite = sp.csr_array(old @ begun.master + new @ self.frames.master)
+        way = np.einsum("nk,nk->n", self.frames.tangent, sharing @ slave - opposite @ master)
+        return Frames(
+            sharing,
+            opposite,
+            np.where(begun.partnered[:, None], begun.tangent, self.frames.tangent),
+            np.where(begun.partnered, begun.way, way),
+            begun.partnered | self.frames.partnered,
+        )
+
+    def slides(self, displacement: Array) -> float:
+        """How far a displacement of the nodes of both sides, shape (m, 2), moves points along the other side, in facets
+        of that.
+        """
+        partnered = self.frames.partnered
+        far = np.abs(self.tangent_rows @ displacement.ravel())[partnered].max(initial=0.0)
+        ends = self.master.x[self.master.nodes]
+        return float(far / np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
+
+    def stiffness(self, pressure: Array, shear: Array, *, near: bool) -> sp.csr_array:
+        """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
+        symmetric, sparse, shape (2 m, 2 m).
+
+        The stiffness of pressures is the second derivative of the gaps.  Shears turn with the normals, which is made
+        symmetric by its transpose: that acts along the normals alone, where sides in contact do not move.
+
+        Args:
+            pressure: lambda of the points, stress, shape (n,).
+            shear: mu along t_i, likewise.
+            near: whether points hardly slide any more: then the normals of the master turn at its vertices, where
+                points see these, else evenly along its facets.
+        """
+        if self.pieces is None:
+            return sp.csr_array(self.normal_rows.shape[1:] * 2)
+        return self.pieces.stiffness(self.weight * pressure, self.weight * shear, self.normal_rows, near=near)
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Rows at the points of quadrature, all of displacements of the nodes of both sides, sparse, shape (q, 2 m).
+
+    Attributes:
+        shares: P, sparse, shape (n, q).
+        along: nu . d(x_m') / (nu . N).
+        shift: dxi.
+        change: dg.
+        turn: nu . dN / (nu . N).
+        turning: of n_i, angles, sparse, shape (n, 2 m).
+        vertices: the functions at the points of the slave that see vertices of the master, over the width of the
+            facet, sparse, shape (n, v).
+        passing: w of each of them, sparse, shape (v, 2 m), and k / J, see ``_vertices``, shape (v,).
+        bending: what dxi turns of the normal of the master, evenly along its facets, times the length of x_m' along
+            N^, shape (q,).
+    """
+
+    shares: sp.csr_array
+    along: sp.csr_array
+    shift: sp.csr_array
+    change: sp.csr_array
+    turn: sp.csr_array
+    turning: sp.csr_array
+    vertices: sp.csr_array
+    passing: tuple[sp.csr_array, Array]
+    bending: Array
+
+    def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array, *, near: bool) -> sp.csr_array:
+        """See ``SlidingCoupling.stiffness``, with forces at the points, shape (n,)."""
+        forces = sp.diags_array(self.shares.T @ pressing)
+        bends = self.along.T @ forces @ self.shift - self.change.T @ forces @ self.turn
+        turns = self.turning.T @ sp.diags_array(shearing) @ normal_rows
+        half = sp.csr_array(-bends - turns)
+        passing, kinks = self.passing
+        if near:
+            corners = passing.T @ sp.diags_array((self.vertices.T @ pressing) * kinks) @ passing
+        else:
+            corners = self.shift.T @ forces @ sp.diags_array(self.bending) @ self.shift
+        return sp.csr_array(half + half.T + corners)
+
+
+def slide(
+    slave: PairSurface, master: PairSurface, points: Indices, unable: npt.NDArray[np.bool_], reach: float
+) -> SlidingCoupling:
+    """The map of two deformed sides in the plane.
+
+    Args:
+        slave: the side with the points, see ``PairSurface.displaced``.
+        master: the other one.
+        points: nodes of the slave that have a point, ascending, shape (n,).
+        unable: nodes of the slave that cannot carry a point, shape (N,).
+        reach: distance beyond which facets are no partners, length.
+
+    Raises:
+        PairingError: a facet sees two sheets of the master.
+    """
+    tested, directions = projected(slave, master, reach, apart=True)
+    assert directions is not None
+    weight = tested.moments(slave, np.ones((*tested.weighted.shape[:2], 1)), MPI.COMM_SELF)[:, 0]
+    nodes, shares = carried(slave, tested.covered, weight, unable)
+    at = np.searchsorted(points, nodes)  # rows of points that have a partner
+    partnered = np.zeros(points.size, dtype=bool)
+    partnered[at] = True
+    count, sizes = points.size, (len(slave.x), len(master.x))
+    placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(count, at.size)))
+    lonely = np.flatnonzero(~partnered)
+    itself = sp.csr_array(sp.coo_array((np.ones(lonely.size), (lonely, points[lonely])), shape=(count, sizes[0])))
+
+    weights = np.where(partnered, placing @ (shares @ weight), slave.area[points])
+    covered = (placing @ (shares @ weight)) / slave.area[points]
+    mean = sp.csr_array(placing @ sp.diags_array(1.0 / (shares @ weight)) @ shares)  # of moments of the functions
+    sharing, opposite, arms = _integrals(slave, master, tested)
+    sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
+    normals, distance = _directed(slave, master, sharing, opposite), opposite @ master.x - sharing @ slave.x
+    distance[lonely] = 0.0
+    tangents = np.column_stack((-normals[:, 1], normals[:, 0]))
+    turnings = [
+        sp.kron(placing, sp.eye_array(2)) @ turning_of(sp.csr_array(shares @ arm), side.x, 0.5 * distance[at])
+        for arm, side in zip(arms, (slave, master), strict=True)
+    ]
+    relative = sp.csr_array(
+        sp.hstack((sp.kron(sharing, sp.eye_array(2)) + turnings[0], sp.kron(-opposite, sp.eye_array(2)) + turnings[1]))
+    )
+    normal_rows, tangent_rows = (_along(vectors) @ relative for vectors in (normals, tangents))
+    gap, pieces = np.full(count, np.inf), None
+    if at.size:
+        pieces, distance_along = _pieces(slave, master, tested, directions, (mean, sharing, opposite, normals))
+        gap[at] = (pieces.shares @ distance_along)[at]
+        keep = sp.diags_array((~partnered).astype(np.float64))
+        normal_rows = keep @ normal_rows - pieces.shares @ pieces.change
+    way = np.einsum("nk,nk->n", tangents, sharing @ slave.x - opposite @ master.x)
+    frames = Frames(sharing, opposite, tangents, way, partnered)
+    centre = sharing @ slave.x + distance / 2
+    rows = sp.csr_array(normal_rows), sp.csr_array(tangent_rows)
+    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *rows, centre, pieces)
+
+
+def _integrals(
+    slave: PairSurface, master: PairSurface, tested: Tested
+) -> tuple[sp.csr_array, sp.csr_array, list[sp.csr_array]]:
+    """Integrals of the functions of the nodes of the slave times those of both sides, sparse, shapes (N, N) and (N, M),
+    and the areas over which they see the nodes of both.
+    """
+    overlap, points = tested.overlap, slave.points[tested.overlap.slave]
+    seen = slave.nodes[overlap.slave], master.nodes[overlap.master]
+    shapes = slave.functions.values(overlap.at), master.functions.values(overlap.over)
+    areas, sizes = overlap.weight.sum(axis=1)[:, None, None], (len(slave.x), len(master.x))
+    products = [
+        sparse_sums(points, nodes, np.einsum("pqi,pqj->pij", tested.weighted, shape), sizes[0], size)
+        for nodes, shape, size in zip(seen, shapes, sizes, strict=True)
+    ]
+    arms = [
+        sparse_sums(points, nodes, np.broadcast_to(areas, (*points.shape, nodes.shape[1])), sizes[0], size)
+        for nodes, size in zip(seen, sizes, strict=True)
+    ]
+    return products[0], products[1], arms
+
+
+def _directed(slave: PairSurface, master: PairSurface, sharing: sp.csr_array, opposite: sp.csr_array) -> Array:
+    """Mean normals of both sides at the points, of length one, shape (n, 2)."""
+    normals = sharing @ slave.directions - opposite @ master.directions
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def _along(vectors: Array) -> sp.csr_array:
+    """The matrix that multiplies vectors at points, shape (n, 2), with these."""
+    count = len(vectors)
+    return sp.csr_array((vectors.ravel(), np.arange(2 * count), 2 * np.arange(count + 1)), shape=(count, 2 * count))
+
+
+def _turned(side: PairSurface) -> sp.csr_array:
+    """The angles by which displacements of the nodes of a side turn its normals at the nodes, sparse, shape (N, 2 N).
+
+    The normal of a node is along the sum of those of its facets, which are as long as the facets.  Those in planes of
+    symmetry do not turn.
+    """
+    normals, slopes = side.nodal_normals, side.functions.slopes(np.array([[0.5]]))[0, 0]
+    moments = np.zeros_like(normals)
+    middle = np.full((len(side.nodes), 1, 1), 0.5)
+    np.add.at(moments, side.nodes, 0.5 * side.normals(np.arange(len(side.nodes)), middle))
+    size = np.linalg.norm(moments, axis=1)
+    held = np.zeros(len(size), dtype=bool) if side.across is None else side.across.any(axis=(1, 2))
+    factor = np.divide(-0.5, size, out=np.zeros_like(size), where=(size > 0) & ~held)[side.nodes] * side.sign[:, None]
+    values = factor[:, :, None, None] * slopes[:, None] * normals[side.nodes][:, :, None]
+    return _rows(side.nodes[:, :, None], side.nodes[:, None], values, (len(side.x), len(side.x)))
+
+
+def _rows(rows: Indices, nodes: Indices, values: Array, shape: tuple[int, int]) -> sp.csr_array:
+    """A matrix of displacements of nodes; values of shape (..., 2), with the rows and nodes that they belong to.
+
+    Args:
+        rows: broadcast to shape (...).
+        nodes: likewise.
+        values: the two components.
+        shape: how many rows and nodes there are.
+    """
+    rows = np.broadcast_to(rows[..., None], values.shape)
+    columns = np.broadcast_to(2 * nodes[..., None] + np.arange(2), values.shape)
+    entries = values.ravel(), (rows.ravel(), columns.ravel())
+    return sp.csr_array(sp.coo_array(entries, shape=(shape[0], 2 * shape[1])))
+
+
+def _pieces(
+    slave: PairSurface,
+    master: PairSurface,
+    tested: Tested,
+    directions: Array,
+    points: tuple[sp.csr_array, sp.csr_array, sp.csr_array, Array],
+) -> tuple[_Pieces, Array]:
+    """The rows at the points of quadrature, and the distances of both sides there, length, shape (q,).
+
+    Args:
+        slave: the side with the points.
+        master: the other one.
+        tested: their overlap.
+        directions: of projection at the nodes of the slave, of length one, shape (N, 2).
+        points: from moments of the functions of the nodes of the slave to means at the points, D, M and n.
+    """
+    overlap, (mean, sharing, opposite, normals) = tested.overlap, points
+    count, per_piece = overlap.weight.shape
+    size = count * per_piece
+    row = np.arange(size)
+
+    def flat(values: Indices) -> Indices:
+        return np.repeat(values, per_piece, axis=0)
+
+    seen, over = flat(slave.nodes[overlap.slave]), flat(master.nodes[overlap.master])
+    shape = slave.functions.values(overlap.at).reshape(size, -1)
+    shape_over = master.functions.values(overlap.over).reshape(size, -1)
+    slope_over = master.functions.slopes(overlap.over)[0].reshape(size, -1)
+    ways = np.einsum("qk,qkd->qd", shape, directions[seen])
+    length = np.linalg.norm(ways, axis=1, keepdims=True)
+    ways = ways / length
+    across = np.column_stack((-ways[:, 1], ways[:, 0]))
+    facet = np.einsum("qk,qkd->qd", slope_over, master.x[over])
+    facing = np.column_stack((-facet[:, 1], facet[:, 0])) / np.linalg.norm(facet, axis=1, keepdims=True)
+    cosine = np.einsum("qd,qd->q", facing, ways)[:, None]  # of either sign, which cancels
+    distance = np.einsum("qd,qd->q", overlap.distance(slave, master).reshape(size, 2), ways)
+
+    total = len(slave.x) + len(master.x)
+    at_slave, at_master = seen, len(slave.x) + over
+    turned = [_columns(_turned(side), first, total) for side, first in ((slave, 0), (master, len(slave.x)))]
+    shares_of_turn = shape * np.einsum("qkd,qd->qk", directions[seen], ways) / length
+    turn = _nodal(row, seen, shares_of_turn, (size, len(slave.x))) @ turned[0]  # of N, an angle
+
+    def difference(vectors: Array) -> sp.csr_array:
+        """The product of d_m - d_s with vectors at the points of quadrature."""
+        master_part = _rows(row[:, None], at_master, shape_over[:, :, None] * vectors[:, None], (size, total))
+        return sp.csr_array(
+            master_part - _rows(row[:, None], at_slave, shape[:, :, None] * vectors[:, None], (size, total))
+        )
+
+    def scaled(factor: Array, matrix: sp.csr_array) -> sp.csr_array:
+        return sp.csr_array(sp.diags_array(factor) @ matrix)
+
+    inclined = np.einsum("qd,qd->q", facing, across) / cosine[:, 0]
+    change = difference(facing / cosine) - scaled(distance * inclined, turn)
+    stretched = np.einsum("qd,qd->q", facet, across)
+    shift = scaled(1.0 / stretched, scaled(distance, turn) - difference(across))
+    along_facet = _rows(row[:, None], at_master, slope_over[:, :, None] * (facing / cosine)[:, None], (size, total))
+    weighted = tested.weighted.reshape(size, -1)
+    functions = _nodal(flat(slave.points[overlap.slave]), row[:, None], weighted, (len(slave.x), size))
+    shares = sp.csr_array(mean @ functions)
+
+    # The turning of n_i, with the normals of the master at the points that shift.
+    tangents = np.column_stack((-normals[:, 1], normals[:, 0]))
+    means = sharing @ slave.directions - opposite @ master.directions
+    inverse = 1.0 / np.linalg.norm(means, axis=1)
+    parts = []
+    for side, matrix, angles, sign in ((slave, sharing, turned[0], 1.0), (master, opposite, turned[1], -1.0)):
+        entries = matrix.tocoo()
+        normal = side.directions[entries.col]
+        crossed = np.column_stack((-normal[:, 1], normal[:, 0]))
+        values = sign * entries.data * inverse[entries.row] * np.einsum("kd,kd->k", tangents[entries.row], crossed)
+        parts.append(sp.csr_array(sp.coo_array((values, (entries.row, entries.col)), shape=matrix.shape)) @ angles)
+    bend = np.einsum("qk,qkd->qd", slope_over, master.directions[over])
+    along_n, along_t = (np.einsum("qkd,qd->qk", master.directions[over], w) for w in (ways, across))
+    bending = np.einsum("qk,qk->q", slope_over, along_t / along_n) * stretched
+    for axis in range(2):
+        parts.append(-1.0 * scaled(tangents[:, axis] * inverse, shares) @ scaled(bend[:, axis], shift))
+    turning = sp.csr_array(sum(parts[1:], parts[0]))
+    rows = along_facet, shift, sp.csr_array(change), scaled(inclined, turn), turning
+    corners = _vertices((slave, master), overlap, directions, mean, turned[0])
+    return _Pieces(shares, *rows, *corners, bending), distance
+
+
+def _vertices(
+    sides: tuple[PairSurface, PairSurface],
+    overlap: Overlap,
+    directions: Array,
+    mean: sp.csr_array,
+    turned: sp.csr_array,
+) -> tuple[sp.csr_array, tuple[sp.csr_array, Array]]:
+    """Where points of the slave see vertices of the master, at which its normal turns, see ``_Pieces``.
+
+    There the derivative of the distance jumps by k w, with w = (d_v - d_s - g dN) . N^, and the place moves by
+    w / J along the slave.
+
+    Args:
+        sides: slave and master.
+        overlap: of both.
+        directions: see ``_pieces``.
+        mean: from moments of the functions of the nodes of the slave to means at the points.
+        turned: angles of the normals of the slave at its nodes.
+    """
+    slave, master = sides
+    at, over = overlap.at[..., 0], overlap.over[..., 0]
+    half = (at[:, -1] - at[:, 0]) / (2 * np.polynomial.legendre.leggauss(at.shape[1])[0][-1])
+    middle = (at[:, 0] + at[:, -1]) / 2
+    rises = over[:, -1] > over[:, 0]
+    ends, places = np.concatenate((middle - half, middle + half)), master.functions.places[:, 0]
+    first = np.concatenate((rises, ~rises))  # whether the vertex is at the beginning of the facet
+    piece = np.tile(np.arange(len(at)), 2)
+    vertex = master.nodes[overlap.master[piece], np.where(first, places.argmin(), places.argmax())]
+    upper = np.repeat([False, True], len(at))
+    inside = (ends > NO_PART) & (ends < 1.0 - NO_PART)
+    facet = overlap.slave[piece]
+    key = facet * len(master.x) + vertex
+    below, above = (np.flatnonzero(inside & side) for side in (upper, ~upper))
+    _, from_below, from_above = np.intersect1d(key[below], key[above], return_indices=True)
+    below, above = below[from_below], above[from_above]
+    count, total = below.size, len(slave.x) + len(master.x)
+    facets, s = facet[below], ends[below]
+    shape, slope = slave.functions.values(s[:, None]), slave.functions.slopes(s[:, None])[0]
+    nodes, vertices = slave.nodes[facets], vertex[below]
+    ways, turns = (np.einsum("vk,vkd->vd", values, directions[nodes]) for values in (shape, slope))
+    length = np.linalg.norm(ways, axis=1, keepdims=True)
+    ways = ways / length
+    across = np.column_stack((-ways[:, 1], ways[:, 0]))
+    distance = np.einsum("vd,vd->v", master.x[vertices] - np.einsum("vk,vkd->vd", shape, slave.x[nodes]), ways)
+
+    def inclination(pieces: Indices) -> Array:
+        """The normal of a facet along N^ over that along N."""
+        numbers = overlap.master[pieces]
+        normal = master.normals(numbers, np.full((len(numbers), 1, 1), 0.5))[:, 0]
+        return np.asarray(np.einsum("vd,vd->v", normal, across) / np.einsum("vd,vd->v", normal, ways))
+
+    kink = inclination(piece[above]) - inclination(piece[below])
+    stretch = np.einsum("vk,vkd->vd", slope, slave.x[nodes]) + distance[:, None] * turns / length
+    rate = kink / np.einsum("vd,vd->v", stretch, across)
+    row = np.arange(count)
+    turn = _nodal(row, nodes, shape * np.einsum("vkd,vd->vk", directions[nodes], ways) / length, (count, len(slave.x)))
+    passing = (
+        _rows(row, len(slave.x) + vertices, across, (count, total))
+        - _rows(row[:, None], nodes, shape[:, :, None] * across[:, None], (count, total))
+        - sp.diags_array(distance) @ (turn @ turned)
+    )
+    coefficients = dual_coefficients(slave, overlap)[facets]
+    functions = np.einsum("vij,vj->vi", coefficients, slave.tests.values(s[:, None]))
+    functions *= slave.sizes(facets, s[:, None, None])
+    at_nodes = _nodal(slave.points[facets], row[:, None], functions, (len(slave.x), count))
+    return sp.csr_array(mean @ at_nodes), (sp.csr_array(passing), rate)
+
+
+def _nodal(rows: Indices, columns: Indices, values: Array, shape: tuple[int, int]) -> sp.csr_array:
+    """A matrix of values, shape (m, k), with the rows and columns that they belong to."""
+    pairs = (numbers if numbers.ndim == 2 else numbers[:, None] for numbers in (rows, columns))
+    at = tuple(np.broadcast_to(numbers, values.shape).ravel() for numbers in pairs)
+    return sp.csr_array(sp.coo_array((values.ravel(), at), shape=shape))
+
+
+def _columns(matrix: sp.csr_array, first: int, total: int) -> sp.csr_array:
+    """A matrix of displacements of one side as one of both; ``first``: where its nodes begin among all."""
+    entries = matrix.tocoo()
+    shape = (matrix.shape[0], 2 * total)
+    return sp.csr_array(sp.coo_array((entries.data, (entries.row, entries.col + 2 * first)), shape=shape))

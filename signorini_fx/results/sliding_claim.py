@@ -1,0 +1,562 @@
+"""The second opinion on two sides of the plane that slide on each other, at displaced points, by code of its own.
+
+Of the solver it takes who carries a point, and which facets there are.  What it does otherwise:
+- the places where vertices of the other side are seen are roots of quadratic equations,
+- the facet over each point is looked for among all that face it,
+- distances are those of the rays of points and the lines of facets, and the forces of pressures their derivatives by
+  complex steps, so that no formula of the solver's derivatives enters,
+- slips are evaluated from the displacements of both ends of the step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.body.averages import from_owners
+from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.pairs.functions import carried, extended
+from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.tuned import FACING_SIDES
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+
+# Points of a part of a facet between two vertices of the other side.
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(9)
+# Of complex steps: derivatives have no differences in them.
+_STEP = 1e-30
+
+
+def _unit(vectors: Any) -> Any:
+    """Along the last axis, complex numbers as if they were real."""
+    return vectors / np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
+
+
+def _cross(a: Any, b: Any) -> Any:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Facets of one side, the same on every rank.
+
+    Attributes:
+        nodes: global numbers, ascending, shape (N,).
+        x: their initial positions, length, shape (N, 2).
+        facets: first and second node of each, with the body on the left, numbers of the side, shape (f, 2).
+    """
+
+    nodes: Numbers
+    x: Array
+    facets: Numbers
+
+    @classmethod
+    def of(cls, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Chain:
+        """Those of all ranks; collective."""
+        mesh, dofmap = space.mesh, space.dofmap
+        positions = node_positions(space)[:, :2]
+        listed = []
+        for cell, number in facet_entities(mesh, facets):
+            cell_nodes = dofmap.list[cell]
+            a, b = cell_nodes[np.array(dofmap.dof_layout.entity_closure_dofs(1, int(number)))]
+            inside = positions[cell_nodes].mean(axis=0) - positions[a]
+            listed.append((a, b) if _cross(positions[b] - positions[a], inside) > 0 else (b, a))
+        local = np.array(listed, dtype=np.int32).reshape(-1, 2)
+        names = dofmap.index_map.local_to_global(local.ravel()).reshape(-1, 2)
+        names = parallel.gather_rows(mesh.comm, names)
+        places = parallel.gather_rows(mesh.comm, np.asarray(positions[local], dtype=np.float64).reshape(-1, 4))
+        nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
+        return cls(nodes.astype(np.int64), places.reshape(-1, 2)[first], numbers.reshape(names.shape).astype(np.int64))
+
+    @cached_property
+    def neighbours(self) -> Numbers:
+        """The node before and the node after each, -1: there is none, shape (N, 2)."""
+        neighbours = np.full((self.nodes.size, 2), -1, dtype=np.int64)
+        neighbours[self.facets[:, 1], 0] = self.facets[:, 0]
+        neighbours[self.facets[:, 0], 1] = self.facets[:, 1]
+        return neighbours
+
+    def normals(self, x: Array) -> Array:
+        """Outward unit normals at the nodes where these are at x, shape (N, 2)."""
+        edges = x[self.facets[:, 1]] - x[self.facets[:, 0]]
+        sums = np.zeros_like(x)
+        for column in self.facets.T:
+            np.add.at(sums, column, np.column_stack((edges[:, 1], -edges[:, 0])))
+        return np.asarray(sums / np.linalg.norm(sums, axis=1, keepdims=True))
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Points of the slave with the facet of the master over each, r of them.
+
+    Attributes:
+        facet: of the slave, shape (r,).
+        at: place on it, in [0, 1], shape (r,).
+        over: the facet of the master, shape (r,).
+        place: on that, in [0, 1], shape (r,).
+        distance: along the ray, length, shape (r,).
+        area: undeformed, shape (r,).
+    """
+
+    facet: Numbers
+    at: Array
+    over: Numbers
+    place: Array
+    distance: Array
+    area: Array
+
+    @classmethod
+    def none(cls) -> Rays:
+        """No rays."""
+        numbers, values = np.zeros(0, dtype=np.int64), np.zeros(0)
+        return cls(numbers, values, numbers, values, values, values)
+
+
+def _rays(slave: Chain, x: Array, ways: Array, master: Chain, y: Array, reach: float) -> Rays:
+    """All pairs of points that see each other along directions at the nodes of the slave, of length one, shape (N, 2);
+    the nodes of both sides are at x and y.
+    """
+    begin, end = y[master.facets.T]
+    away = end - begin
+    facing = np.column_stack((away[:, 1], -away[:, 0])) / np.linalg.norm(away, axis=1, keepdims=True)
+    columns: list[tuple[Array, ...]] = []
+    for number, (a, b) in enumerate(zip(*map(np.ndarray.tolist, slave.facets.T), strict=True)):
+        along, turn = x[b] - x[a], ways[b] - ways[a]
+        outward = np.array([along[1], -along[0]]) / np.hypot(*along)
+        length = float(np.hypot(*(slave.x[b] - slave.x[a])))
+        seen = np.flatnonzero(facing @ outward < FACING_SIDES)
+        vertices = y[np.unique(master.facets[seen])] - x[a]
+        # (p - s q) x (N_a + s m) = 0
+        square, linear = -_cross(along, turn), _cross(vertices, turn) - _cross(along, ways[a])
+        constant = _cross(vertices, ways[a])
+        root = np.sqrt(np.maximum(linear**2 - 4 * square * constant, 0.0))
+        half = -(linear + np.where(linear >= 0, root, -root)) / 2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            places = np.concatenate((half / square, constant / half))
+        places = np.unique(np.concatenate(([0.0, 1.0], places[(places > 0) & (places < 1)])))
+        for low, high in pairwise(places):
+            s = low + (high - low) * np.append(0.5, (_POINTS + 1) / 2)
+            points, rays = x[a] + s[:, None] * along, ways[a] + s[:, None] * turn
+            rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                at = _cross(points[:, None] - begin[seen], rays[:, None]) / _cross(away[seen], rays[:, None])
+            hit = (at[0] >= 0) & (at[0] <= 1)
+            for k in np.flatnonzero(hit):
+                over = at[1:, k]
+                apart = begin[seen[k]] + over[:, None] * away[seen[k]] - points[1:]
+                distance = np.sum(apart * rays[1:], axis=1)
+                measure = _WEIGHTS / 2 * (high - low) * length
+                size = np.full(over.size, float(number)), np.full(over.size, float(seen[k]))
+                columns.append((size[0], s[1:], size[1], over, distance, measure, apart[:, 0], apart[:, 1]))
+    if not columns:
+        return Rays.none()
+    facet, at, over, place, distance, area, *apart_columns = (
+        np.concatenate(column) for column in zip(*columns, strict=True)
+    )
+    # Pairs of facets are partners by their mean distance.
+    key = facet * len(master.facets) + over
+    _, pair = np.unique(key, return_inverse=True)
+    first, second = (np.bincount(pair, area * column) for column in apart_columns)
+    means = np.column_stack((first, second)) / np.bincount(pair, area)[:, None]
+    near = np.flatnonzero(np.linalg.norm(means[pair], axis=1) <= reach)
+    return Rays(
+        facet[near].astype(np.int64),
+        at[near],
+        over[near].astype(np.int64),
+        place[near],
+        distance[near],
+        area[near],
+    )
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What points see at one displacement.
+
+    Attributes:
+        x, y: positions of the nodes of slave and master.
+        ways: directions of the rays at the nodes of the slave, shape (N, 2).
+        rays: see ``Rays``.
+        functions: of the points at the rays times their areas, shape (n, r).
+        weight: area, shape (n,).
+        sharing: D, shape (n, N).
+        opposite: M, shape (n, M).
+        normal: of the points, shape (n, 2).
+        partnered: which points see the other side, shape (n,).
+        gap: length, shape (n,).
+    """
+
+    x: Array
+    y: Array
+    ways: Array
+    rays: Rays
+    functions: Array
+    weight: Array
+    sharing: Array
+    opposite: Array
+    normal: Array
+    partnered: npt.NDArray[np.bool_]
+    gap: Array
+
+    @property
+    def tangent(self) -> Array:
+        """Shape (n, 2)."""
+        return np.column_stack((-self.normal[:, 1], self.normal[:, 0]))
+
+
+@dataclass(frozen=True)
+class SlidingClaim:
+    """A pair of sides as the certificate sees it, n points on this rank.
+
+    Attributes:
+        space: of the displacement.
+        surface: the slave, of which the solver says who carries points.
+        chains: both sides.
+        carriers: nodes of the slave that have points, shape (p,) on all ranks.
+        unable: nodes of the slave that cannot carry one, shape (N,).
+        reach: distance beyond which facets are no partners, length.
+        slave: owned facets of the side with the points, local numbers, as the problem names them.
+        master: those of the other side.
+        ends: values of the displacement at the nodes of both sides, now and at the beginning of the step, shape (m, 2).
+    """
+
+    space: fem.FunctionSpace
+    surface: PairSurface
+    chains: tuple[Chain, Chain]
+    carriers: Numbers
+    unable: npt.NDArray[np.bool_]
+    reach: float
+    slave: npt.NDArray[np.int32]
+    master: npt.NDArray[np.int32]
+    ends: tuple[Array, Array]
+    nominal: bool = False
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks."""
+        comm: MPI.Comm = self.space.mesh.comm
+        return comm
+
+    @cached_property
+    def _mine(self) -> Numbers:
+        first, last = self.space.dofmap.index_map.local_range
+        names = self.chains[0].nodes[self.carriers]
+        return np.flatnonzero((names >= first) & (names < last))
+
+    @property
+    def points(self) -> Numbers:
+        """Local node of each point, shape (n,)."""
+        return np.asarray(self.chains[0].nodes[self.carriers[self._mine]] - self.space.dofmap.index_map.local_range[0])
+
+    @cached_property
+    def present(self) -> _Seen:
+        """What the points see at the displacement of now."""
+        return self._seen(self.ends[0])
+
+    @cached_property
+    def _begun(self) -> _Seen:
+        return self._seen(self.ends[1])
+
+    @property
+    def weight(self) -> Array:
+        """Undeformed area of each point, shape (n,)."""
+        return self.present.weight[self._mine]
+
+    @property
+    def across(self) -> Array:
+        """None: planes of symmetry only turn normals."""
+        return np.zeros((self._mine.size, 2, 2))
+
+    def in_planes(self, nodes: Numbers, vectors: Array) -> Array:
+        """See ``Claim``."""
+        size = np.linalg.norm(vectors, axis=1, keepdims=True)
+        return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0)
+
+    def normal(self, slave: Array, master: Array) -> Array:
+        """Of the points, half-way between both sides as they are displaced, shape (n, 2); see ``Claim``."""
+        return self.present.normal[self._mine]
+
+    def gap(self, normal: Array) -> Array:
+        """Zero: ``relative`` has it."""
+        return np.zeros(self._mine.size)
+
+    def relative(self, owned: Array) -> Array:
+        """What both sides of the points do at a displacement of the owned nodes, shape (owned nodes, 2): along the
+        normal the distance, negative, and along the tangent the slip since the step has begun; shape (n, 2).
+        """
+        rows = np.concatenate([chain.nodes for chain in self.chains])
+        values = from_owners(owned, rows, self.comm)
+        end_number = next((k for k, end in enumerate(self.ends) if np.array_equal(values, end)), None)
+        seen = (self.present, self._begun)[end_number] if end_number is not None else self._seen(values)
+        begun = self._begun
+        at = begun.partnered
+        sharing = np.where(at[:, None], begun.sharing, seen.sharing)
+        opposite = np.where(at[:, None], begun.opposite, seen.opposite)
+        start = np.where(at[:, None], begun.tangent, seen.tangent)
+        slip = np.sum(seen.tangent * (sharing @ seen.x - opposite @ seen.y), axis=1)
+        slip -= np.sum(start * (sharing @ begun.x - opposite @ begun.y), axis=1)
+        slip = np.where(seen.partnered, slip, 0.0)
+        moved = slip[:, None] * self.present.tangent - seen.gap[:, None] * self.present.normal
+        return np.asarray(moved[self._mine])
+
+    def terms(self, owned: Array) -> Array:
+        """See ``Claim``."""
+        count = self.chains[0].nodes.size
+        values = np.abs(from_owners(owned, np.concatenate([chain.nodes for chain in self.chains]), self.comm))
+        sums = np.abs(self.present.sharing) @ values[:count] + np.abs(self.present.opposite) @ values[count:]
+        return np.asarray(sums[self._mine])
+
+    def forces(self, traction: Array, owned: int) -> tuple[Numbers, Array, Array]:
+        """See ``Claim``; collective."""
+        seen, slave = self.present, self.chains[0]
+        count, names = slave.nodes.size, np.concatenate([chain.nodes for chain in self.chains])
+        components = np.zeros((owned, 2))
+        components[self.points, 0] = np.sum(traction * seen.normal[self._mine], axis=1)
+        components[self.points, 1] = np.sum(traction * seen.tangent[self._mine], axis=1)
+        pressure, shear = from_owners(components, slave.nodes[self.carriers], self.comm).T
+        forces = np.zeros((names.size, 2))
+        nodes, rates = self._rates
+        pushing = seen.functions.T @ (np.where(seen.partnered, pressure, 0.0))
+        for k in range(nodes.shape[1]):
+            real = nodes[:, k] >= 0
+            np.add.at(forces, nodes[real, k], -(pushing[:, None] * rates[:, k])[real])
+        drag = (seen.weight * shear)[:, None] * seen.tangent
+        forces[:count] += seen.sharing.T @ drag
+        forces[count:] -= seen.opposite.T @ drag
+        self._add_couples(forces, drag)
+        area = np.concatenate((np.abs(seen.sharing).T @ seen.weight, np.abs(seen.opposite).T @ seen.weight))
+        # What turns normals acts on the neighbours of points, too.
+        area[:count] = np.maximum(area[:count], 0.5 * (forces[:count].any(axis=1)) * self.surface.area)
+        first, last = self.space.dofmap.index_map.local_range
+        here = np.flatnonzero((names >= first) & (names < last) & (area > 0))
+        return names[here] - first, forces[here], area[here]
+
+    @property
+    def reached(self) -> Numbers:
+        """Global numbers of the nodes of the other side."""
+        return self.chains[1].nodes
+
+    @property
+    def others(self) -> Any:
+        """M of ``Claim``, scipy sparse, with a column for each of ``reached``."""
+        return sp.csr_array(self.present.opposite[self._mine])
+
+    def on_other_side(self, of_node: Numbers) -> Numbers:
+        """See ``Claim``; collective."""
+        master = self.chains[1]
+        numbers = from_owners(of_node[:, None].astype(np.float64), master.nodes, self.comm)[:, 0].astype(np.int64)
+        most = np.abs(self.present.opposite).argmax(axis=1)
+        return np.where(self.present.partnered, numbers[most], -1)[self._mine]
+
+    def moved(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """See ``Claim``."""
+        count = self.chains[0].nodes.size
+        names = np.concatenate([chain.nodes for chain in self.chains])
+        values = from_owners(flags.astype(np.float64), names, self.comm)
+        reached = np.abs(self.present.sharing) @ values[:count] + np.abs(self.present.opposite) @ values[count:]
+        return np.asarray((reached > 0) & self.present.partnered[:, None])[self._mine]
+
+    def error(self) -> float:
+        """The largest error of sums of shares, and of the balance of forces and moments of a pressure at each ray,
+        relative to one; collective.
+        """
+        seen = self.present
+        if not seen.partnered.any():
+            return 0.0
+        errors = [
+            float(np.max(np.abs(matrix[seen.partnered].sum(axis=1) - 1.0))) for matrix in (seen.sharing, seen.opposite)
+        ]
+        nodes, rates = self._rates
+        real = nodes >= 0
+        places = np.concatenate((seen.x, seen.y))[nodes] - seen.x.mean(axis=0)
+        size = np.ptp(seen.x, axis=0).max()
+        sums = np.where(real[:, :, None], rates, 0.0)
+        errors.append(float(np.max(np.abs(sums.sum(axis=1)))))
+        errors.append(float(np.max(np.abs(_cross(places, sums).sum(axis=1)))) / float(size))
+        return parallel.global_max(self.comm, max(errors))
+
+    # --- at one displacement ---
+
+    def _seen(self, values: Array) -> _Seen:
+        (slave, master), surface = self.chains, self.surface
+        count = slave.nodes.size
+        x, y = slave.x + values[:count], master.x + values[count:]
+        side = surface.displaced(values[:count])
+        own_normals, other_normals = slave.normals(x), master.normals(y)
+        if surface.across is not None:
+            own_normals = side.in_planes(own_normals, np.arange(count))
+        ways, rays = own_normals, Rays.none()
+        for turn in range(2):
+            rays = _rays(slave, x, ways, master, y, self.reach)
+            psi = self._functions(rays)
+            sums = psi.sum(axis=1)
+            covered = np.unique(rays.facet)
+            unable = self.unable if turn else np.zeros(count, dtype=bool)
+            able, shares = carried(side, _facets_of(surface, slave, covered), sums, unable)
+            if turn or not able.size:
+                break
+            mean = np.asarray(shares @ psi) / (shares @ sums)[:, None]
+            of_own = _at(slave, own_normals, rays.facet, rays.at)
+            of_other = _at(master, other_normals, rays.over, rays.place)
+            ways = own_normals - extended(side, able, mean @ of_other)
+            ways[able] = mean @ of_own - mean @ of_other
+            ways = side.in_planes(ways, np.arange(count))
+        carriers, at = self.carriers, np.searchsorted(self.carriers, able)
+        size = carriers.size
+        partnered, functions = np.zeros(size, dtype=bool), np.zeros((size, rays.at.size))
+        partnered[at], weight = True, np.array(surface.area[carriers])
+        functions[at] = np.asarray(shares @ psi)
+        weight[at] = functions[at].sum(axis=1)
+        mean = functions / weight[:, None]
+        sharing, opposite = np.zeros((size, count)), np.zeros((size, master.nodes.size))
+        met = (sharing, slave, rays.facet, rays.at), (opposite, master, rays.over, rays.place)
+        for matrix, chain, facet, place in met:
+            for values_there, column in ((1.0 - place, 0), (place, 1)):
+                np.add.at(matrix.T, chain.facets[facet, column], (mean * values_there).T)
+        sharing[~partnered, carriers[~partnered]] = 1.0
+        normal = sharing @ own_normals - opposite @ other_normals
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        gap = np.where(partnered, mean @ rays.distance, self.reach)
+        return _Seen(x, y, ways, rays, functions, weight, sharing, opposite, normal, partnered, gap)
+
+    def _functions(self, rays: Rays) -> Array:
+        """The dual functions of the nodes of the slave at rays times their areas, shape (N, r)."""
+        slave = self.chains[0]
+        functions = np.zeros((slave.nodes.size, rays.at.size))
+        for facet in np.unique(rays.facet):
+            of_facet = np.flatnonzero(rays.facet == facet)
+            hats = np.stack((1.0 - rays.at[of_facet], rays.at[of_facet]))
+            area = rays.area[of_facet]
+            mass = (hats * area) @ hats.T
+            dual = np.diag(mass.sum(axis=1)) @ np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ hats
+            functions[np.ix_(slave.facets[facet], of_facet)] = dual * area
+        return functions
+
+    @cached_property
+    def _rates(self) -> tuple[Numbers, Array]:
+        """The nodes of both sides that the distance along each ray depends on, -1: none, and its derivatives, with the
+        place on the facet of the slave, and the angles between rays and normals of the slave held; shapes (r, 6) and
+        (r, 6, 2).
+        """
+        seen, (slave, master), rays = self.present, self.chains, self.present.rays
+        a, b = slave.facets[rays.facet].T
+        c, d = master.facets[rays.over].T
+        before, after = slave.neighbours[a, 0], slave.neighbours[b, 1]
+        count = slave.nodes.size
+        nodes = np.column_stack((before, a, b, after, count + c, count + d))
+        both = np.concatenate((seen.x, seen.y))
+        places = both[nodes].astype(np.complex128)
+        normals = self.surface.displaced(self.ends[0][:count]).in_planes(slave.normals(seen.x), np.arange(count))
+        cosine, sine = np.sum(seen.ways * normals, axis=1), _cross(normals, seen.ways)
+        in_plane = np.zeros(count, dtype=bool)
+        if self.surface.across is not None:
+            in_plane |= self.surface.across.any(axis=(1, 2))
+
+        def way(x: Array, node: Numbers, first: int) -> Array:
+            edges = x[:, first + 1 : first + 3] - x[:, first : first + 2]
+            present = (slave.neighbours[node] >= 0).astype(np.float64)
+            sums = np.einsum("rk,rkd->rd", present, edges)
+            outward = _unit(np.stack((sums[:, 1], -sums[:, 0]), axis=1))
+            outward = np.where(in_plane[node][:, None], normals[node], outward)
+            turned = np.stack((-outward[:, 1], outward[:, 0]), axis=1)
+            return np.asarray(cosine[node][:, None] * outward + sine[node][:, None] * turned)
+
+        def distance(x: Array) -> Array:
+            s = rays.at[:, None]
+            start, ray = (1 - s) * x[:, 1] + s * x[:, 2], (1 - s) * way(x, a, 0) + s * way(x, b, 1)
+            ray = _unit(ray)
+            along = x[:, 5] - x[:, 4]
+            return np.asarray(_cross(x[:, 4] - start, along) / _cross(ray, along))
+
+        rates = np.zeros((rays.at.size, 6, 2))
+        for k in range(6):
+            for component in range(2):
+                stepped = places.copy()
+                stepped[:, k, component] += 1j * _STEP
+                rates[:, k, component] = distance(stepped).imag / _STEP
+        return np.where(nodes < 0, -1, nodes), rates
+
+    def _add_couples(self, forces: Array, drag: Array) -> None:
+        """Add the couples of forces at points whose places on both sides are apart, half on each side."""
+        seen, (slave, master), count = self.present, self.chains, self.chains[0].nodes.size
+        apart = seen.opposite @ seen.y - seen.sharing @ seen.x
+        apart[~seen.partnered] = 0.0
+        couples = _cross(apart, drag) / 2
+        of_point, _ = self._shares
+        for point in np.flatnonzero(couples != 0.0):
+            for chain, facets, x, first in (
+                (slave, seen.rays.facet, seen.x, 0),
+                (master, seen.rays.over, seen.y, count),
+            ):
+                arms = np.zeros(chain.nodes.size)
+                shares = of_point[point][slave.facets[seen.rays.facet]].sum(axis=1) * seen.rays.area
+                for column in chain.facets[facets].T:
+                    np.add.at(arms, column, shares)
+                r = x - (arms @ x) / arms.sum()
+                polar = arms @ np.sum(r**2, axis=1)
+                turned = np.column_stack((-r[:, 1], r[:, 0]))
+                forces[first : first + chain.nodes.size] += couples[point] * (arms / polar)[:, None] * turned
+
+    @cached_property
+    def _shares(self) -> tuple[Array, Numbers]:
+        """How points take over the functions of nodes of the slave, shape (p, N)."""
+        seen, count = self.present, self.chains[0].nodes.size
+        side = self.surface.displaced(self.ends[0][:count])
+        sums = self._functions(seen.rays).sum(axis=1)
+        covered = _facets_of(self.surface, self.chains[0], np.unique(seen.rays.facet))
+        able, shares = carried(side, covered, sums, self.unable)
+        of_point = np.zeros((self.carriers.size, count))
+        of_point[np.searchsorted(self.carriers, able)] = shares.toarray()
+        return of_point, able
+
+
+def _at(chain: Chain, values: Array, facets: Numbers, places: Array) -> Array:
+    """Values between those at the nodes of a side, at places on facets."""
+    first, second = values[chain.facets[facets].T]
+    return np.asarray((1.0 - places)[:, None] * first + places[:, None] * second)
+
+
+def _facets_of(surface: PairSurface, chain: Chain, facets: Numbers) -> Numbers:
+    """The numbers that facets of a chain have on a surface of the same nodes."""
+    count = chain.nodes.size
+    names, wanted = (pairs.min(axis=1) * count + pairs.max(axis=1) for pairs in (surface.nodes, chain.facets[facets]))
+    order = np.argsort(names)
+    return np.asarray(order[np.searchsorted(names[order], wanted)])
+
+
+def sliding_claim(
+    space: fem.FunctionSpace,
+    side: tuple[PairSurface, Numbers, npt.NDArray[np.bool_], float],
+    facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
+    ends: tuple[fem.Function, fem.Function | None],
+) -> SlidingClaim:
+    """The second opinion on a pair; collective.
+
+    Args:
+        space: of the displacement.
+        side: the slave, its nodes with points, those that cannot carry one, and the reach.
+        facets: of both sides, owned, local numbers.
+        ends: displacements now and at the beginning of the step; None: none.
+    """
+    both = Chain.of(space, facets[0]), Chain.of(space, facets[1])
+    names = np.concatenate([chain.nodes for chain in both])
+    owned = space.dofmap.index_map.size_local
+    values = [
+        np.zeros((names.size, 2))
+        if function is None
+        else from_owners(function.x.array.reshape(-1, 2)[:owned], names, space.mesh.comm)
+        for function in ends
+    ]
+    surface, carriers, unable, reach = side
+    return SlidingClaim(space, surface, both, carriers, unable, reach, facets[0], facets[1], (values[0], values[1]))
