@@ -61,7 +61,7 @@ MOST_ITERATIONS = 30
 
 
 class NonlinearContactProblem(ProblemOfForms):
-    """Find u with F(u; v) = 0 for all v, and contact with rigid foundations on parts of the boundary.
+    """Find u with F(u; v) = 0 for all v, and contact with rigid foundations or of two bodies on parts of the boundary.
 
         problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets, shape=circle))
         problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
@@ -70,12 +70,15 @@ class NonlinearContactProblem(ProblemOfForms):
     relative to it; gaps and directions without a shape are those of the undeformed boundary.  Pressures, shears and
     bounds of friction are per area of the undeformed boundary.  Friction depends on the path: ``advance`` ends a step.
 
+    The sides of a ``Pair`` slide on each other: in the plane, with degree 1, its points see the other side at displaced
+    places, half-way between the normals of both, and slip along it over any number of facets.
+
     Args:
         F: the residual, a UFL form with one argument, nonlinear in ``u``.
         u: the Function that takes the solution, in a vector Lagrange space of degree 1 or 2; its values are the first
             iterate.
         bcs: Dirichlet conditions as dolfinx makes them; their values may change between two solves.
-        contact: the foundations.
+        contact: the foundations, and pairs of sides of the mesh.
         J: the tangent, a symmetric form with two arguments, UFL or compiled; None: the derivative of ``F``.
         update: called before anything is assembled at new values of ``u``, such as to return stresses to a yield
             surface, from the state of the last ``commit``.  Where it raises an exception the increment is shortened.
@@ -93,7 +96,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
     Attributes:
         u: the solution.
-        contact: the foundations.
+        contact: the foundations and pairs.
         pressure, shear, gap, slip: see ``ContactFields``.
         status: how the last solve ended; None before the first one, and after an error.
         certificate: the check of the last solution against F and the shapes; None before the first solve.
