@@ -674,6 +674,16 @@ HARD_CONTACT = 1e4
 # Forces at nodes that differ by less than this share of the largest from those of a uniform traction are those; points
 # and moments that differ by its square are the same.  Choice: decks have few digits.
 ALIKE_IN_DECK = 1e-3
+# Links of decks are stiffer than a cell by this factor: what they give way is a share of 1e-5 of the strain of a cell,
+# and round-off of their forces is below that of the certificate up to 1e5 cells along a body.  Choice.
+STIFF_LINK = 1e5
+# Faces around single nodes in contact look at the other side if the cosine between both normals is below minus this.
+# Choice: 45 degrees.
+FACING = 0.7
+# Nodes of a sector find a place of its other side within this share of the size of the body, or are lost.  Choice.
+TIED_AT_MOST = 0.01
+# More nodes than these get their forces from a file beside the scene.  Choice.
+NODES_OF_TABLES = 12
 # Where a deck asks for NLGEOM and the strain that linear elasticity neglects is more than this share of its own, the
 # answer is another one.  Choice: as much as an accuracy that is usually asked for.
 LINEAR_IN_DECK = 0.01

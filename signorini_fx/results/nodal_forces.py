@@ -29,12 +29,13 @@ from signorini_fx.mechanics.body.quadrature import strain_degree
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Points, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
+from signorini_fx.mechanics.statement.nodal_table import NodalTable
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
 from signorini_fx.results.cut_entities import cut_rules
 from signorini_fx.results.quadrature_points import QuadraturePoints
 from signorini_fx.results.surface_quadrature import QuadratureFacets, SurfaceQuadrature
-from signorini_fx.tuned import ZERO_SUM
+from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -152,10 +153,13 @@ class NodalForces(SurfaceQuadrature):
         """What resists nodal displacements with ghosts, shape (nodes, d), on the boundary: all of it, or some; forces,
         shape (owned nodes, d).
         """
-        total = self.zero()
+        total, linked = self.zero(), np.zeros((self.owned, self.dimension))
         for effect in self.statement.of(Resistance) if resistances is None else resistances:
-            total += self._integral(effect, effect.reaction_at, displacement)
-        return self.over_ranks(total)
+            if effect.nodal:
+                linked += self._linked(effect, displacement)
+            else:
+                total += self._integral(effect, effect.reaction_at, displacement)
+        return self.over_ranks(total) + linked
 
     def strain_energy(self, displacement: fem.Function) -> float:
         """The energy of the strains, per thickness."""
@@ -177,7 +181,9 @@ class NodalForces(SurfaceQuadrature):
         total, compiled = self.zero(), np.zeros((self.owned, self.dimension))
         for load in self.statement.of(Force) if some is None else some:
             factor, current = self.statement.now(load, step)
-            if any(hasattr(value, "ufl_shape") for value in load.given.values()):
+            if current.nodal:
+                compiled += scale * factor * self._at_points(current)
+            elif any(hasattr(value, "ufl_shape") for value in load.given.values()):
                 compiled += scale * factor * self._compiled(load, step)
             else:
                 total += scale * factor * self._integral(current, current.density_at, total)
@@ -234,6 +240,46 @@ class NodalForces(SurfaceQuadrature):
         return shares
 
     # --- how ---------------------------------------------------------------------------------------------------------
+
+    def _at_points(self, load: Any) -> Array:
+        """A ``PointForce``, shape (owned nodes, d)."""
+        table, forces = load.table(load.label, self.across), np.zeros((self.owned, self.dimension))
+        node, row = self._listed(table)
+        np.add.at(forces[:, : self.across], node, table.vectors[row])
+        return forces
+
+    def _linked(self, links: Any, displacement: Array) -> Array:
+        """The forces of ``Links`` at nodal displacements, shape (owned nodes, d): stiffness times sum, of each."""
+        table, forces = links.table(links.label, self.across), np.zeros((self.owned, self.dimension))
+        node, row = self._listed(table)
+        link, number = np.unique(table.groups, return_inverse=True)
+        terms = np.sum(table.vectors[row] * displacement[node, : self.across], axis=1)
+        sums = parallel.global_sum(
+            self.tagged.mesh.comm, np.bincount(number.ravel()[row], terms, minlength=link.size).astype(np.float64)
+        )
+        np.add.at(
+            forces[:, : self.across],
+            node,
+            links.stiffness * sums[number.ravel()[row]][:, None] * table.vectors[row],
+        )
+        return forces
+
+    def _listed(self, table: NodalTable) -> tuple[Indices, Indices]:
+        """The owned nodes that a table lists, local numbers, and their rows in it."""
+        from scipy.spatial import cKDTree
+
+        x = self.at_nodes[: self.owned, : self.across]
+        reach = SAME_DIRECTION * self.tagged.size
+        near = cKDTree(x).query_ball_point(table.points, reach) if len(x) else [[]] * len(table)
+        row = np.repeat(np.arange(len(table)), [len(nodes) for nodes in near])
+        node = np.array([one for nodes in near for one in nodes], dtype=np.int64)
+        regions = np.array(table.regions, dtype=object)[row]
+        counts = regions == ""
+        for region in {*table.regions} - {""}:
+            inside = np.zeros((len(self.at_nodes), self.dimension))
+            inside[self.space.dofmap.list[self.tagged.cells(region)].ravel()] = 1.0
+            counts |= (regions == region) & (self.over_ranks(inside)[node, 0] > 0)
+        return node[counts].astype(np.int32), row[counts].astype(np.int32)
 
     def _chunks(self, some: Indices | None = None) -> Iterator[Indices]:
         every = self._owned_cells if some is None else some

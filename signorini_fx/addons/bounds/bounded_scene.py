@@ -40,6 +40,8 @@ REFUSES = {
     "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
     "graded material": "moduli or axes that vary have no guaranteed bound yet",
     "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
+    "point force": "a force at a point does infinite work: its displacement has no finite energy",
+    "links": "links act at points, where displacements of finite energy have no value",
     "contact of two bodies": _UNILATERAL,
     "foundation with a shape": "a guaranteed bound is for a gap along given directions, not for a foundation with a "
     "shape so far",

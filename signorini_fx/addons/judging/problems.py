@@ -140,7 +140,7 @@ def _problem(
     reasons += [
         f"{entry.name} is not judged yet"
         for _, entry in statement.listed()
-        if entry.label in ("springs", "preload", "fluid") or entry.interface
+        if entry.label in ("springs", "preload", "fluid", "links") or entry.interface
     ]
     prescribed, misfits = prescribed_of(statement, position, mesh)
     reasons += misfits

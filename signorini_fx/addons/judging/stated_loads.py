@@ -85,6 +85,9 @@ def loads_of(
             if load.label != "displacement":
                 reasons.append(f"{load.name} is not judged yet")
             continue
+        if load.nodal:
+            reasons.append(f"{load.name} is not judged yet")
+            continue
         if getattr(load, "enters", ()):
             reasons.append(f"{load.name} enters contact, which is not judged yet")
             continue

@@ -36,6 +36,7 @@ from signorini_fx.mechanics.body.loads import (
     load_groups,
 )
 from signorini_fx.mechanics.body.moduli import check_covers, lame_coefficients, reduced_degree
+from signorini_fx.mechanics.body.nodal_effects import links_of
 from signorini_fx.mechanics.body.pieces import find_pieces
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.body.scene_contact import foundations_of
@@ -129,6 +130,8 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         fixed, turned = supports.fixed, supports.turned
         on_mesh = FormCoefficients(statement, tagged, space, inventory)
         resisting, resistance = compile_resistance(on_mesh, z)
+        links = links_of(statement, space, tagged)
+        pieces = pieces if links is None else links.assemblies(pieces, space)
         applied = [
             applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(statement).items()
         ]
@@ -178,8 +181,9 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         settings=statement.solver,
         inventory=inventory,
         kinematics=kinematics,
-        compressible=_compressible(statement),
+        compressible=_compressible(statement) and links is None,
         elastic=elastic,
+        links=links,
         statement=statement,
         tagged=tagged,
         lame=lame,

@@ -36,6 +36,7 @@ from signorini_fx.mechanics.body.contact_map import contact_map
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic_law import ElasticLaw
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.body.nodal_effects import LinkStiffness
 from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
 from signorini_fx.mechanics.body.pieces import BodyPieces
 from signorini_fx.mechanics.body.rigid import (
@@ -79,6 +80,7 @@ class ElasticBody:
         elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
         beside: what a(., .) has beside ``terms``; None: nothing.
         definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
+        links: between nodes, which a(., .) has beside ``terms``; None: there are none.
         of_body: what has been computed of all these but ``boundary``, unless unknowns are along its normals.
         of_contact: what has been computed of the boundary too.
     """
@@ -98,6 +100,7 @@ class ElasticBody:
     elastic: ElasticLaw = field(default_factory=ElasticLaw)
     beside: NodalStiffness | None = None
     definite: bool = True
+    links: LinkStiffness | None = None
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -144,10 +147,10 @@ class ElasticBody:
 
     @shared_in("of_body")
     def _free(self) -> RigidMotions:
-        motions = self._supported
-        if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists):
+        motions, linked = self._supported, self.links is not None
+        if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists and not linked):
             return motions
-        if self.resists is None:
+        if self.resists is None or linked:
             return without_energy(motions, self.stiffness, self.vector)
         matrix = sum_of(self.resists, [])
         return without_energy(motions, matrix, partial(vector_like, matrix))
@@ -192,6 +195,8 @@ class ElasticBody:
         stiffness = sum_of(self.forms, [] if frames else self.bcs)
         if self.beside is not None:
             self.beside.add_to(stiffness, None if frames else self.fixed)
+        if self.links is not None:
+            stiffness = self.links.added_to(stiffness, None if frames else self.fixed)
         rotation, fixed = None, self._held
         if frames:
             rotation = block_rotation(stiffness, frames)
@@ -217,7 +222,7 @@ class ElasticBody:
         boundary = self.boundary
         if boundary is None or boundary.moving is not None or self.turned is not None or self.elastic.pressed:
             return False
-        if self.beside is not None and self.beside.joint:
+        if self.links is not None or (self.beside is not None and self.beside.joint):
             return False
         if self.settings.algorithm == "exact" or options.user_chooses_solver() or self.dofs < FEWEST_BLOCK_UNKNOWNS:
             return False
@@ -438,7 +443,9 @@ class ElasticBody:
         if nodes is None:
             nodes = np.arange(displacement.x.array.size // self.dimension, dtype=np.int32)
         forces = action(self.forms, displacement, nodes)
-        return forces if self.beside is None else forces + self.beside.times(displacement)
+        for beside in (self.beside, self.links):
+            forces = forces if beside is None else forces + beside.times(displacement)
+        return forces
 
     def energy_norm(self, x: PETSc.Vec) -> float:
         """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""

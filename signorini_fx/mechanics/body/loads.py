@@ -22,6 +22,7 @@ from signorini_fx.mechanics.body.cut_loads import CutRule, cut_rule
 from signorini_fx.mechanics.body.elastic_law import SceneLaw
 from signorini_fx.mechanics.body.elastic_laws import elastic_law
 from signorini_fx.mechanics.body.moduli import of_materials
+from signorini_fx.mechanics.body.nodal_effects import forces_at_nodes
 from signorini_fx.mechanics.body.rigid_bodies import Driven, RigidBodies
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
@@ -314,6 +315,11 @@ def _assembled(
     forces, swelling = on.elastic.work(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
     for key, rule in cuts.items():
         forces = forces + rule.integrals(at_step[key].density_at(rule), space)
+    paths = {id(effect): path for path, effect in on.statement.listed()}
+    for load in loads:
+        if load.nodal:
+            path = paths.get(id(load), load.label)
+            forces = forces + forces_at_nodes(at_step[id(load)], path, space, on.tagged)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     reassemble = partial(_assembled, group, loads, on, z, supports, None if cuts else compiled) if timed else None
     return AppliedLoad(
@@ -346,7 +352,8 @@ def compile_loads(
     """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
         return _compiled_strains(strains, on, z)
-    forces = sorted((load for load in loads if isinstance(load, Force)), key=lambda load: load.where is not None)
+    formed = (load for load in loads if isinstance(load, Force) and not load.nodal)
+    forces = sorted(formed, key=lambda load: load.where is not None)
     name, form = _compiled(forces, lambda load: ufl.inner(load.density(on), z), on, cuts)
     return ((), ()) if form is None else ((name,), (form,))
 
@@ -365,7 +372,7 @@ def _compiled_strains(
 def compile_resistance(on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:
     """The terms of a(., .) that resist the displacement on the boundary, compiled together, and their name."""
     y = ufl.TrialFunction(on.space)
-    acting = [effect for effect in on.statement.of(Resistance) if effect.acts]
+    acting = [effect for effect in on.statement.of(Resistance) if effect.acts and not effect.nodal]
     return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), on)
 
 

@@ -116,6 +116,8 @@ class Effect(Table):
 
     # Whether it changes the strain that the stress follows from.
     strains: ClassVar[bool] = False
+    # Whether it acts at single nodes, without any form, see ``body.nodal_effects``.
+    nodal: ClassVar[bool] = False
 
     @property
     def label(self) -> str:
