@@ -98,7 +98,8 @@ def test_a_deck(tmp_path, capsys):
     assert noted.endswith("*STEP: NLGEOM: displacements and rotations are taken as small")
     assert f"# Left out: {noted}\n" in scene.read_text()
     keywords = [line.partition(": ")[0].partition("*")[2] for line in data["incomplete"]]
-    assert keywords == ["SURFACE BEHAVIOR", "CLOAD", "MODEL CHANGE"]
+    assert keywords == ["SURFACE BEHAVIOR", "MODEL CHANGE"]
+    assert data["point_force"] == [{"at": [0.5, 0.0], "x": 5.0, "factors": [0.0, 1.0]}]
     assert data["solver"] == {"gamma_n": 1e6}
     number = int(data["incomplete"][0].split()[1].rstrip(","))
     assert (tmp_path / "deck.inp").read_text().splitlines()[number - 1].startswith("*SURFACE BEHAVIOR")
@@ -133,17 +134,20 @@ def test_what_single_nodes_have(tmp_path, capsys):
 
 
 def test_sets_that_are_more_or_less_than_facets(tmp_path, capsys):
-    """Many nodes that a support leaves free are counted, and members that are nothing of the body."""
+    """Nodes of no whole facet are held one by one, by links; members that are nothing of the body are counted."""
     lines = ["*NSET, NSET=SOME, GENERATE", f"1, {3 * NX + 3}", "*NSET, NSET=SOME", "5000, 5001", "1001"]
     lines += ["*BOUNDARY", "some, 2", "LID, 3", "REF, 1", "*BOUNDARY", "1001, 1"]
-    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
+    scene, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
     assert data["displacement"] == [{"boundary": "SOME", "y": 0.0}]
     assert lines_of(said) == [
         "members of the set 'SOME' that are not defined, or no part of the body: 2",
         "BOUNDARY: support of 'REF': no part of the body",
         "BOUNDARY: support of node 1001: no part of the body",
-        f"BOUNDARY: support of {2 * (NX - 1)} nodes of 'some', which are on none of its whole facets",
     ]
+    (links,) = data["links"]
+    rows = (scene.parent / links["file"]).read_text().splitlines()
+    assert rows[0] == "x,y,region,cx,cy,link"
+    assert [row.split(",")[3:5] for row in rows[1:]] == [["0.0", "1.0"]] * (2 * (NX - 1))
 
 
 def test_pressures_on_faces(tmp_path, capsys):
@@ -163,7 +167,7 @@ def test_pressures_on_faces(tmp_path, capsys):
 
 
 def test_forces_at_nodes(tmp_path, capsys):
-    """Those of a uniform traction are one; others are summed up."""
+    """Those of a uniform traction are one, others with the moment of their sum are spread evenly; or one by one."""
     weights = [0.5, *[1.0] * (NX - 1), 0.5]
     forces = [f"{n}, 2, {-3.0 * weight * LENGTH / NX}" for n, weight in zip(TOP, weights, strict=True)]
     forces += [f"{n}, 2, {0.5 if n in CORNERS else 1.0}" for n in NODES[: NX + 1]]
@@ -180,8 +184,8 @@ def test_forces_at_nodes(tmp_path, capsys):
         "SOLID SECTION: the thickness 0.5: forces are per unit of it",
         f"CLOAD: forces at nodes, {NY + 1} along x in all ({NY + 1} nodes): on 'WALL' evenly",
         "CLOAD: moments at nodes",
-        "CLOAD: forces at nodes, 2 along y in all (1 node): give a force on a boundary",
     ]
+    assert data["point_force"] == [{"at": pytest.approx([LENGTH * 3 / NX, HEIGHT / NY]), "y": 2.0 / 0.5}]
 
 
 @pytest.mark.parametrize(("kind", "dim"), [("CPE8R", 2), ("C3D20", 3)])
@@ -208,15 +212,21 @@ def test_elements_without_nodes_in_the_middle_of_faces(tmp_path, capsys, kind, d
 
 
 def test_axisymmetric_elements(tmp_path, capsys):
-    """A cylinder under pressure on its lid; forces at nodes, which are those of the whole circle, are left out."""
+    """A cylinder under pressure on its lid; forces at nodes are those of the whole circle: its supports carry them."""
     lines = [*block("CAX4"), *MATERIAL, "*BOUNDARY", *(f"{n}, 2" for n in NODES[: NX + 1]), "WALL, 1", "*STEP"]
-    lines += ["*STATIC", "*DSLOAD", "LID, P, 4.0", "*CLOAD", *(f"{n}, 1, 2.0" for n in RIGHT), "*END STEP"]
+    lines += ["*STATIC", "*DSLOAD", "LID, P, 4.0", "*END STEP"]
     scene, data, said = drafted(tmp_path, lines, capsys)
     assert data["material"]["hypothesis"] == "axisymmetric"
-    said = lines_of(said)
-    assert said == [f"CLOAD: forces at nodes, {2 * NY + 2} along x in all ({NY + 1} nodes): give a force on a boundary"]
+    assert lines_of(said) == []
     solution = solve(read_scene(scene), MPI.COMM_SELF)
     assert solution.displacement.x.array[1::2].min() == pytest.approx(-4.0 * HEIGHT / 1000.0)
+    lines[-1:] = ["*CLOAD", *(f"{n}, 2, -2.0" for n in RIGHT), "*END STEP"]
+    (tmp_path / "more").mkdir()
+    scene, data, said = drafted(tmp_path / "more", lines, capsys)
+    assert lines_of(said) == []
+    assert len(data["point_force"]) == NY + 1
+    carried = solve(read_scene(scene), MPI.COMM_SELF).resultants.of("support_1").force
+    assert carried[1] == pytest.approx(4.0 * np.pi * LENGTH**2 + 2.0 * (NY + 1), rel=1e-9)
 
 
 HEATED = [
@@ -425,13 +435,14 @@ def test_contact_that_changes(tmp_path, capsys):
 
 
 def test_directions_of_nodes(tmp_path, capsys):
-    """What is given in turned directions is left out, unless all of them are held."""
+    """What is given in turned directions is held by links along them, unless all of them are held."""
     lines = ["*BOUNDARY", "WALL, 1", "FLOOR, 1, 2", "*TRANSFORM, NSET=WALL", "1., 1., 0., -1., 1., 0."]
     lines += ["*TRANSFORM, NSET=FLOOR, TYPE=C", "0., 0., 0., 0., 0., 1."]
     lines = ["*NSET, NSET=FLOOR, GENERATE", f"2, {NX + 1}", *lines]
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
     assert data["displacement"] == [{"boundary": "FLOOR", "x": 0.0, "y": 0.0}]
-    assert lines_of(said) == ["BOUNDARY: support of 'WALL' in the directions of *TRANSFORM"]
+    assert lines_of(said) == []
+    assert len(data["links"]) == 1
 
 
 def two_blocks():
@@ -466,7 +477,7 @@ def test_two_bodies(tmp_path, capsys, bonded):
     assert data["contact"] == [{"boundary": "FLOOR SIDE", "against": "ROOF", **more, **law}]
     assert data.get("solver") == (None if bonded else {"gamma_t": 1e5})
     assert lines_of(said) == (
-        ["TIE: cyclic symmetry: model the whole body"]
+        ["TIE: cyclic symmetry without *CYCLIC SYMMETRY MODEL"]
         if bonded
         else [
             "contact of 'LID' with 'LID': a surface with itself",

@@ -51,10 +51,14 @@ def test_forces_on_several_bodies(tmp_path, capsys):
 
 
 def test_forces_with_a_moment(tmp_path, capsys):
-    """An even traction has their sum but not their moment: the draft is incomplete."""
+    """An even traction has their sum but not their moment: they act one by one, and the ground carries their moment."""
     lines = ["121, 2, -1.0" if line.startswith("121, 2,") else line for line in two_towers((3.0, 10.0))]
-    _, data, _ = drafted(tmp_path, lines, capsys, code=4)
-    assert ["their moment" in one for one in data["incomplete"]] == [True]
+    scene, data, _ = drafted(tmp_path, lines, capsys)
+    assert len(data["point_force"]) == 5
+    feet = solve(read_scene(scene), MPI.COMM_SELF).resultants.of("B_FEET")
+    forces, arms = np.array([1.0, 2.5, 2.5, 2.5, 1.25]), np.linspace(3.0, 5.0, 5)
+    assert feet.force == pytest.approx([0.0, forces.sum()], abs=1e-9)
+    assert feet.moment_about((0.0, 0.0)) == pytest.approx(forces @ arms, rel=1e-9)
     lines = ["125, 2, -1.0" if line.startswith("125, 2,") else line for line in lines]
     _, data, said = drafted(tmp_path, lines, capsys)
     assert "on 'B_HEAD' evenly" in said
@@ -435,6 +439,13 @@ def test_a_checkpoint_knows_included_files(tmp_path, capsys):
     assert before != _described(read_scene(scene))
 
 
+def by_place(solution, turn):
+    """Displacements in turned axes, in the order of the places in these."""
+    places = solution.displacement.function_space.tabulate_dof_coordinates()[:, :2] @ turn
+    order = np.lexsort(np.round(places, 9).T)
+    return (solution.displacement.x.array.reshape(-1, 2) @ turn)[order]
+
+
 def test_turned_directions(tmp_path, capsys):
     """*TRANSFORM along the normal of a flat boundary: a turned block sinks and moves as the one that is not turned."""
     angle = 0.5
@@ -458,9 +469,17 @@ def test_turned_directions(tmp_path, capsys):
     u = solution.displacement.x.array.reshape(-1, 2) @ turn
     assert u[:, 1].min() == pytest.approx(0.001 - 5.0 * SINKS, rel=1e-9)
     assert u[:, 0].max() == pytest.approx(5.0 * POISSON * (1 + POISSON) / YOUNG, rel=1e-9)
-    slanted = [row.replace("BODY_WALL, 1", "BODY_WALL, 2") for row in lines]
-    _, data, _ = drafted(tmp_path, slanted, capsys, code=4)
-    assert "in the directions of *TRANSFORM" in data["incomplete"][0]
+    given = [row.replace("BODY_WALL, 1", "BODY_WALL, 2").replace("BODY_FEET, 2, 2", "BODY_FEET, 1, 1") for row in lines]
+    given.insert(given.index("*STEP"), "BODY_HEAD, 2")
+    _, data, _ = drafted(tmp_path, given, capsys)
+    assert len(data["links"]) == 1
+    turned = by_place(solve(read_scene(scene), MPI.COMM_SELF), turn)
+    plain = one_block(["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"], STEEL)
+    plain = [{"BODY_FEET, 2": "BODY_FEET, 1, 1, 0.001", "BODY_WALL, 1": "BODY_WALL, 2"}.get(row, row) for row in plain]
+    plain.insert(plain.index("*STEP"), "BODY_HEAD, 2")
+    drafted(tmp_path, plain, capsys, name="plain.inp")
+    straight = by_place(solve(read_scene(scene), MPI.COMM_SELF), np.eye(2))
+    np.testing.assert_allclose(turned, straight, atol=1e-6 * np.abs(straight).max())
 
 
 @pytest.mark.parametrize(

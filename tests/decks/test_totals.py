@@ -32,6 +32,10 @@ STEPS = {
         [("*CLOAD", ["UP_HEAD, 2, -0.25"]), ("*DSLOAD", ["UP_TOP, P, 2."])],
         [("*CLOAD", ["UP_HEAD, 2, -0.75"]), ("*DSLOAD, AMPLITUDE=HALF", ["UP_TOP, P, 8."])],
     ],
+    "twice": [
+        [("*CLOAD", ["UP_HEAD, 2, -.25"]), ("*CLOAD", ["UP_HEAD, 2, -.5", "111, 1, .5"]), ("*CLOAD", ["111, 1, 1."])],
+        [("*CLOAD", ["112, 2, -0.5", "112, 2, -0.25"]), ("*DSLOAD", ["UP_TOP, P, 2.", "UP_TOP, P, 1."])],
+    ],
     "weight": [[("*DLOAD", ["UP, GRAV, 9., 0., -1.", "LOW, GRAV, 9., 0., -1."])], [("*CLOAD", ["UP_HEAD, 1, 1."])]],
 }
 
@@ -40,11 +44,12 @@ def totals(steps):
     """Step by step what acts in all, from the text alone."""
     acting, sums = {}, []
     for step in steps:
+        new = Counter()  # what a step gives several times adds up, as CalculiX 2.20 does it
         for keyword, rows in step:
             kind = keyword.split(",")[0]
             if "OP=NEW" in keyword:
                 acting = {key: force for key, force in acting.items() if key[0] != kind}
-            share, new = (0.5 if "AMPLITUDE" in keyword else 1.0), Counter()
+            share = 0.5 if "AMPLITUDE" in keyword else 1.0
             for target, *words in (row.replace(" ", "").split(",") for row in rows):
                 if kind == "*CLOAD":
                     for node in NODES.get(target, [target]):
@@ -55,8 +60,8 @@ def totals(steps):
                 direction = numbers[1:] / np.linalg.norm(numbers[1:]) if len(numbers) > 1 else -np.array(outward)
                 density = DENSITY if words[0] == "GRAV" else 1.0
                 for axis in (1, 2):
-                    new[kind, target, words[0], axis] = share * density * size * numbers[0] * direction[axis - 1]
-            acting.update(new)
+                    new[kind, target, words[0], axis] += share * density * size * numbers[0] * direction[axis - 1]
+        acting.update(new)
         sums.append([sum(force for (*_, axis), force in acting.items() if axis == k) for k in (1, 2)])
     return sums
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, plain_name
+from signorini_fx.addons.decks.nodal import follow
+from signorini_fx.addons.decks.ties import tie_nodes
 from signorini_fx.addons.decks.tools import tool_keys
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import quoted, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, quoted, real
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
 
@@ -34,6 +36,8 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
         tables.append([f"boundary = {quoted(where)}", 'kind = "bonded"', f"foundation = {{ {shape}, {keys} }}"])
     contacts = [(*names, None) for names in deck.ties] + deck.pairs
     for slave, master, interaction in contacts:
+        if frozenset((slave.upper(), master.upper())) in deck.unpaired:
+            continue
         tie = interaction is None or interaction in deck.tied
         label = f"{'tie' if tie else 'contact'} of {slave!r} with {master!r}"
         names = [name for name in (slave, master) if plain_name(name) in deck.rigid]
@@ -45,6 +49,9 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
         shared = [
             where for where in boundaries if any(np.intersect1d(rows[where], r).size for r in occupied[where].values())
         ]
+        block = deck.pairing[(slave, master) if interaction is None else (slave, master, interaction)]
+        if missing and interaction is None and not names and tie_nodes(deck, block, slave, master):
+            continue
         if len(names) == 2 or slave == master or (len(boundaries) == 2 and boundaries[0] == boundaries[1]):
             deck.lose(None, f"{label}: " + ("both are rigid" if names else "a surface with itself"))
         elif missing:
@@ -60,10 +67,10 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
             used |= set() if mover is None else {mover}
             taken[boundaries[0]] = rows[boundaries[0]]
             touched |= {where: rows[where] for where in boundaries[1:]}
-            pair = (slave, master) if interaction is None else (slave, master, interaction)
-            lines = [f"# {deck.pairing[pair].origin}", f"boundary = {quoted(boundaries[0])}"]
+            lines = [f"# {block.origin}", f"boundary = {quoted(boundaries[0])}"]
             lines += _gap(deck, boundaries[0], names[0], keys) if names else [f"against = {quoted(boundaries[1])}"]
             interactions.append(interaction)
+            _say_more_nodes(deck, block, slave, boundaries[0])
             if tie:
                 tables.append([*lines, 'kind = "bonded"'])
                 continue
@@ -75,6 +82,20 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
         if tool_keys(deck, node, drives[node]):
             deck.lose(None, f"what moves the rigid body of node {node}: no contact with it is in the scene")
     return tables, _stiffness(deck, interactions)
+
+
+def _say_more_nodes(deck: Deck, block: DeckBlock, slave: str, where: str) -> None:
+    """A contact of nodes has whole facets, whose other nodes touch, too, unless they move as those by equations."""
+    nodes = deck.nodes(slave)
+    if not nodes.size or plain_name(slave) not in deck.node_surfaces:
+        return
+    listed = np.searchsorted(deck.numbers, nodes)
+    corners = np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])
+    normals = np.linalg.svd(deck.mesh.points[corners] - deck.mesh.points[corners].mean(axis=0))[2]
+    following = follow(deck, {*map(int, listed)}, normals[deck.mesh.dim - 1])
+    more = np.setdiff1d(corners, [*listed, *following]).size
+    if more:
+        deck.lose(block, f"contact of {len(nodes)} nodes of {slave!r}: {more} more nodes of whole facets touch here")
 
 
 def _stiffness(deck: Deck, interactions: list[str | None]) -> list[str]:

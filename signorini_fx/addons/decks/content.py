@@ -22,6 +22,7 @@ from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import dimension
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.point_values import same_places
+from signorini_fx.tuned import ZERO_SUM
 
 # CalculiX takes a body of revolution as a sector of so many degrees, whose nodal forces it prints.
 _SECTOR = 2.0
@@ -80,18 +81,67 @@ class DeckSection:
     block: DeckBlock
 
 
+@dataclass(frozen=True)
+class Turn:
+    """The axes of a *TRANSFORM.
+
+    Attributes:
+        first: of rectangular axes a point on the first one, of cylindrical ones a point on the axis, shape (3,).
+        second: of rectangular axes a point in the plane of the first two, else another one on the axis, shape (3,).
+        round: whether they are cylindrical: along the radius, around the axis and along it.
+    """
+
+    first: tuple[float, ...]
+    second: tuple[float, ...]
+    round: bool
+
+    def at(self, x: Floats) -> Floats | None:
+        """The unit vectors at a point of shape (3,), one per row, shape (3, 3); None: it is on the axis.
+
+        Raises:
+            ValueError: the points do not determine them.
+        """
+        first, second = np.array(self.first), np.array(self.second)
+        if not self.round:
+            return frame(first, second)
+        if not (length := float(np.linalg.norm(second - first))) > 0:
+            raise ValueError("its points are at one place")
+        axis = (second - first) / length
+        radius = (x - first) - ((x - first) @ axis) * axis
+        if np.linalg.norm(radius) <= ZERO_SUM * length:
+            return None
+        radius /= np.linalg.norm(radius)
+        return np.array([radius, np.cross(axis, radius), axis])
+
+
+def frame(first: Floats, second: Floats) -> Floats:
+    """Unit vectors along a vector, across it in its plane with another one, and normal to both, shape (3, 3).
+
+    Raises:
+        ValueError: the vectors are in line.
+    """
+    normal = np.cross(first, second)
+    rows = np.array([first, np.cross(normal, first), normal])
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    if not sizes.all():
+        raise ValueError("its points are in line")
+    return np.asarray(rows / sizes)
+
+
 @dataclass
 class Deck:
     """What has been read, and what was left out.
 
     ``temperatures`` has those of the nodes at the end of each step that changes them, and those at rest as step -1.
-    ``turned`` has the axes of nodes with a *TRANSFORM, none where they differ from node to node.
+    ``turned`` has the *TRANSFORM of nodes, as ``Turn``.
     ``movers`` has the reference node of each rigid surface, ``coupled`` sets of nodes of the body with theirs, and
     ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body;
     ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.  ``stiffness`` and ``sticking`` are
     those of interactions, stress per length, and ``adjusted`` has the ADJUST of pairs: a length, or a set of nodes.
     ``pairing`` has the keyword of each pair and tie, ``heating`` those that give temperatures.
-    ``ends`` has the times at the ends of steps.  ``nonlinear`` is the last step with NLGEOM.
+    ``unpaired`` has pairs of surfaces that are lost, as they are in contact between sectors.  ``links`` has the linear
+    relations of nodes (``nodal.DeckLink``), and ``grounded`` the place among them of each that holds a component of one
+    node.  ``ends`` has the times at the ends of steps.  ``nonlinear`` is the last step with NLGEOM.
     ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
     """
 
@@ -114,7 +164,7 @@ class Deck:
     amplitudes: dict[str, DeckBlock] = field(default_factory=dict)
     temperatures: dict[int, Floats] = field(default_factory=dict)
     heating: list[DeckBlock] = field(default_factory=list)
-    turned: dict[int, tuple[tuple[float, ...], ...]] = field(default_factory=dict)
+    turned: dict[int, Turn] = field(default_factory=dict)
     frictions: dict[str, dict[str, float]] = field(default_factory=dict)
     stiffness: dict[str, float] = field(default_factory=dict)
     sticking: dict[str, float] = field(default_factory=dict)
@@ -131,6 +181,9 @@ class Deck:
     bolts: dict[int, str] = field(default_factory=dict)
     drawn: dict[str, list[list[str]]] = field(default_factory=dict)
     rough: set[str] = field(default_factory=set)
+    unpaired: set[frozenset[str]] = field(default_factory=set)
+    links: list[Any] = field(default_factory=list)
+    grounded: dict[str, int] = field(default_factory=dict)
     nonlinear: DeckBlock | None = None
 
     @property
@@ -150,7 +203,7 @@ class Deck:
         element that is none either ties them to it.
         """
         keywords = {keyword.keyword for keyword in self.model.blocks}
-        constrained = "RIGIDBODY" in keywords or any(
+        constrained = keywords & {"RIGIDBODY", "EQUATION"} or any(
             rule.effect == CONSTRAINT for keyword, rule in PLAIN.items() if keyword in keywords
         )
         if self.model.tied or constrained:
@@ -199,11 +252,12 @@ class Deck:
     def course(self, load: DeckLoad, steps: int) -> list[float]:
         """The values of a load in the steps; supports that are not there in all of them are lost."""
         values = load.by_step(steps)
-        prescribes = load.table == "displacement" or load.keys[0] == "prescribed"
+        prescribes = load.table in ("displacement", "grounded") or load.keys[0] == "prescribed"
         if prescribes and None in values and any(value is not None for value in values):
             free = ", ".join(name for name, value in zip(self.steps, values, strict=False) if value is None)
-            where = repr(load.target) if load.target else load.lines[0]
+            where = repr(load.target) if load.target else (*load.lines, "")[0]
             where = f"rigid body of node {load.target}" if load.table == "tool" else where
+            where = f"node {self.number(int(load.target))}" if load.table == "grounded" else where
             self.lose(None, f"{where} is free along {load.keys[-1]} in {free}: here it is held there")
         return [value or 0.0 for value in values]
 
@@ -262,24 +316,66 @@ class Deck:
         point: list[float] = self.mesh.points[np.searchsorted(self.numbers, row)].tolist()
         return point
 
+    @cached_property
+    def node_surfaces(self) -> set[str]:
+        """Names of surfaces of nodes, in capitals."""
+        surfaces = (block.parameters for block in self.model.blocks if block.keyword == "SURFACE")
+        return {plain_name(entry.get("NAME", "")) for entry in surfaces if entry.get("TYPE", "").upper() == "NODE"}
+
+    def frame_of(self, row: int) -> Floats | None:
+        """The unit vectors of the displacement of a node of the body, one per row; None: they are those of space."""
+        turn = self.turned.get(row)
+        return None if turn is None else turn.at(np.pad(self.position(row), (0, 3 - self.mesh.dim)))
+
+    def members_of(self, name: str) -> int:
+        """How many nodes a set of the file has."""
+        label = _defined_name(name, self._node_sets)
+        return 0 if label is None else len(self.model.raw.node_sets[label])
+
     def number(self, row: int) -> int:
         """In the file, of a row of it that is a node of the body."""
         return int(self.names[np.searchsorted(self.numbers, row)])
 
+    def node(self, row: int) -> int:
+        """Of the mesh, of a row of the file that is a node of the body."""
+        return int(np.searchsorted(self.numbers, row))
+
     def beside(self, row: int) -> tuple[list[str], str]:
-        """The bodies of other nodes at the place of one, and its own."""
-        node = int(np.searchsorted(self.numbers, row))
-        together = np.flatnonzero(self._places == self._places[node])
+        """The bodies of other nodes at the place of one, by its row in the file, and its own."""
+        return self.together(self.node(row))
 
-        def body(node: int) -> str:
-            return next(name for name, nodes in self.bodies.items() if node in nodes)
+    def together(self, node: int) -> tuple[list[str], str]:
+        """The bodies of other nodes at the place of one of the mesh, and its own."""
+        place = self._places[node]
+        first, last = np.searchsorted(self._by_place[1], (place, place + 1))
+        others = self._by_place[0][first:last]
+        return [self._body_of(int(other)) for other in others if other != node], self._body_of(node)
 
-        return [body(int(other)) for other in together if other != node], body(node)
+    def _body_of(self, node: int) -> str:
+        return self._body_names[self._node_bodies[node]]
+
+    @cached_property
+    def _body_names(self) -> list[str]:
+        return list(self.model.bodies) or [""]
+
+    @cached_property
+    def _node_bodies(self) -> Ints:
+        """The number of the body of each node of the mesh."""
+        numbers = np.zeros(len(self.mesh.points), dtype=np.int64)
+        for number, name in enumerate(self.model.bodies):
+            numbers[self.mesh.cells[self.mesh.regions[name]]] = number
+        return numbers
 
     @cached_property
     def _places(self) -> Ints:
-        """The number of the place of each node of the body."""
-        return same_places(self.mesh.points[: len(self.numbers)])
+        """The number of the place of each node of the mesh."""
+        return same_places(self.mesh.points)
+
+    @cached_property
+    def _by_place(self) -> tuple[Ints, Ints]:
+        """The nodes of the mesh in the order of their places, and these."""
+        order = np.argsort(self._places, kind="stable")
+        return order, self._places[order]
 
     def rows(self, nodes: Iterable[int]) -> Ints:
         """Rows of the file of those of some nodes that the body has, in their order."""
@@ -310,6 +406,20 @@ class Deck:
     def driven(self) -> set[int]:
         """All nodes that move or turn rigid bodies, or tighten bolts."""
         return {*self.movers.values(), *(node for _, node in self.coupled), *self.turners, *self.bolts}
+
+    @cached_property
+    def given_singly(self) -> set[int]:
+        """The components of forces at nodes, of which one keyword changes some that another one gives: by boundaries
+        they would be added.
+        """
+        found, seen = set[int](), dict[tuple[int, int], frozenset[int]]()
+        for block in self.model.blocks:
+            for group in self.model.groups.get(block.number, ()) if block.keyword == "CLOAD" else ():
+                component, nodes = int(group.words[0]), frozenset(group.nodes)
+                for node in nodes:
+                    if seen.setdefault((component, node), nodes) != nodes:
+                        found.add(component)
+        return found
 
     def without_rigid(self, group: Group) -> Group:
         """What a keyword says of single nodes, without those that move rigid bodies."""

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from signorini_fx.addons.decks.bolts import read_bolt
-from signorini_fx.addons.decks.content import Deck, plain_name
+from signorini_fx.addons.decks.content import Deck, Turn, plain_name
 from signorini_fx.addons.decks.keywords import (
     CHANGED_WITHIN,
+    NO_SECTORS,
     NOT_WRITTEN,
     OTHER_PROCEDURE,
     PERTURBATION,
@@ -23,17 +24,20 @@ from signorini_fx.addons.decks.keywords import (
     RULES,
     SECTOR,
     SMALL,
+    TURNED,
     UNKNOWN,
     WRITTEN,
     Grade,
 )
 from signorini_fx.addons.decks.loads import read_body_forces, read_boundary, read_forces, read_surface_loads
-from signorini_fx.addons.decks.material import frame, read_constants, read_section
+from signorini_fx.addons.decks.material import read_constants, read_section
+from signorini_fx.addons.decks.nodal import read_equations
 from signorini_fx.addons.decks.temperatures import read_temperatures
+from signorini_fx.addons.decks.ties import link_sectors
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus import NO_BODY, POINTS, read_model
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
 # What a step does, unless it is static.
@@ -67,7 +71,8 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                 case "ORIENTATION":
                     deck.orientations[block.parameters["NAME"].upper()] = block
                 case "TRANSFORM":
-                    deck.turned |= dict.fromkeys(map(int, deck.nodes(block.parameters["NSET"])), _axes_of_nodes(block))
+                    if (turn := _turn(deck, block)) is not None:
+                        deck.turned |= dict.fromkeys(map(int, deck.nodes(block.parameters["NSET"])), turn)
     material = interaction = ""
     for block in _used_keywords(deck):
         with _placed(file, block):
@@ -91,14 +96,22 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
     return deck
 
 
-def _axes_of_nodes(block: DeckBlock) -> tuple[tuple[float, ...], ...]:
-    """The unit vectors of *TRANSFORM; none of one that is not rectangular."""
-    if block.parameters.get("TYPE", "R").upper() != "R":
-        return ()
-    points = np.array([real(word) for word in block.rows[0]])
+def _turn(deck: Deck, block: DeckBlock) -> Turn | None:
+    """The axes of *TRANSFORM; None: they are neither rectangular nor cylindrical.
+
+    Raises:
+        ValueError: its points do not determine them.
+    """
+    kind = block.parameters.get("TYPE", "R").upper()
+    points = [real(word) for row in block.rows[:1] for word in row]
     if len(points) != 6:
         raise ValueError("two points are expected")
-    return tuple(map(tuple, plain(frame(points[:3], points[3:]))))
+    if kind not in ("R", "C"):
+        deck.lose(block, f"TYPE={kind}: {TURNED}")
+        return None
+    turn = Turn(tuple(points[:3]), tuple(points[3:]), round=kind == "C")
+    turn.at(np.zeros(3))
+    return turn
 
 
 @contextmanager
@@ -179,8 +192,13 @@ def _read(deck: Deck, block: DeckBlock) -> None:
             deck.pairing |= dict.fromkeys(pairs, block)
             if "ADJUST" in parameters:
                 deck.adjusted |= dict.fromkeys(pairs, parameters["ADJUST"])
+        case "EQUATION":
+            read_equations(deck, block)
+        case "CYCLICSYMMETRYMODEL":
+            link_sectors(deck, block)
         case "TIE" if "CYCLICSYMMETRY" in parameters:
-            deck.lose(block, "cyclic symmetry: model the whole body")
+            if not any(model.keyword == "CYCLICSYMMETRYMODEL" for model in deck.model.blocks):
+                deck.lose(block, NO_SECTORS)
         case "TIE":
             ties = [_pair(row, "")[:2] for row in rows]
             deck.ties += ties

@@ -18,6 +18,7 @@ from signorini_fx.addons.decks.contact import contact_tables
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.deck import read_deck
 from signorini_fx.addons.decks.material import material_tables
+from signorini_fx.addons.decks.nodal import nodal_tables
 from signorini_fx.addons.decks.temperatures import TemperatureField, temperature_fields
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted
@@ -94,7 +95,8 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
     tables += [*material_tables(deck, heated=bool(heat)), *_loads(deck, steps), *heat]
     tables += bolt_tables(deck, steps)
     contacts, stiffness = contact_tables(deck, steps)
-    if not contacts and deck.touches:
+    tables += nodal_tables(deck, steps, target, files)
+    if not contacts and not deck.links and deck.touches:
         deck.lose(None, "all of its contact: bodies do not touch in the scene")
     tables += [("[[contact]]", lines) for lines in contacts]
     all_lines = [line for _, lines in tables for line in lines]
@@ -145,7 +147,7 @@ def _loads(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     origins: dict[tuple[Any, ...], list[DeckBlock]] = {}
     for load in deck.loads.values():
-        if load.table in ("tool", "bolt"):
+        if load.table in ("tool", "bolt", "point_force", "grounded"):
             continue
         values = deck.course(load, steps)
         largest = max(values, key=abs)

@@ -48,6 +48,8 @@ CONSTRAINT = "a constraint between nodes"
 WITHOUT_EFFECT = "without effect in static steps"
 SMALL = "NLGEOM: displacements and rotations are taken as small"
 PERTURBATION = "PERTURBATION: contact may open and close here, and does not in such a step"
+TURNED = "axes are rectangular, R, or cylindrical, C; those of space are taken"
+NO_SECTORS = "cyclic symmetry without *CYCLIC SYMMETRY MODEL"
 UNKNOWN = "not known to scenes"
 OTHER_PROCEDURE = "only static steps are taken"
 CHANGED_WITHIN = "a change within a step: what holds at the beginning is taken"
@@ -101,7 +103,8 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.REFUSED, "coordinates are expected along x, y and z", "SYSTEM", case="of other axes"),
     *_rules(Grade.REFUSED, "coordinates are expected along x, y and z", "NODE", case="SYSTEM other than R"),
     *_rules(Grade.LOST, "beside elements of another kind", "ELEMENT", case="CPE, CPS and CAX in one file"),
-    *_rules(Grade.TAKEN, "directions of supports along normals", "TRANSFORM"),
+    *_rules(Grade.TAKEN, "directions of supports and forces at nodes", "TRANSFORM"),
+    *_rules(Grade.LOST, TURNED, "TRANSFORM", case="TYPE other than R, C"),
     *_rules(Grade.TAKEN, "load step", "STEP", "STATIC", "END STEP"),
     *_rules(Grade.NOTED, SMALL, "STEP", case="NLGEOM; small rotations"),
     *_rules(Grade.LOST, SMALL, "STEP", case="NLGEOM; run finds rotations that matter"),
@@ -129,12 +132,12 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, "is no boundary of the body", "CONTACT PAIR", "TIE", case="of another surface"),
     *_rules(Grade.LOST, GENERAL_CONTACT, "CONTACT", "CONTACT INCLUSIONS"),
     *_rules(Grade.TAKEN, "bond", "TIE"),
-    *_rules(Grade.LOST, "cyclic symmetry: model the whole body", "TIE", case="CYCLIC SYMMETRY"),
+    *_rules(Grade.TAKEN, "links of both sides of a sector", "CYCLIC SYMMETRY MODEL"),
+    *_rules(Grade.LOST, NO_SECTORS, "TIE", case="CYCLIC SYMMETRY alone"),
+    *_rules(Grade.TAKEN, "links between nodes", "EQUATION"),
     *_rules(Grade.TAKEN, "rigid foundation, or a bonded tool", "RIGID BODY"),
     *_rules(Grade.LOST, "a rigid part of the body: it deforms here", "RIGID BODY", case="of elements of the body"),
-    *_rules(
-        Grade.LOST, CONSTRAINT, "EQUATION", "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING", "DISTRIBUTING COUPLING"
-    ),
+    *_rules(Grade.LOST, CONSTRAINT, "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING", "DISTRIBUTING COUPLING"),
     *_rules(Grade.NOTED, WITHOUT_EFFECT, *_OTHER_PHYSICS),
     *_rules(Grade.TAKEN, "nothing: static steps do not need it", "MASS"),
     *_rules(Grade.TAKEN, "nothing: a result folder has all output", *_OUTPUT),

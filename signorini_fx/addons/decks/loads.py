@@ -10,14 +10,17 @@ import numpy as np
 
 from signorini_fx.addons.decks.bolts import drive, hold
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
+from signorini_fx.addons.decks.nodal import direction, ground
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, DeckError, components, quoted, real
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group
+from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, nodal_measures
 from signorini_fx.tuned import ALIKE_IN_DECK
 
 _AXES = {1: "x", 2: "y", 3: "z"}
+_LOADS = ("CLOAD", "DLOAD", "DSLOAD")
 _COMPONENTS = {"x": 0, "y": 1, "z": 2}
 # More nodes than these that fill no facet are not held one by one.
 _POINTS = 12
@@ -71,14 +74,36 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
                     _set_load(deck, DeckLoad("displacement", where, ("normal",), block), turned)
                     _say_what_differs(deck, block, name, held, where)
                     continue
-            deck.lose(block, f"support of {_shown(name, nodes)} in the directions of *TRANSFORM")
+            _hold_singly(deck, block, held, along)
         else:
+            alone = held if where is None else np.setdiff1d(held, deck.held(where))
+            if len(alone) > _POINTS:
+                _hold_singly(deck, block, alone, along)
             for axis, value in along.items():
-                lines = _at_points(deck, block, held if where is None else np.setdiff1d(held, deck.held(where)))
+                lines = _at_points(deck, block, alone)
                 for line in [()] * (where is not None) + lines:
                     load = DeckLoad("displacement", "" if line else where or "", (axis,), block, lines=line)
                     _set_load(deck, load, value)
             _say_what_differs(deck, block, name, held, where)
+
+
+def _hold_singly(deck: Deck, block: DeckBlock, rows: Ints, along: Mapping[str, float]) -> None:
+    """Hold components of nodes one by one, in the directions of *TRANSFORM, by stiff links to the ground."""
+    for axis, value in along.items():
+        for row in plain(rows):
+            if not _alone_in_its_body(deck, block, row):
+                continue
+            vector = ground(deck, block, row, _COMPONENTS[axis] + 1)
+            load = DeckLoad("grounded", str(row), (axis,), block, direction=tuple(plain(vector)))
+            _set_load(deck, load, value)
+
+
+def _alone_in_its_body(deck: Deck, block: DeckBlock, row: int) -> bool:
+    """Whether a node has its place to itself in its body, so that a scene can name it; it is lost else."""
+    others, body = deck.beside(row)
+    if body in others:
+        deck.lose(block, f"node {deck.number(row)}: its body has another node at the same place")
+    return body not in others
 
 
 def _along_the_normal(deck: Deck, where: str, held: Ints, values: Mapping[int, float]) -> float | None:
@@ -90,11 +115,13 @@ def _along_the_normal(deck: Deck, where: str, held: Ints, values: Mapping[int, f
         held: rows of the file of the nodes.
         values: number of an axis, from 0 -> displacement along it.
     """
-    axes = {deck.turned.get(int(row), ()) for row in held}
-    if len(values) != 1 or len(axes) != 1 or not (frame := axes.pop()):
+    if len(values) != 1:
         return None
     ((component, value),) = values.items()
-    axis, dim = np.array(frame[component]), deck.mesh.dim
+    axes = np.array([direction(deck, int(row), component + 1) for row in held])
+    axis, dim = axes[0], deck.mesh.dim
+    if np.abs(axes - axis).max() > ALIKE_IN_DECK**2 or np.abs(axis[dim:]).any():
+        return None
     nodes = deck.mesh.facets[deck.mesh.boundaries[where]]
     x = deck.mesh.points[np.unique(nodes)]
     size = float(np.linalg.norm(np.ptp(x, axis=0)))
@@ -156,11 +183,9 @@ def _at_points(deck: Deck, block: DeckBlock, rows: Ints) -> list[tuple[str, ...]
 
 
 def _say_what_differs(deck: Deck, block: DeckBlock, name: str, set_nodes: Ints, where: str | None) -> None:
-    """Nodes that a support has on no whole facet, too many for points, and those that only the scene holds."""
+    """Nodes that only the scene holds."""
     held = np.empty(0, np.int64) if where is None else deck.held(where)
-    free, extra = np.setdiff1d(set_nodes, held).size, np.setdiff1d(held, set_nodes).size
-    if free > _POINTS:
-        deck.lose(block, f"support of {free} nodes of {name!r}, which are on none of its whole facets")
+    extra = np.setdiff1d(held, set_nodes).size
     if extra:
         deck.lose(block, f"support of {name!r} only at its corners: {extra} more nodes are held here")
 
@@ -204,15 +229,16 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             _set_load(deck, load, factor * group.values[0])
             inside += deck.inside(where)
     _say_inside(deck, block, inside)
-    whole = _on_the_whole_body(deck, block)
+    whole, done = _on_the_whole_body(deck, block), set[tuple[str, ...]]()
     for row in block.rows:
         if (at := _kind_of_body_force(row)) is None:
             deck.lose(block, f"load {', '.join(row)}")
             continue
         kind, words = row[at].upper(), [real(word) for word in row[at + 1 :]]
         everywhere = at == 0 or tuple(row[at:]) in whole
-        if kind.startswith("P"):
+        if kind.startswith("P") or (at and everywhere and tuple(row[at:]) in done):
             continue
+        done.add(tuple(row[at:]))
         if not everywhere:
             deck.lose(block, f"{kind} on {row[0]!r}, a part of the body")
         elif kind.startswith("B"):
@@ -246,7 +272,9 @@ def _on_the_whole_body(deck: Deck, block: DeckBlock) -> set[tuple[str, ...]]:
 
 
 def read_forces(deck: Deck, block: DeckBlock) -> None:
-    """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or else their sum."""
+    """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or evenly, if they have the
+    moment of their sum; else one by one.
+    """
     _forget(deck, block)
     factor = share_of(deck, block)
     drives: dict[tuple[int, int], float] = {}
@@ -259,30 +287,44 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
     for group in map(deck.without_rigid, deck.model.groups.get(block.number, [])):
         if not group.nodes:
             continue
-        axis, total = _AXES.get(int(group.words[0]), ""), factor * sum(group.values)
-        if axis and axis not in deck.axes:
-            continue
-        if axis and (uniform := _uniform(deck, group)) is not None:
-            load = DeckLoad("traction", uniform[0], (axis,), block)
-            _set_load(deck, load, factor * uniform[1])
-            continue
+        component = int(group.words[0])
+        axis, total = _AXES.get(component, ""), factor * sum(group.values)
         if not axis:
             deck.lose(block, "moments at nodes")
             continue
-        total = 0.0 if abs(total) < ALIKE_IN_DECK**2 * abs(factor) * sum(map(abs, group.values)) else total
-        where, rows = deck.boundary(group.name), deck.rows(group.nodes)
-        label = (
-            f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} node{'s' * (len(group.nodes) > 1)})"
-        )
-        turned = not deck.turned.keys().isdisjoint(map(int, rows))
-        if where is None or turned or not total or not deck.kinematics.uniform:
-            deck.lose(block, f"{label}: give a force on a boundary")
+        rows = deck.rows(group.nodes)
+        if len(rows) < len(group.nodes):
+            missing = [node for node in group.nodes if not deck.rows([node]).size]
+            deck.outside(block, f"force at {f'node {missing[0]}' if len(missing) == 1 else f'{len(missing)} nodes'}")
+        if not rows.size or (axis not in deck.axes and deck.turned.keys().isdisjoint(map(int, rows))):
             continue
-        _set_load(deck, DeckLoad("force", where, (axis,), block), total / deck.thickness)
-        if _same_moment(deck, group, where, _AXES[int(group.words[0])]):
-            deck.note(block, f"{label}: on {where!r} evenly")
-        else:
-            deck.lose(block, f"{label}: their moment; on {where!r} evenly they have another one")
+        single_forces = component in deck.given_singly or not deck.kinematics.uniform
+        if not single_forces and (uniform := _uniform(deck, group)) is not None:
+            load = DeckLoad("traction", uniform[0], (axis,), block)
+            _set_load(deck, load, factor * uniform[1])
+            continue
+        total = 0.0 if abs(total) < ALIKE_IN_DECK**2 * abs(factor) * sum(map(abs, group.values)) else total
+        where = deck.boundary(group.name)
+        turned = not deck.turned.keys().isdisjoint(map(int, rows))
+        evenly = not single_forces and where is not None and not turned and total and len(rows) == len(group.nodes)
+        if evenly and where is not None and _same_moment(deck, group, where, axis):
+            _set_load(deck, DeckLoad("force", where, (axis,), block), total / deck.thickness)
+            deck.note(block, f"forces at nodes, {total:g} along {axis} in all ({len(rows)} nodes): on {where!r} evenly")
+            continue
+        _push_singly(deck, block, group, factor)
+
+
+def _push_singly(deck: Deck, block: DeckBlock, group: Group, factor: float) -> None:
+    """Forces at the nodes of a group, one by one, in the directions of *TRANSFORM."""
+    component = int(group.words[0])
+    share = deck.thickness if deck.mesh.dim == 2 and deck.kinematics.uniform else 1.0
+    for node, value in zip(group.nodes, group.values, strict=True):
+        for row in plain(deck.rows([node])):
+            if not _alone_in_its_body(deck, block, row):
+                continue
+            vector = tuple(plain(direction(deck, row, component)))
+            load = DeckLoad("point_force", str(row), (_AXES[component],), block, direction=vector)
+            _set_load(deck, load, factor * value / share)
 
 
 def _uniform(deck: Deck, group: Group) -> tuple[str, float] | None:
@@ -372,8 +414,11 @@ def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
 
 
 def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
+    """Loads that a step gives several times add up; what earlier steps gave is replaced, as are displacements."""
     key = (load.table, load.target, load.keys, load.direction, load.keyword, load.lines)
-    deck.loads.setdefault(key, load).values[deck.step] = value
+    values = deck.loads.setdefault(key, load).values
+    earlier = values.get(deck.step) if load.keyword in _LOADS else None
+    values[deck.step] = value + (earlier or 0.0)
 
 
 def _forget(deck: Deck, block: DeckBlock) -> None:

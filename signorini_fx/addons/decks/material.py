@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.decks.content import Deck, DeckSection
+from signorini_fx.addons.decks.content import Deck, DeckSection, frame
 from signorini_fx.addons.decks.keywords import FIRST_LINE
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
@@ -114,16 +114,6 @@ def _axes_of(deck: Deck, name: str) -> list[str]:
     else:
         raise ValueError(f"*ORIENTATION {name!r}: its system is neither rectangular nor cylindrical")
     return [f"direction = {rows[0]}"] + ([f"second = {rows[1]}"] if dim == 3 else [])
-
-
-def frame(first: Floats, second: Floats) -> Floats:
-    """Unit vectors along a vector, across it in its plane with another one, and normal to both, shape (3, 3)."""
-    normal = np.cross(first, second)
-    rows = np.array([first, np.cross(normal, first), normal])
-    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
-    if not sizes.all():
-        raise ValueError("its points are in line")
-    return np.asarray(rows / sizes)
 
 
 def _turned(axes: Floats, about: int, angle: float) -> Floats:

@@ -14,6 +14,8 @@ from signorini_fx.addons.decks.content import Deck
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.statement.effect import Resistance
+from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.resultants import StatedResultants
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import DIGITS_OF_FILES
@@ -90,6 +92,10 @@ def _by_node(moment: Solution) -> Floats:
     dim, owned = space.dofmap.index_map_bs, space.dofmap.index_map.size_local
     resultants = moment.resultants
     forces = resultants.at_nodes() if isinstance(resultants, StatedResultants) else np.zeros((owned, dim))
+    links = [effect for effect in moment.statement.of(Resistance) if effect.nodal]
+    if links and isinstance(resultants, StatedResultants):
+        nodal = NodalForces(moment.statement, moment.model.tagged, space)
+        forces = forces - nodal.resisted(moment.displacement.x.array.reshape(-1, dim), links)
     y = moment.displacement.x.array.reshape(-1, dim)[:owned]
     return np.asarray(parallel.rows_on_root(moment.comm, np.column_stack((y, forces))))
 

@@ -33,13 +33,34 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
     anew = parameters.get("OP", "MOD").upper() == "NEW" and deck.step not in deck.temperatures
     temperatures = _at(deck, -1 if anew else deck.step).copy()
     share = share_of(deck, block)
-    for name, value, *_ in block.rows:
-        rows = deck.rows([int(name)]) if name.isdigit() else deck.nodes(name)
-        if not rows.size:
-            deck.note(block, f"temperature of {name!r}: no part of the body")
-        temperatures[np.searchsorted(deck.numbers, rows)] = share * real(value)
+    if "LINTEMP" in parameters:
+        _along_a_line(deck, block, temperatures, share)
+    else:
+        for name, value, *_ in block.rows:
+            rows = deck.rows([int(name)]) if name.isdigit() else deck.nodes(name)
+            if not rows.size:
+                deck.note(block, f"temperature of {name!r}: no part of the body")
+            temperatures[np.searchsorted(deck.numbers, rows)] = share * real(value)
     deck.temperatures[deck.step] = temperatures
     deck.heating.append(block)
+
+
+def _along_a_line(deck: Deck, block: DeckBlock, temperatures: Floats, share: float) -> None:
+    """Temperatures that are linear along a direction, LINTEMP: its vector, and place and temperature at both ends.
+
+    Raises:
+        ValueError: a row has other than seven numbers, or both of its places are the same.
+    """
+    for row in block.rows:
+        words = [real(word) for word in row]
+        if len(words) != 7:
+            raise ValueError(
+                f"a direction, and two places with their temperatures are expected, not {len(words)} words"
+            )
+        (start, first, end, last), points = words[3:], deck.mesh.points[: len(deck.numbers)]
+        along = points @ np.array(words[: deck.mesh.dim])
+        inside = (along >= min(start, end)) & (along <= max(start, end))
+        temperatures[inside] = share * (first + (along[inside] - start) * (last - first) / (end - start))
 
 
 def _at(deck: Deck, step: int) -> Floats:

@@ -23,10 +23,11 @@ from signorini_fx.mechanics.mesh.files.abaqus_assembly import assembled
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group, Groups, agreeing, bodies, single
 from signorini_fx.mechanics.mesh.files.abaqus_include import Source
+from signorini_fx.mechanics.mesh.files.abaqus_node_surfaces import ElementFaces, faces_of_nodes
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mechanics.mesh.files.cells import Corners, completed, straight
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, rows_of
-from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 _SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|CAX|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
 _LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
@@ -103,6 +104,8 @@ class _Reader:
         self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
         self._element_blocks: list[tuple[str, int, DeckBlock]] = []  # kind, its elements so far, keyword
         self._sections: list[DeckBlock] = []
+        self._pairs: list[DeckBlock] = []
+        self._node_surfaces: set[str] = set()
         self.bare: tuple[int, DeckBlock] | None = None
         self.sections: dict[int, str | None] = {}
         self.groups: dict[int, list[Group]] = {}
@@ -113,7 +116,7 @@ class _Reader:
 
     def read(self, block: DeckBlock) -> None:
         parameters, rows = block.parameters, block.rows
-        self._nodal |= block.keyword in ("BOUNDARY", "TEMPERATURE", "INITIALCONDITIONS")
+        self._nodal |= block.keyword in ("BOUNDARY", "CLOAD", "TEMPERATURE", "INITIALCONDITIONS", "EQUATION", "TIE")
         match block.keyword:
             case "NODE":
                 if parameters.get("SYSTEM", "R").upper() not in ("R", "RECTANGULAR"):
@@ -133,6 +136,8 @@ class _Reader:
                 self._read_set(self.element_sets, self._name(parameters["ELSET"]), parameters, rows)
             case "SURFACE":
                 self._read_surface(parameters, rows)
+            case "CONTACTPAIR":
+                self._pairs.append(block)
             case "BOUNDARY" | "CLOAD" | "DLOAD":
                 apart = not any(map(completed, self.blocks))
                 sets = (partial(self._member, of) for of in (self.node_sets, self.element_sets))
@@ -237,6 +242,7 @@ class _Reader:
         name, kind = self._name(parameters["NAME"]), parameters.get("TYPE", "ELEMENT").upper()
         for row in rows:
             if kind == "NODE":
+                self._node_surfaces.add(name)
                 self.node_sets.setdefault(name, []).extend(
                     [int(row[0])] if row[0].isdigit() else self._member(self.node_sets, row[0])
                 )
@@ -257,6 +263,7 @@ class _Reader:
         points = np.array([x + [0.0] * (width - len(x)) for x in self.points.values()]).reshape(-1, width)
         tables = {kind: self._table(kind, nodes, node_rows) for kind, nodes in self.blocks.items()}
         sets = {name: self._rows(name, members) for name, members in self.element_sets.items()}
+        self._add_faces_of_nodes(points, tables)
         facets: dict[int, list[list[int]]] = {2: [], 3: [], 4: []}  # by the number of their corners
         ranges: dict[str, dict[int, range]] = {}
         for name, faces in self.surfaces.items():
@@ -290,6 +297,27 @@ class _Reader:
             for name, nodes in self.node_sets.items()
         }
         return RawMesh(points, blocks, sets, node_sets)
+
+    def _add_faces_of_nodes(self, points: Floats, tables: dict[str, Ints]) -> None:
+        """Surfaces of single nodes in contact become those of the faces around them."""
+        pairs = [block for block in self._pairs if block.rows]
+        named = {self._name(name) for block in pairs for row in block.rows for name in row[:1]} & self._node_surfaces
+        if not named:
+            return
+        solid = [element for element in self.elements if self._is_body(element)]
+        kinds = {element: self.elements[element] for element in solid}
+        faces = ElementFaces(
+            points,
+            {element: tables[kind][row] for element, (kind, row) in kinds.items()},
+            {element: _FACES.get(kind.rstrip("0123456789"), ()) for element, (kind, _) in kinds.items()},
+        )
+        nodes_of = {
+            name.upper(): np.array([self.places[node] for node in self.node_sets[name] if node in self.places])
+            for name in named
+        }
+        surfaces = {name.upper(): listed for name, listed in self.surfaces.items()}
+        for name, facing in faces_of_nodes(pairs, faces, nodes_of, surfaces):
+            self.surfaces[self._name(name)] = facing
 
     def _is_body(self, element: int) -> bool:
         """Whether an element is defined and no line."""

@@ -56,6 +56,7 @@ def agreeing(
             its elements have no nodes in the middle of faces.
     """
     groups: dict[Words, Members] = {}
+    pressures: Members = {}  # of a face that is given several, their sum
     for target, *words in block.rows:
         number = single(target)
         match block.keyword:
@@ -71,8 +72,11 @@ def agreeing(
             case "DLOAD" if words and re.fullmatch(r"P\d", words[0].upper()):
                 members = elements_of(target) if number is None else [number]
                 value = real((*words, "0")[1])
-                faces = ((element, int(words[0][1:])) for element in members)
-                groups.setdefault(("P", repr(value)), {}).update(dict.fromkeys(faces, value))
+                for element in members:
+                    face = element, int(words[0][1:])
+                    pressures[face] = pressures.get(face, 0.0) + value
+    for face, value in pressures.items():
+        groups.setdefault(("P", repr(value)), {})[face] = value
     return list(groups.items())
 
 

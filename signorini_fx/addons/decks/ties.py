@@ -1,0 +1,187 @@
+"""Ties of single nodes and cyclic symmetry of an Abaqus input file, as links between nodes.  No dolfinx here.
+
+A node is linked to the place of the other side that is closest to it: its displacement is that of this place, by the
+shape functions there, in cyclic symmetry turned by the angle of a sector.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signorini_fx.addons.decks.content import Deck
+from signorini_fx.addons.decks.nodal import Term, link_nodes
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
+from signorini_fx.mechanics.mesh.files.arrays import plain
+from signorini_fx.mechanics.mesh.files.cells import Cell
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import SAME_LENGTH, SAME_POSITION, TIED_AT_MOST
+
+# Steps of Newton's method for the closest place of a facet, and facets that are tried for each node.
+_STEPS, _FACETS_OF_NODE = 12, 8
+_DIFFERENCE = 1e-6  # of places of the reference facet, whose shape functions are polynomials
+
+
+def surface_nodes(deck: Deck, name: str) -> Ints:
+    """Nodes of the mesh on a surface of faces, or those of a set with what completes whole facets between them."""
+    if (where := deck.boundary(name)) is not None:
+        on_facets = np.unique(deck.mesh.facets[deck.mesh.boundaries[where]])
+    else:
+        on_facets = np.empty(0, np.int64)
+    listed = np.searchsorted(deck.numbers, deck.nodes(name))
+    return np.union1d(on_facets, listed).astype(np.int64)
+
+
+def surface_facets(deck: Deck, nodes: Ints) -> Ints:
+    """Rows of the facets of the mesh all of whose corners are among some nodes."""
+    return np.flatnonzero(np.isin(deck.mesh.facet_corners, nodes).all(axis=1))
+
+
+def tie_nodes(deck: Deck, block: DeckBlock, slave: str, master: str) -> bool:
+    """Tie the nodes of one side, which fill no whole facets, to the other one.
+
+    Returns:
+        Whether both sides are there.
+    """
+    moving, fixed = surface_nodes(deck, slave), surface_nodes(deck, master)
+    if not moving.size or not fixed.size:
+        return False
+    tolerance = block.parameters.get("POSITIONTOLERANCE")
+    reach = np.inf if tolerance is None else real(tolerance)
+    far = _link(deck, block, np.setdiff1d(moving, fixed), fixed, np.eye(3), reach)
+    if far:
+        deck.note(block, f"{far} nodes of {slave!r} are further than {reach:g} from {master!r}: they are not tied")
+    return True
+
+
+def link_sectors(deck: Deck, block: DeckBlock) -> None:
+    """*CYCLIC SYMMETRY MODEL: one side of a sector moves as the other one, turned about the axis.
+
+    Raises:
+        DeckError: the number of sectors or the axis is wrong.
+    """
+    name = block.parameters.get("TIE", "").upper()
+    ties = [
+        tie
+        for tie in deck.model.blocks
+        if tie.keyword == "TIE" and "CYCLICSYMMETRY" in tie.parameters
+        if not name or tie.parameters.get("NAME", "").upper() == name
+    ]
+    if len(ties) != 1 or not ties[0].rows or len(ties[0].rows[0]) < 2:
+        raise DeckError(block, f"{f'TIE={name}' if name else 'its tie'} is no single *TIE, CYCLIC SYMMETRY of the file")
+    count = real(block.parameters["N"])
+    words = [real(word) for word in block.rows[0][:6]]
+    if count < 2 or count != round(count) or len(words) != 6 or words[:3] == words[3:]:
+        raise DeckError(block, "N, a whole number from 2 on, and two points of the axis are expected")
+    slave, master = ties[0].rows[0][:2]
+    if "CONTACT" in block.parameters:
+        deck.lose(block, "contact of a sector with the next one")
+        deck.unpaired.add(frozenset((slave.upper(), master.upper())))
+        return
+    moving, fixed = surface_nodes(deck, slave), surface_nodes(deck, master)
+    missing = [name for name, nodes in ((slave, moving), (master, fixed)) if not nodes.size]
+    if missing or deck.mesh.dim == 2:
+        deck.lose(block, f"cyclic symmetry: {missing[0]!r} is no surface of the body" if missing else "in the plane")
+        return
+    first, second = np.array(words[:3]), np.array(words[3:])
+    axis = (second - first) / np.linalg.norm(second - first)
+    x = deck.mesh.points
+    turns = [_turn(axis, sign * 2 * np.pi / count) for sign in (1.0, -1.0)]
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(x[fixed])
+    # A sector is on either side of its master.
+    turn = min(turns, key=lambda turn: float(np.median(tree.query((x[moving] - first) @ turn.T + first)[0])))
+    size = float(np.linalg.norm(np.ptp(x, axis=0)))
+    far = _link(deck, block, moving, fixed, turn, TIED_AT_MOST * size, first)
+    if far:
+        deck.lose(block, f"cyclic symmetry: {far} of {len(moving)} nodes of {slave!r} find no place of {master!r}")
+
+
+def _turn(axis: Floats, angle: float) -> Floats:
+    """The matrix of a rotation about an axis."""
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+
+
+def _link(
+    deck: Deck, block: DeckBlock, moving: Ints, fixed: Ints, turn: Floats, reach: float, about: Floats | None = None
+) -> int:
+    """Link nodes to the closest places of the other side: R y of the node is the displacement of the place.
+
+    Args:
+        deck: what has been read.
+        block: that ties them.
+        moving: nodes of the mesh.
+        fixed: those of the other side.
+        turn: R, from the node to the place, shape (3, 3).
+        reach: nodes further from the other side are left free.
+        about: a point of the axis of R.
+
+    Returns:
+        How many are.
+    """
+    dim = deck.mesh.dim
+    about, turn = (np.zeros(3) if about is None else about)[:dim], turn[:dim, :dim]
+    x = deck.mesh.points
+    places = (x[moving] - about) @ turn.T + about
+    near = SAME_POSITION * float(np.linalg.norm(np.ptp(x, axis=0)))
+    free = 0
+    for node, place, weights in zip(moving, places, _closest(deck, places, fixed, near), strict=True):
+        away = float(np.linalg.norm(sum(weight * x[other] for other, weight in weights.items()) - place))
+        if away > reach:
+            free += 1
+            continue
+        for k in range(dim):
+            along: Floats = np.zeros(3)
+            along[:dim] = turn[k]
+            unit = np.eye(3)[k]
+            terms: list[Term] = [(int(node), along), *((other, -weight * unit) for other, weight in weights.items())]
+            link_nodes(deck, block, terms)
+    return free
+
+
+def _closest(deck: Deck, places: Floats, fixed: Ints, near: float) -> list[dict[int, float]]:
+    """For each place the nodes of the closest one of a surface, and their weights there."""
+    from scipy.spatial import cKDTree
+
+    x, cell = deck.mesh.points, deck.mesh.facet
+    away, closest = cKDTree(x[fixed]).query(places)
+    facets = deck.mesh.facets[surface_facets(deck, fixed)]
+    result: list[dict[int, float]] = [{int(fixed[row]): 1.0} for row in closest]
+    lonely = np.flatnonzero(away > near)
+    if not lonely.size or not len(facets):
+        return result
+    middles = x[facets].mean(axis=1)
+    count = min(_FACETS_OF_NODE, len(facets))
+    candidates = np.asarray(cKDTree(middles).query(places[lonely], k=count)[1]).reshape(lonely.size, count)
+    for row, rows in zip(lonely, candidates, strict=True):
+        best = float(away[row])
+        for nodes in facets[rows]:
+            weights = _weights_at(cell, x[nodes], places[row])
+            distance = float(np.linalg.norm(weights @ x[nodes] - places[row]))
+            if distance < best:
+                best = distance
+                pairs = zip(plain(nodes), plain(weights), strict=True)
+                result[row] = {node: weight for node, weight in pairs if abs(weight) > SAME_LENGTH}
+    return result
+
+
+def _weights_at(cell: Cell, x: Floats, place: Floats) -> Floats:
+    """Shape functions at the closest place of a facet with nodes of shape (n, d)."""
+    at = np.mean(np.array(cell.corners, dtype=np.float64), axis=0)
+    dim = cell.dim
+    for _ in range(_STEPS):
+        steps = np.vstack((at, at + _DIFFERENCE * np.eye(dim), at - _DIFFERENCE * np.eye(dim)))
+        positions = cell.shape(steps) @ x
+        slopes = (positions[1 : dim + 1] - positions[dim + 1 :]) / (2 * _DIFFERENCE)
+        move = np.linalg.lstsq(slopes.T, place - positions[0], rcond=None)[0]
+        at = _inside(cell, at + move)
+        if np.abs(move).max() < SAME_LENGTH:
+            break
+    return np.asarray(cell.shape(at[None])[0])
+
+
+def _inside(cell: Cell, at: Floats) -> Floats:
+    """A place of the reference facet: the closest one to another place, of a triangle nearly."""
+    at = np.clip(at, 0.0, 1.0)
+    return np.asarray(at / max(1.0, float(at.sum()))) if cell.simplex else at
