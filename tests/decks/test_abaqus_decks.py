@@ -423,15 +423,16 @@ def test_a_rigid_coupling_that_nothing_drives(tmp_path, capsys):
 
 
 def test_contact_that_changes(tmp_path, capsys):
-    """What contact is in the first step is taken."""
-    lines = ["*STEP", "*STATIC", "*CHANGE FRICTION, INTERACTION=RUBS", "*FRICTION", "0.7", "*END STEP"]
+    """Friction changes from a step on; a change of the surface behaviour, or of the stiffness of sticking, is lost."""
+    lines = ["*STEP", "*STATIC", "*END STEP", "*STEP", "*STATIC", "*CHANGE FRICTION, INTERACTION=RUBS", "*FRICTION"]
+    lines += ["0.7", "*END STEP", "*STEP", "*STATIC", "*END STEP", "*STEP", "*STATIC"]
+    lines += ["*CHANGE FRICTION, INTERACTION=rubs", "*FRICTION", "0.1, 50.", "*END STEP"]
     soft = [line.replace(", NO SEPARATION", "") for line in RIGID]
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *soft, *lines], capsys)
-    assert data["contact"][0]["friction"] == {"law": "coulomb", "coefficient": 0.3}
-    assert lines_of(said) == [
-        "CHANGE FRICTION: not known to scenes",
-        "FRICTION: a change within a step: what holds at the beginning is taken",
-    ]
+    coefficient = "0.3 if t < 1.5 else 0.7 if t < 3.5 else 0.1"
+    assert data["contact"][0]["friction"] == {"law": "coulomb", "coefficient": coefficient}
+    assert data["load_steps"]["times"] == [1.0, 2.0, 3.0, 4.0]
+    assert lines_of(said) == ["FRICTION: another stiffness of sticking within a step: the first one is taken"]
 
 
 def test_directions_of_nodes(tmp_path, capsys):

@@ -35,6 +35,24 @@ SAID = {
         [],
     ),
     ("CYCLICSYMMETRYMODEL", ""): ELSEWHERE,
+    ("COUPLING", ""): (
+        [*NODE, "*COUPLING, REF NODE=900, SURFACE=UP_TOP, CONSTRAINT NAME=C", "*DISTRIBUTING"],
+        ["*CLOAD", "900, 2, -1."],
+    ),
+    ("KINEMATIC", ""): (
+        [*NODE, "*COUPLING, REF NODE=900, SURFACE=UP_TOP, CONSTRAINT NAME=C", "*KINEMATIC", "1, 2"],
+        [],
+    ),
+    ("DISTRIBUTING", ""): ELSEWHERE,
+    ("KINEMATIC", "without some displacements"): (
+        [*NODE, "*COUPLING, REF NODE=900, SURFACE=UP_TOP, CONSTRAINT NAME=C", "*KINEMATIC", "2, 2"],
+        [],
+    ),
+    ("COUPLING", "of another surface"): (
+        [*NODE, "*COUPLING, REF NODE=900, SURFACE=NOWHERE, CONSTRAINT NAME=C", "*KINEMATIC"],
+        [],
+    ),
+    ("CHANGEFRICTION", ""): ([], ["*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"]),
     ("EQUATION", ""): (["*EQUATION", "2", "111, 2, 1., 112, 2, -1."], []),
     ("TRANSFORM", ""): (["*TRANSFORM, NSET=UP_WALL", "1., 0., 0., 0., 1., 0."], []),
     ("AMPLITUDE", ""): (["*AMPLITUDE, NAME=A", "0., 0., 1., 1."], ["*DSLOAD, AMPLITUDE=A", "UP_TOP, P, 1."]),

@@ -6,8 +6,8 @@ import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, plain_name
 from signorini_fx.addons.decks.nodal import follow
-from signorini_fx.addons.decks.ties import tie_nodes
-from signorini_fx.addons.decks.tools import tool_keys
+from signorini_fx.addons.decks.ties import distances, tie_nodes
+from signorini_fx.addons.decks.tools import of_time, tool_keys
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, quoted, real
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
@@ -137,9 +137,19 @@ def _adjust(deck: Deck, label: str, pair: tuple[str, str, str]) -> list[str]:
         return [f"adjust = {real(adjustment)!r}"]
     except ValueError:
         named = deck.nodes(adjustment)
-    slave = deck.boundary(pair[0])
-    if slave is not None and not np.setdiff1d(deck.held(slave), named).size:
-        return [f"adjust = {float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))!r}"]
+    slave, master = map(deck.boundary, pair[:2])
+    if slave is not None and master is not None:
+        size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+        held = deck.held(slave)
+        away = distances(deck, np.searchsorted(deck.numbers, held), master)
+        inside = np.isin(held, named)
+        if inside.all():
+            return [f"adjust = {size!r}"]
+        # A length does the same where those that the set has not are further away; nodes in the middle of faces, which
+        # the file does not have, are between those that it has.
+        near, far = float(away[inside].max(initial=0.0)) + DIGITS_OF_FILES * size, float(away[~inside].min())
+        if far > near:
+            return [f"adjust = {float(f'{np.sqrt(near * far):.6g}')!r}"]
     deck.lose(None, f"{label}: ADJUST={adjustment}, which has only some of the nodes of {pair[0]!r}")
     return []
 
@@ -157,9 +167,14 @@ def _friction(deck: Deck, label: str, interaction: str) -> list[str]:
     friction = deck.frictions.get(interaction, {})
     if interaction in deck.rough:
         deck.lose(None, f"{label}: rough friction, which never slides: give a coefficient")
-    elif friction.get("coefficient"):
+        return []
+    course, current = [], friction.get("coefficient", 0.0)
+    for step in range(max(1, len(deck.steps))):
+        current = deck.rubbing.get(interaction, {}).get(step, current)
+        course.append(current)
+    if any(course):
         cap = f", cap = {friction['cap']!r}" if "cap" in friction else ""
-        return [f'friction = {{ law = "coulomb", coefficient = {friction["coefficient"]!r}{cap} }}']
+        return [f'friction = {{ law = "coulomb", coefficient = {of_time(course)}{cap} }}']
     return []
 
 

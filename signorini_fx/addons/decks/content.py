@@ -139,9 +139,12 @@ class Deck:
     ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.  ``stiffness`` and ``sticking`` are
     those of interactions, stress per length, and ``adjusted`` has the ADJUST of pairs: a length, or a set of nodes.
     ``pairing`` has the keyword of each pair and tie, ``heating`` those that give temperatures.
-    ``unpaired`` has pairs of surfaces that are lost, as they are in contact between sectors.  ``links`` has the linear
-    relations of nodes (``nodal.DeckLink``), and ``grounded`` the place among them of each that holds a component of one
-    node.  ``ends`` has the times at the ends of steps.  ``nonlinear`` is the last step with NLGEOM.
+    ``distributed`` has the boundary over which the force at each reference node of a *DISTRIBUTING is spread; those
+    in ``cyclic`` are of a sector. ``rubbing`` has the coefficients of friction of interactions by the steps that
+    change them. ``unpaired`` has pairs of surfaces that are lost, as they are in contact between sectors. ``links``
+    has the linear relations of nodes (``nodal.DeckLink``), and ``grounded`` the place among them of each that holds
+    a component of one node. ``ends`` has the times at the ends of steps. ``nonlinear`` is the last step with
+    NLGEOM.
     ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
     """
 
@@ -181,7 +184,10 @@ class Deck:
     bolts: dict[int, str] = field(default_factory=dict)
     drawn: dict[str, list[list[str]]] = field(default_factory=dict)
     rough: set[str] = field(default_factory=set)
+    rubbing: dict[str, dict[int, float]] = field(default_factory=dict)
     unpaired: set[frozenset[str]] = field(default_factory=set)
+    distributed: dict[int, str] = field(default_factory=dict)
+    cyclic: set[int] = field(default_factory=set)
     links: list[Any] = field(default_factory=list)
     grounded: dict[str, int] = field(default_factory=dict)
     nonlinear: DeckBlock | None = None
@@ -405,7 +411,8 @@ class Deck:
     @cached_property
     def driven(self) -> set[int]:
         """All nodes that move or turn rigid bodies, or tighten bolts."""
-        return {*self.movers.values(), *(node for _, node in self.coupled), *self.turners, *self.bolts}
+        coupled = {*(node for _, node in self.coupled), *self.distributed}
+        return {*self.movers.values(), *coupled, *self.turners, *self.bolts}
 
     @cached_property
     def given_singly(self) -> set[int]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from signorini_fx.addons.decks.bolts import read_bolt
 from signorini_fx.addons.decks.content import Deck, Turn, plain_name
+from signorini_fx.addons.decks.couplings import read_coupling
 from signorini_fx.addons.decks.keywords import (
     CHANGED_WITHIN,
     NO_SECTORS,
@@ -73,10 +74,15 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                 case "TRANSFORM":
                     if (turn := _turn(deck, block)) is not None:
                         deck.turned |= dict.fromkeys(map(int, deck.nodes(block.parameters["NSET"])), turn)
-    material = interaction = ""
+    material = interaction = changed = ""
     for block in _used_keywords(deck):
         with _placed(file, block):
             match block.keyword:
+                case "CHANGEFRICTION":
+                    changed = block.parameters["INTERACTION"].upper()
+                    continue
+                case "FRICTION" if deck.steps and changed:
+                    _change_friction(deck, block, changed)
                 case "ELASTIC" | "EXPANSION" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
                     deck.lose(block, CHANGED_WITHIN)
                 case "MATERIAL":
@@ -93,6 +99,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                     _behaviour(deck, block, interaction)
                 case _:
                     _read(deck, block)
+        changed = ""
     return deck
 
 
@@ -194,6 +201,8 @@ def _read(deck: Deck, block: DeckBlock) -> None:
                 deck.adjusted |= dict.fromkeys(pairs, parameters["ADJUST"])
         case "EQUATION":
             read_equations(deck, block)
+        case "COUPLING" | "KINEMATIC" | "DISTRIBUTING":
+            pass  # have been read where rigid bodies are found
         case "CYCLICSYMMETRYMODEL":
             link_sectors(deck, block)
         case "TIE" if "CYCLICSYMMETRY" in parameters:
@@ -244,9 +253,12 @@ def _pair(row: list[str], interaction: str) -> tuple[str, str, str]:
 
 def _find_rigid(deck: Deck) -> None:
     """Rigid surfaces, and the nodes or sets of nodes that move them, wherever in the file they are named."""
+    coupling: DeckBlock | None = None
     for block in deck.model.blocks:
         parameters = block.parameters
-        if block.keyword == "RIGIDBODY":
+        if block.keyword == "COUPLING":
+            coupling = block
+        elif block.keyword == "RIGIDBODY":
             names = [parameters[key] for key in ("ANALYTICALSURFACE", "ELSET") if key in parameters]
             sets = [parameters[key] for key in ("NSET", "TIENSET", "PINNSET") if key in parameters]
             node, turner = (deck.single(parameters.get(key, "")) for key in ("REFNODE", "ROTNODE"))
@@ -260,6 +272,8 @@ def _find_rigid(deck: Deck) -> None:
                 continue
             deck.rigid |= {plain_name(name) for name in names}
             deck.movers |= {plain_name(name): node for name in names if node is not None}
+        elif block.keyword in ("KINEMATIC", "DISTRIBUTING"):
+            read_coupling(deck, coupling, block)
         elif block.keyword == "ELEMENT" and re.match(r"R[23]D", parameters.get("TYPE", "").upper()):
             deck.rigid.add(plain_name(parameters.get("ELSET", "")))
     for block in (block for block in deck.model.blocks if block.keyword == "SURFACE" and "NAME" in block.parameters):
@@ -289,6 +303,21 @@ def _friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
         deck.sticking[interaction] = real(block.rows[0][1])
     if len(block.rows) > 1 or any(len(row) > 2 for row in block.rows):
         deck.lose(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
+
+
+def _change_friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
+    """*CHANGE FRICTION: another coefficient from a step on."""
+    stiffness, earlier = deck.sticking.get(interaction), dict(deck.frictions.get(interaction, {}))
+    deck.frictions[interaction] = {}
+    _friction(deck, block, interaction)
+    current = deck.frictions[interaction]
+    deck.frictions[interaction] = earlier
+    deck.rubbing.setdefault(interaction, {})[deck.step] = current.get("coefficient", 0.0)
+    if deck.sticking.get(interaction, stiffness) != stiffness:
+        deck.lose(block, "another stiffness of sticking within a step: the first one is taken")
+        deck.sticking[interaction] = stiffness or deck.sticking[interaction]
+    if current.get("cap") != earlier.get("cap"):
+        deck.lose(block, "another TAUMAX within a step: the first one is taken")
 
 
 def _behaviour(deck: Deck, block: DeckBlock, interaction: str) -> None:

@@ -100,7 +100,7 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
         deck.lose(None, "all of its contact: bodies do not touch in the scene")
     tables += [("[[contact]]", lines) for lines in contacts]
     all_lines = [line for _, lines in tables for line in lines]
-    timed = any(line.startswith("foundation") and " if t < " in line for line in all_lines)
+    timed = any(line.startswith(("foundation", "friction")) and " if t < " in line for line in all_lines)
     if timed or any(line.startswith("factors") for line in all_lines):  # else all steps are the same
         times = [f"times = {[float(step) for step in range(1, steps + 1)]}"] if timed else []
         tables.append(("[load_steps]", [f"names = [{', '.join(map(quoted, deck.steps))}]", *times]))

@@ -45,6 +45,7 @@ def _rules(grade: Grade, effect: str, *keywords: str, case: str = "") -> list[Ru
 
 
 CONSTRAINT = "a constraint between nodes"
+PARTLY = "a coupling of some components of a surface"
 WITHOUT_EFFECT = "without effect in static steps"
 SMALL = "NLGEOM: displacements and rotations are taken as small"
 PERTURBATION = "PERTURBATION: contact may open and close here, and does not in such a step"
@@ -126,6 +127,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.NOTED, WITHOUT_EFFECT, "INITIAL CONDITIONS", case="VELOCITY"),
     *_rules(Grade.TAKEN, "preload", "PRE-TENSION SECTION"),
     *_rules(Grade.TAKEN, "contact", "CONTACT PAIR", "SURFACE INTERACTION", "FRICTION", "SURFACE BEHAVIOR"),
+    *_rules(Grade.TAKEN, "friction that changes with the load step", "CHANGE FRICTION"),
     *_rules(Grade.LOST, "here it is hard", "SURFACE BEHAVIOR", case="neither HARD, LINEAR nor TIED"),
     *_rules(Grade.LOST, "contact that does not open again", "SURFACE BEHAVIOR", case="NO SEPARATION"),
     *_rules(Grade.LOST, "rough friction, which never slides", "FRICTION", case="ROUGH"),
@@ -137,7 +139,10 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.TAKEN, "links between nodes", "EQUATION"),
     *_rules(Grade.TAKEN, "rigid foundation, or a bonded tool", "RIGID BODY"),
     *_rules(Grade.LOST, "a rigid part of the body: it deforms here", "RIGID BODY", case="of elements of the body"),
-    *_rules(Grade.LOST, CONSTRAINT, "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING", "DISTRIBUTING COUPLING"),
+    *_rules(Grade.TAKEN, "a rigid tool that is bonded, or forces at nodes", "COUPLING", "KINEMATIC", "DISTRIBUTING"),
+    *_rules(Grade.LOST, PARTLY, "KINEMATIC", case="without some displacements"),
+    *_rules(Grade.LOST, CONSTRAINT, "COUPLING", case="of another surface"),
+    *_rules(Grade.LOST, CONSTRAINT, "MPC", "DISTRIBUTING COUPLING"),
     *_rules(Grade.NOTED, WITHOUT_EFFECT, *_OTHER_PHYSICS),
     *_rules(Grade.TAKEN, "nothing: static steps do not need it", "MASS"),
     *_rules(Grade.TAKEN, "nothing: a result folder has all output", *_OUTPUT),

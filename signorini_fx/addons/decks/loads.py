@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from signorini_fx.addons.decks.bolts import drive, hold
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
+from signorini_fx.addons.decks.couplings import spread
 from signorini_fx.addons.decks.nodal import direction, ground
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, DeckError, components, quoted, real
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group
@@ -40,7 +42,9 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
     groups = deck.model.groups.get(block.number, [])
     prescribed: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
-        if (mover := deck.mover(name)) is not None:
+        if (mover := deck.mover(name)) in deck.distributed:
+            deck.lose(block, "what is prescribed at the node of *DISTRIBUTING: give a force there")
+        elif mover is not None:
             displacements = components(words)
             for component, value in displacements.items():
                 _drive(deck, block, "prescribed", mover, component, value * factor)
@@ -282,8 +286,17 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         if (mover := deck.mover(name)) is not None:  # several forces at a node in one block add up
             key = (mover, int(words[0]))
             drives[key] = drives.get(key, 0.0) + factor * real((*words, "0")[1])
+    spread_over: dict[int, Floats] = {}
     for (mover, component), value in drives.items():
-        _drive(deck, block, "force", mover, component, value)
+        if mover in deck.distributed and 1 <= component <= 6:
+            spread_over.setdefault(mover, np.zeros(6))[component - 1] += value
+        else:
+            _drive(deck, block, "force", mover, component, value)
+    thickness = deck.thickness if deck.mesh.dim == 2 and deck.kinematics.uniform else 1.0
+    for node, both in spread_over.items():
+        for load in spread(deck, block, node, both[:3], both[3:]):
+            (value,) = load.values.values()
+            _set_load(deck, replace(load, values={}), value / thickness)
     for group in map(deck.without_rigid, deck.model.groups.get(block.number, [])):
         if not group.nodes:
             continue
@@ -323,7 +336,7 @@ def _push_singly(deck: Deck, block: DeckBlock, group: Group, factor: float) -> N
             if not _alone_in_its_body(deck, block, row):
                 continue
             vector = tuple(plain(direction(deck, row, component)))
-            load = DeckLoad("point_force", str(row), (_AXES[component],), block, direction=vector)
+            load = DeckLoad("point_force", str(deck.node(row)), (_AXES[component],), block, direction=vector)
             _set_load(deck, load, factor * value / share)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.decks.content import Deck, DeckLoad
+from signorini_fx.addons.decks.content import Deck
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted, real
 from signorini_fx.mechanics.mesh.files.abaqus_groups import single
 from signorini_fx.mechanics.mesh.files.arrays import plain
@@ -163,21 +163,23 @@ def nodal_tables(deck: Deck, steps: int, target: Path, files: dict[Path, str]) -
         if not largest:
             continue
         course = tuple(float(f"{value / largest:.12g}") for value in values)
-        for row, vector in _at_nodes(deck, load, largest * (stiffness if load.table == "grounded" else 1.0)):
-            forces = by_course.setdefault(course, {})
-            forces[row] = forces.get(row, np.zeros(3)) + vector
+        vector, held = np.zeros(3), load.table == "grounded"
+        vector[: len(load.direction)] = load.direction
+        node = deck.node(int(load.target)) if held else int(load.target)
+        forces = by_course.setdefault(course, {})
+        forces[node] = forces.get(node, np.zeros(3)) + largest * (stiffness if held else 1.0) * vector
         blocks.setdefault(course, []).append(load.block)
     for course, forces in by_course.items():
         factors = [f"factors = {list(course)}"] if set(course) != {1.0} else []
         origin = f"# {' and '.join(dict.fromkeys(block.origin for block in blocks[course]))}"
-        rows = [(row, vector) for row, vector in forces.items() if vector[: deck.mesh.dim].any()]
+        rows = [(node, vector) for node, vector in forces.items() if vector[: deck.mesh.dim].any()]
         if len(rows) > NODES_OF_TABLES:
-            listed = [[*_place(deck, deck.node(row)), *_numbers(deck, vector)] for row, vector in rows]
+            listed = [[*_place(deck, node), *_numbers(deck, vector)] for node, vector in rows]
             beside = _file(target, files, "forces", ["f"], deck, listed)
             tables.append(("[[point_force]]", [origin, f"file = {quoted(beside.name)}", *factors]))
             continue
-        for row, vector in rows:
-            *point, region = _place(deck, deck.node(row))
+        for node, vector in rows:
+            *point, region = _place(deck, node)
             lines = [origin, f"at = [{', '.join(point)}]", *([f"region = {quoted(region)}"] if region else [])]
             lines += [f"{axis} = {value!r}" for axis, value in zip(deck.axes, plain(vector), strict=False) if value]
             tables.append(("[[point_force]]", [*lines, *factors]))
@@ -191,13 +193,6 @@ def nodal_tables(deck: Deck, steps: int, target: Path, files: dict[Path, str]) -
         origin = f"# {' and '.join(dict.fromkeys(link.block.origin for link in deck.links))}"
         tables.append(("[[links]]", [origin, f"file = {quoted(beside.name)}", f"stiffness = {stiffness!r}"]))
     return tables
-
-
-def _at_nodes(deck: Deck, load: DeckLoad, value: float) -> list[Term]:
-    """What a load is at its node."""
-    vector = np.zeros(3)
-    vector[: len(load.direction)] = load.direction
-    return [(int(load.target), value * vector)]
 
 
 def _place(deck: Deck, node: int) -> list[str]:

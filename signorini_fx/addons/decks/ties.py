@@ -36,6 +36,15 @@ def surface_facets(deck: Deck, nodes: Ints) -> Ints:
     return np.flatnonzero(np.isin(deck.mesh.facet_corners, nodes).all(axis=1))
 
 
+def distances(deck: Deck, nodes: Ints, where: str) -> Floats:
+    """How far some nodes of the mesh are from a boundary, length, shape (n,)."""
+    x, fixed = deck.mesh.points, np.unique(deck.mesh.facets[deck.mesh.boundaries[where]])
+    near = SAME_POSITION * float(np.linalg.norm(np.ptp(x, axis=0)))
+    closest = _closest(deck, x[nodes], fixed, near)
+    places = [sum(weight * x[other] for other, weight in weights.items()) for weights in closest]
+    return np.linalg.norm(x[nodes] - np.array(places).reshape(len(nodes), x.shape[1]), axis=1)
+
+
 def tie_nodes(deck: Deck, block: DeckBlock, slave: str, master: str) -> bool:
     """Tie the nodes of one side, which fill no whole facets, to the other one.
 

@@ -28,7 +28,7 @@ def tool_keys(deck: Deck, node: int, courses: dict[tuple[str, ...], list[float]]
     def sums(kind: str, names: Sequence[str]) -> list[str]:
         selected = [courses.get((kind, name)) for name in names]
         zeros = [0.0] * max(1, len(deck.steps))
-        return [_of_time([value / share for value in course or zeros]) for course in selected] if any(selected) else []
+        return [of_time([value / share for value in course or zeros]) for course in selected] if any(selected) else []
 
     point = deck.model.raw.points[deck.model.places[node]][: deck.mesh.dim].tolist()
     keys = [f"pivot = {point}"]
@@ -38,16 +38,17 @@ def tool_keys(deck: Deck, node: int, courses: dict[tuple[str, ...], list[float]]
         keys.append(f"moment = {moment[0]}" if planar else f"moment = [{', '.join(moment)}]")
     held = {name: course for name in (*axes, *turns) if (course := courses.get(("prescribed", name))) is not None}
     if held:
-        keys.append(f"prescribed = {{ {', '.join(f'{name} = {_of_time(course)}' for name, course in held.items())} }}")
+        keys.append(f"prescribed = {{ {', '.join(f'{name} = {of_time(course)}' for name, course in held.items())} }}")
     if len(keys) == 1:  # what nothing drives is free, and moves with what it is tied to
         keys.append(f"force = {[0.0] * len(axes)}")
     return ", ".join(keys)
 
 
-def _of_time(values: Sequence[float]) -> str:
+def of_time(values: Sequence[float]) -> str:
     """A number, or an expression of the time t, which is 1, 2, 3 and so on in the steps."""
     *earlier, last = values
     if all(value == last for value in earlier):
         return repr(last)
-    parts = [f"{value!r} if t < {step + 0.5} else" for step, value in enumerate(earlier, 1)]
+    pairs = zip(earlier, values[1:], strict=True)
+    parts = [f"{value!r} if t < {step + 0.5} else" for step, (value, then) in enumerate(pairs, 1) if value != then]
     return f'"{" ".join(parts)} {last!r}"'
