@@ -23,9 +23,14 @@ HEAD = """# How a deck is read
 - **Materials.** Of elements in several sections the last holds; an element without a material is an error.
   `*ELASTIC` of type `ORTHO` or `ENGINEERING CONSTANTS` becomes `orthotropic`.
 - **Supports and loads.** Nodes or faces become a boundary if they fill whole facets; up to twelve supported nodes
-  become points. Forces of one `*CLOAD` on several sides are several loads, each spread evenly; another moment is
-  lost. Each static `*STEP` is a load step, `*PRE-TENSION SECTION` a `preload`.
-- **Contact.** Each `*CONTACT PAIR` has its `*FRICTION` and `ADJUST`. The slope of `PRESSURE-OVERCLOSURE=LINEAR` and
+  become points, others, and those with a `*TRANSFORM`, links to the ground. Forces of one `*CLOAD` on several sides are
+  several loads, each spread evenly if that has their moment, or else forces at nodes. What a step gives twice adds up.
+  Each static `*STEP` is a load step, `*PRE-TENSION SECTION` a `preload`.
+- **Constraints.** `*EQUATION`, cyclic symmetry and ties of nodes that fill no facets become [links](#nodes), which give
+  way by 1e-5 of the strain of a cell. `*KINEMATIC` is a rigid tool, `*DISTRIBUTING` spreads its force over nodes.
+- **Contact.** Each `*CONTACT PAIR` has its `*FRICTION`, also where it changes, and `ADJUST`. Nodes that
+  fill no facets become the facets around them that face the other side, which is lost unless equations move all of
+  their nodes alike. The slope of `PRESSURE-OVERCLOSURE=LINEAR` and
   CalculiX's stiffness of sticking become `gamma_n` and `gamma_t`, which a scene has once. `*TIE` is a bond.
 - **Rigid bodies.** Planes, and in the plane lines and arcs, become foundations, or [tools](scene.md#shapes) where
   their reference node moves. A `*RIGID BODY` of a node set becomes a tool that is bonded to these nodes.
@@ -33,6 +38,31 @@ HEAD = """# How a deck is read
   has a set with the same elements. Temperatures of each are a table, and a single support names its body where another
   one has a node at the same place.
 - **Places.** Each table of the draft says which line of the deck it is from, and so does an error of `run`.
+
+## Nodes
+
+Scenes have tables for what decks say of single nodes. A force at a node is one where the stress is infinite. A link has
+vectors c at its nodes. It resists the sum of c times their displacements, and so keeps it at zero but for its force
+over its stiffness.
+
+| key of `point_force` | default | unit | meaning |
+|---|---|---|---|
+| `at` | none | length | a node of the mesh |
+| `region` | none | | of the node, where several parts have one there |
+| `x` | `0.0` | force | value along x[0]; of a body of revolution of the whole ring |
+| `y` | `0.0` | force | value along x[1] |
+| `z` | `0.0` | force | value along x[2] |
+| `file` | none | | instead: `.csv`, columns `x`, `y`, `fx`, `fy`, in space `z`, `fz`, and `region` |
+| `factors` | none | 1 | [load steps](load-steps.md#load-steps) |
+| `live` | `true` | true or false | as of other [loads](#loads) |
+
+| key of `links` | default | unit | meaning |
+|---|---|---|---|
+| `file` | required | | `.csv`, columns `link`, `x`, `y`, `cx`, `cy`, in space `z`, `cz`, and `region`; \
+rows with one number are one link |
+| `stiffness` | required | force / length | of each link |
+
+## Grades
 
 `./env python3 docs/decks.py` writes this page, with the table that `convert` and `run` grade by. A keyword that is not
 listed is *not known to scenes*, which changes the answer.

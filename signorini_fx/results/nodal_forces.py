@@ -155,9 +155,9 @@ class NodalForces(SurfaceQuadrature):
         """
         total, linked = self.zero(), np.zeros((self.owned, self.dimension))
         for effect in self.statement.of(Resistance) if resistances is None else resistances:
-            if effect.nodal:
+            if effect.nodal and effect.acts:
                 linked += self._linked(effect, displacement)
-            else:
+            elif not effect.nodal:
                 total += self._integral(effect, effect.reaction_at, displacement)
         return self.over_ranks(total) + linked
 
@@ -181,11 +181,11 @@ class NodalForces(SurfaceQuadrature):
         total, compiled = self.zero(), np.zeros((self.owned, self.dimension))
         for load in self.statement.of(Force) if some is None else some:
             factor, current = self.statement.now(load, step)
-            if current.nodal:
+            if current.nodal and current.acts:
                 compiled += scale * factor * self._at_points(current)
-            elif any(hasattr(value, "ufl_shape") for value in load.given.values()):
+            elif not current.nodal and any(hasattr(value, "ufl_shape") for value in load.given.values()):
                 compiled += scale * factor * self._compiled(load, step)
-            else:
+            elif not current.nodal:
                 total += scale * factor * self._integral(current, current.density_at, total)
         return self.over_ranks(total) + compiled
 

@@ -524,8 +524,8 @@ MODELS = {
         preload.Preload,
     ],
     ("`[[springs]]`", "key"): [springs.Springs],
-    ("`[[point_force]]` and `[[links]]`", "key of `point_force`"): [point_force.PointForce],
-    ("`[[point_force]]` and `[[links]]`", "key of `links`"): [links.Links],
+    ("Nodes", "key of `point_force`"): [point_force.PointForce],
+    ("Nodes", "key of `links`"): [links.Links],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
     ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
     ("Rigid bodies", "key of `rigid`"): [Rigid],
@@ -580,7 +580,7 @@ def test_scene_keys(place):
     for model in MODELS[place]:
         for key, field in model.model_fields.items():
             found.setdefault(f"`{key}`", []).append(field)
-    rows = table(MANUAL, *place)
+    rows = table([*MANUAL, DOCS / "decks.md"], *place)
     assert sorted(row[0] for row in rows) == sorted(found)
     for key, default, _unit, meaning in rows:
         first = found[key][0]

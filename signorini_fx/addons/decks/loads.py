@@ -295,8 +295,8 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
     thickness = deck.thickness if deck.mesh.dim == 2 and deck.kinematics.uniform else 1.0
     for node, both in spread_over.items():
         for load in spread(deck, block, node, both[:3], both[3:]):
-            (value,) = load.values.values()
-            _set_load(deck, replace(load, values={}), value / thickness)
+            (share,) = load.values.values()
+            _set_load(deck, replace(load, values={}), (share or 0.0) / thickness)
     for group in map(deck.without_rigid, deck.model.groups.get(block.number, [])):
         if not group.nodes:
             continue

@@ -163,7 +163,7 @@ def nodal_tables(deck: Deck, steps: int, target: Path, files: dict[Path, str]) -
         if not largest:
             continue
         course = tuple(float(f"{value / largest:.12g}") for value in values)
-        vector, held = np.zeros(3), load.table == "grounded"
+        held, vector = load.table == "grounded", np.array([0.0, 0.0, 0.0])
         vector[: len(load.direction)] = load.direction
         node = deck.node(int(load.target)) if held else int(load.target)
         forces = by_course.setdefault(course, {})

@@ -147,7 +147,8 @@ def links_of(statement: Statement, space: fem.FunctionSpace, tagged: TaggedMesh)
     Raises:
         SceneError: see ``nodes_of``.
     """
-    links = [(path, entry) for path, entry in statement.listed() if entry.nodal and isinstance(entry, Resistance)]
+    resisting = [(path, entry) for path, entry in statement.listed() if isinstance(entry, Resistance)]
+    links = [(path, entry) for path, entry in resisting if entry.nodal and entry.acts]
     if not links:
         return None
     index_map, block, comm = space.dofmap.index_map, space.dofmap.index_map_bs, space.mesh.comm

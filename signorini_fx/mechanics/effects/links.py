@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from signorini_fx.mechanics.statement.effect import Array, Coefficients, Points, Resistance
 from signorini_fx.mechanics.statement.nodal_table import NodalTable, read_nodal_table
-from signorini_fx.mechanics.statement.values import Positive
+from signorini_fx.mechanics.statement.values import NonNegative
 
 
 class Links(Resistance):
@@ -24,7 +24,7 @@ class Links(Resistance):
 
     nodal: ClassVar[bool] = True
     file: Path
-    stiffness: Positive
+    stiffness: NonNegative
 
     @property
     def given(self) -> dict[str, Any]:
@@ -54,3 +54,11 @@ class Links(Resistance):
 
 
 Entry = Links
+
+# How ``signorini-fx new`` explains it.
+EXAMPLE = """
+# Stiff links between nodes: linear relations of their displacements.  As many [[links]] as you like.
+[[links]]
+file = "links.csv"                         # columns link, x, y, (z,) cx, cy, (cz,) and region
+stiffness = 0.0                            # of each, force / length; 0: they do nothing, and need no file
+"""

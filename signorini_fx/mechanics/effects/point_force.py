@@ -99,6 +99,7 @@ at = [0.0, 1.0]                            # a node of the mesh
 x = 0.0                                    # VALUE, force (in the plane per thickness)
 y = 0.0                                    # VALUE, force
 #z = 0.0                                   # VALUE, force; only if the mesh is in space
+#file = "forces.csv"                       # instead of these: columns x, y, (z,) fx, fy, (fz,) and region
 #factors = [0.5, 1.0]                      # load steps, as above
 live = true                                # whether the safety factor multiplies it
 """
