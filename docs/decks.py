@@ -54,7 +54,7 @@ over its stiffness.
 | `z` | `0.0` | force | value along x[2] |
 | `file` | none | | instead: `.csv`, columns `x`, `y`, `fx`, `fy`, in space `z`, `fz`, and `region` |
 | `factors` | none | 1 | [load steps](load-steps.md#load-steps) |
-| `live` | `true` | true or false | as of other [loads](#loads) |
+| `live` | `true` | true or false | as of other [loads](scene.md#loads) |
 
 | key of `links` | default | unit | meaning |
 |---|---|---|---|

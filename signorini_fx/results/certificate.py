@@ -181,6 +181,7 @@ def certify(
         forces.resisted(nodal_displacements),
         *forces.initial(step, scale, displacement),
         dilation=forces.volume.dilation(forces, displacement, step, scale),
+        lost=forces.lost_in_links(nodal_displacements),
     )
     sides = sides_of(statement, tagged, space, pairs)
     if tractions is not None and tractions.joint is not None:

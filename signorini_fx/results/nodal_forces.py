@@ -161,6 +161,14 @@ class NodalForces(SurfaceQuadrature):
                 total += self._integral(effect, effect.reaction_at, displacement)
         return self.over_ranks(total) + linked
 
+    def lost_in_links(self, displacement: Array) -> Array | None:
+        """Round-off of the forces of links at nodal displacements with ghosts, shape (owned nodes, d); None: there are
+        no links.
+        """
+        links = [effect for effect in self.statement.of(Resistance) if effect.nodal and effect.acts]
+        parts = [self._linked(effect, displacement, lost=True) for effect in links]
+        return sum(parts[1:], parts[0]) if parts else None
+
     def strain_energy(self, displacement: fem.Function) -> float:
         """The energy of the strains, per thickness."""
         y = displacement.x.array.reshape(-1, self.dimension)[: self.owned]
@@ -248,20 +256,20 @@ class NodalForces(SurfaceQuadrature):
         np.add.at(forces[:, : self.across], node, table.vectors[row])
         return forces
 
-    def _linked(self, links: Any, displacement: Array) -> Array:
-        """The forces of ``Links`` at nodal displacements, shape (owned nodes, d): stiffness times sum, of each."""
+    def _linked(self, links: Any, displacement: Array, *, lost: bool = False) -> Array:
+        """The forces of ``Links`` at nodal displacements, shape (owned nodes, d): stiffness times sum, of each.
+
+        With ``lost``: their round-off, as the displacements of which they are the difference may be far larger.
+        """
         table, forces = links.table(links.label, self.across), np.zeros((self.owned, self.dimension))
         node, row = self._listed(table)
         link, number = np.unique(table.groups, return_inverse=True)
-        terms = np.sum(table.vectors[row] * displacement[node, : self.across], axis=1)
-        sums = parallel.global_sum(
-            self.tagged.mesh.comm, np.bincount(number.ravel()[row], terms, minlength=link.size).astype(np.float64)
-        )
-        np.add.at(
-            forces[:, : self.across],
-            node,
-            links.stiffness * sums[number.ravel()[row]][:, None] * table.vectors[row],
-        )
+        of_link, vectors, terms = number.ravel()[row], table.vectors[row], displacement[node, : self.across]
+        if lost:
+            vectors, terms = np.abs(vectors), np.finfo(np.float64).eps * np.abs(terms)
+        work = np.bincount(of_link, np.sum(vectors * terms, axis=1), minlength=link.size).astype(np.float64)
+        sums = parallel.global_sum(self.tagged.mesh.comm, work)
+        np.add.at(forces[:, : self.across], node, links.stiffness * sums[of_link][:, None] * vectors)
         return forces
 
     def _listed(self, table: NodalTable) -> tuple[Indices, Indices]:

@@ -4,7 +4,7 @@ import random
 import re
 
 import pytest
-from deck_lines import assembly, stacked
+from deck_lines import STEEL, assembly, squares, stacked
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import SignoriniError
@@ -16,6 +16,16 @@ CONTACT = stacked(["*FRICTION", "0.2, 50.", "*SURFACE BEHAVIOR, PRESSURE-OVERCLO
 STEPS = [
     *("*AMPLITUDE, NAME=A", "0., 0., 1., 1.", "*STEP", "*STATIC", "0.5, 1.", "*BOUNDARY, OP=NEW, AMPLITUDE=A"),
     *("LOW_FEET, 1, 2", "*CLOAD, OP=NEW", "UP_HEAD, 1, 2.", "*NODE PRINT, NSET=UP_HEAD", "U, RF", "*END STEP"),
+]
+
+TIED = [
+    *[*squares(4, 2, name="LOW"), *squares(6, 2, 101, (0.0, 1.0), name="UP"), "*NSET, NSET=SOME", "101, 103, 105"],
+    *("*NODE", "900, 0.5, 3.", "*SOLID SECTION, ELSET=LOW, MATERIAL=STEEL", "*SOLID SECTION, ELSET=UP, MATERIAL=STEEL"),
+    *[*STEEL, "*SURFACE, NAME=NODES, TYPE=NODE", "SOME", "*TIE, NAME=T, POSITION TOLERANCE=.1", "NODES, LOW_TOP"],
+    *("*EQUATION", "3", "103, 2, 2., 105, 2, -1.", "107, 1, .5", "2", "UP_WALL, 1, 1., LOW_WALL, 1, -1."),
+    *("*TRANSFORM, NSET=LOW_FEET, TYPE=C", "0., -9., 0., 0., -9., 1.", "*BOUNDARY", "LOW_FEET, 1", "3, 2, 2, .1"),
+    *("*COUPLING, REF NODE=900, SURFACE=UP_TOP, CONSTRAINT NAME=C", "*DISTRIBUTING", "1, 2", "*STEP", "*STATIC"),
+    *("*CLOAD", "900, 2, -3.", "900, 6, 1.", "104, 1, .5", "104, 1, .5", "*END STEP"),
 ]
 
 
@@ -52,9 +62,9 @@ def mutilated(lines, chance):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("lines", [[*CONTACT, *STEPS], assembly()], ids=["contact", "assembly"])
+@pytest.mark.parametrize("lines", [[*CONTACT, *STEPS], assembly(), TIED], ids=["contact", "assembly", "tied"])
 def test_mutilated_decks(tmp_path, seed, lines):
-    """300 in all."""
+    """450 in all."""
     chance = random.Random(seed)
     deck, scene, refused = tmp_path / "deck.inp", tmp_path / "scene.toml", 0
     for _ in range(50):

@@ -209,7 +209,7 @@ class Deck:
         element that is none either ties them to it.
         """
         keywords = {keyword.keyword for keyword in self.model.blocks}
-        constrained = keywords & {"RIGIDBODY", "EQUATION"} or any(
+        constrained = keywords & {"RIGIDBODY", "EQUATION", "COUPLING"} or any(
             rule.effect == CONSTRAINT for keyword, rule in PLAIN.items() if keyword in keywords
         )
         if self.model.tied or constrained:

@@ -59,7 +59,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
     for name, missing in deck.model.undefined.items():
         say = deck.lose if name in deck.model.surfaces else deck.note
         say(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")
-    _find_rigid(deck)
+    _find_rigid(file, deck)
     for block in deck.model.blocks:
         if block.keyword == "PRE-TENSIONSECTION":
             with _placed(file, block):
@@ -251,31 +251,20 @@ def _pair(row: list[str], interaction: str) -> tuple[str, str, str]:
     return row[0], row[1] if len(row) > 1 else row[0], interaction.upper()
 
 
-def _find_rigid(deck: Deck) -> None:
+def _find_rigid(file: Path, deck: Deck) -> None:
     """Rigid surfaces, and the nodes or sets of nodes that move them, wherever in the file they are named."""
     coupling: DeckBlock | None = None
     for block in deck.model.blocks:
-        parameters = block.parameters
-        if block.keyword == "COUPLING":
-            coupling = block
-        elif block.keyword == "RIGIDBODY":
-            names = [parameters[key] for key in ("ANALYTICALSURFACE", "ELSET") if key in parameters]
-            sets = [parameters[key] for key in ("NSET", "TIENSET", "PINNSET") if key in parameters]
-            node, turner = (deck.single(parameters.get(key, "")) for key in ("REFNODE", "ROTNODE"))
-            if node is not None and turner is not None:
-                deck.turners[turner] = node
-            if sets and not names and node is not None and all(deck.boundary(name) is not None for name in sets):
-                deck.coupled += [(name, node) for name in sets]
-                continue
-            if not names or any(deck.region(name) is not None for name in names):
-                deck.lose(block, "a rigid part of the body: it deforms here")
-                continue
-            deck.rigid |= {plain_name(name) for name in names}
-            deck.movers |= {plain_name(name): node for name in names if node is not None}
-        elif block.keyword in ("KINEMATIC", "DISTRIBUTING"):
-            read_coupling(deck, coupling, block)
-        elif block.keyword == "ELEMENT" and re.match(r"R[23]D", parameters.get("TYPE", "").upper()):
-            deck.rigid.add(plain_name(parameters.get("ELSET", "")))
+        match block.keyword:
+            case "COUPLING":
+                coupling = block
+            case "RIGIDBODY":
+                _read_rigid(deck, block)
+            case "KINEMATIC" | "DISTRIBUTING":
+                with _placed(file, block):
+                    read_coupling(deck, coupling, block)
+            case "ELEMENT" if re.match(r"R[23]D", block.parameters.get("TYPE", "").upper()):
+                deck.rigid.add(plain_name(block.parameters.get("ELSET", "")))
     for block in (block for block in deck.model.blocks if block.keyword == "SURFACE" and "NAME" in block.parameters):
         name = plain_name(block.parameters["NAME"])
         if block.parameters.get("TYPE", "").upper() in ("SEGMENTS", "CYLINDER", "REVOLUTION"):
@@ -287,6 +276,24 @@ def _find_rigid(deck: Deck) -> None:
             nodes = [deck.movers[part] for part in deck.parts[name] if part in deck.movers]
             deck.movers |= {name: nodes[0]} if nodes else {}
     deck.rigid.discard("")
+
+
+def _read_rigid(deck: Deck, block: DeckBlock) -> None:
+    """*RIGID BODY."""
+    parameters = block.parameters
+    names = [parameters[key] for key in ("ANALYTICALSURFACE", "ELSET") if key in parameters]
+    sets = [parameters[key] for key in ("NSET", "TIENSET", "PINNSET") if key in parameters]
+    node, turner = (deck.single(parameters.get(key, "")) for key in ("REFNODE", "ROTNODE"))
+    if node is not None and turner is not None:
+        deck.turners[turner] = node
+    if sets and not names and node is not None and all(deck.boundary(name) is not None for name in sets):
+        deck.coupled += [(name, node) for name in sets]
+        return
+    if not names or any(deck.region(name) is not None for name in names):
+        deck.lose(block, "a rigid part of the body: it deforms here")
+        return
+    deck.rigid |= {plain_name(name) for name in names}
+    deck.movers |= {plain_name(name): node for name in names if node is not None}
 
 
 def _friction(deck: Deck, block: DeckBlock, interaction: str) -> None:

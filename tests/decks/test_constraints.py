@@ -1,0 +1,287 @@
+"""Equations, couplings, ties of nodes, cyclic symmetry, and directions of nodes in decks: exact states and statics."""
+
+import csv
+import tomllib
+
+import numpy as np
+import pytest
+from deck_lines import POISSON, STEEL, YOUNG, squares, stacked
+from mpi4py import MPI
+
+from signorini_fx.addons.decks.draft import draft
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.scenes.reading import read_scene
+from signorini_fx.scenes.solver import solve
+
+STIFF = ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{YOUNG}, 0."]  # bars have no Poisson's effect
+END = "*END STEP"
+
+
+def drafted(folder, lines, name="deck"):
+    """What was drafted, and the scene as data; its files are written."""
+    deck = folder / f"{name}.inp"
+    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    made = draft(deck, read_file(deck), folder / f"{name}.toml")
+    for file, text in made.files.items():
+        file.write_text(text, encoding="utf-8")
+    return made, tomllib.loads(made.text)
+
+
+def solved(folder, lines, name="deck"):
+    """The solution of a deck of which nothing is lost."""
+    made, _ = drafted(folder, lines, name)
+    assert made.lost == []
+    return solve(read_scene(folder / f"{name}.toml"), MPI.COMM_SELF)
+
+
+def moved(solution, dim=2):
+    """Places of the nodes and their displacements."""
+    u = solution.displacement
+    return u.function_space.tabulate_dof_coordinates()[:, :dim], u.x.array.reshape(-1, dim)
+
+
+def column(constraint, loads, material=STIFF):
+    """A block of squares, 1 x 1, that stands on its feet."""
+    lines = [*squares(4, 2), "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", *material, "*NODE", "900, 0.75, 1.5"]
+    return [*lines, *constraint, "*BOUNDARY", "BODY_FEET, 2", "1, 1", "*STEP", "*STATIC", *loads, END]
+
+
+# --- equations -------------------------------------------------------------------------------------------------------
+
+
+def test_equations_keep_a_head_flat(tmp_path):
+    """A force at one node of the head shortens the column as an even one: F L / E A at all of its nodes."""
+    flat = [line for n in (12, 13, 14, 15) for line in ("2", f"{n}, 2, 1., 11, 2, -1.")]
+    solution = solved(tmp_path, column(["*EQUATION", *flat], ["*CLOAD", "13, 2, -7."]))
+    x, u = moved(solution)
+    np.testing.assert_allclose(u[x[:, 1] > 0.99, 1], -7.0 / YOUNG, rtol=1e-5)
+    assert solution.resultants.of("BODY_FEET").force[1] == pytest.approx(7.0, rel=1e-9)
+
+
+def test_equations_of_several_terms(tmp_path):
+    """Terms go on in the next line; a lever: one node sinks by twice what another one does, however they are loaded."""
+    solution = solved(
+        tmp_path, column(["*EQUATION", "3", "11, 2, 2., 15, 2, -1.,", "13, 1, 1."], ["*CLOAD", "15, 2, -3."])
+    )
+    x, u = moved(solution)
+    first, last, middle = (u[np.argmin(np.linalg.norm(x - at, axis=1))] for at in ((0, 1), (1, 1), (0.5, 1)))
+    assert 2 * first[1] - last[1] + middle[0] == pytest.approx(0.0, abs=1e-5 * np.abs(u).max())
+    assert abs(first[1]) > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (["2", "11, 2, 1., 12, 2"], "an equation of 2 terms ends after 5 of 6 entries"),
+        (["x", "11, 2, 1."], "the number of terms of an equation is expected, not 'x'"),
+        (["0"], "the number of terms of an equation is expected, not '0'"),
+        (["1", "11, a, 1."], "invalid literal"),
+        (["1", "11, 2, nan"], "a finite number is expected"),
+    ],
+)
+def test_equations_that_are_wrong(tmp_path, rows, message):
+    """One error with the line of the keyword."""
+    lines = column(["*EQUATION", *rows], [])
+    with pytest.raises(MeshError) as error:
+        drafted(tmp_path, lines)
+    assert f"line {lines.index('*EQUATION') + 1}, *EQUATION: " in str(error.value)
+    assert message in str(error.value)
+
+
+def test_equations_with_others(tmp_path):
+    """A node that is nothing of the body, and a rotation, are lost."""
+    made, data = drafted(tmp_path, column(["*EQUATION", "2", "900, 2, 1., 11, 2, -1.", "1", "11, 6, 1."], []))
+    assert [remark.partition(": ")[2] for remark in made.lost] == [
+        "an equation with '900': no part of the body",
+        "an equation with component 6 of '11': a rotation",
+    ]
+    assert "links" not in data
+
+
+# --- couplings -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["*DISTRIBUTING", "*KINEMATIC"])
+def test_couplings(tmp_path, kind):
+    """The ground carries force and moment of the reference node; a kinematic one keeps the head straight."""
+    lines = column(
+        ["*COUPLING, REF NODE=900, SURFACE=BODY_TOP, CONSTRAINT NAME=C", kind, "1, 2"],
+        ["*CLOAD", "900, 1, 2.", "900, 2, -5.", "900, 6, 0.5"],
+        STEEL,
+    )
+    lines[lines.index("BODY_FEET, 2")] = "BODY_FEET, 1, 2"
+    lines.remove("1, 1")
+    solution = solved(tmp_path, lines)
+    feet = solution.resultants.of("BODY_FEET")
+    np.testing.assert_allclose(feet.force, (-2.0, 5.0), rtol=1e-6)
+    # x F_y - y F_x at (.75, 1.5), and the moment there
+    assert feet.moment_about((0.0, 0.0)) == pytest.approx(-(0.75 * -5.0 - 1.5 * 2.0 + 0.5), rel=1e-6)
+    x, u = moved(solution)
+    head = np.flatnonzero(x[:, 1] > 0.99)
+    bent = u[head, 1] - np.polyval(np.polyfit(x[head, 0], u[head, 1], 1), x[head, 0])
+    assert (np.abs(bent).max() < 1e-6 * np.abs(u).max()) == (kind == "*KINEMATIC")
+
+
+def test_a_load_on_the_node_of_a_lost_coupling(tmp_path):
+    """It changes the answer."""
+    lines = column(
+        ["*COUPLING, REF NODE=900, SURFACE=NOWHERE, CONSTRAINT NAME=C", "*KINEMATIC"], ["*CLOAD", "900, 2, 1."]
+    )
+    lost = drafted(tmp_path, lines)[0].lost
+    assert any("force at node 900: no part of the body, which a constraint may tie to it" in remark for remark in lost)
+
+
+# --- ties and contact of nodes ---------------------------------------------------------------------------------------
+
+
+def test_a_tie_of_nodes(tmp_path):
+    """Nodes that fill no facets hold the upper block: it moves with the lower one, which carries its load."""
+    lines = [
+        *squares(4, 2, name="LOW"),
+        *squares(6, 2, 101, (0.0, 1.0), name="UP"),
+        "*NSET, NSET=SOME",
+        "101, 103, 105",
+    ]
+    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in ("LOW", "UP")]
+    lines += [*STEEL, "*SURFACE, NAME=NODES, TYPE=NODE", "SOME", "*TIE, NAME=T", "NODES, LOW_TOP", "*BOUNDARY"]
+    given = [*lines, "LOW_FEET, 1, 1, 0.01", "LOW_FEET, 2, 2, 0.02", "*STEP", "*STATIC", END]
+    _, u = moved(solved(tmp_path, given, "moved"))
+    np.testing.assert_allclose(u, np.tile([0.01, 0.02], (len(u), 1)), rtol=1e-7)
+    loaded = [*lines, "LOW_FEET, 1, 2", "*STEP", "*STATIC", "*DSLOAD", "UP_TOP, TRVEC, 3., 1., -2.", END]
+    feet = solved(tmp_path, loaded, "loaded").resultants.of("LOW_FEET")
+    np.testing.assert_allclose(feet.force, (-3 / 5**0.5, 6 / 5**0.5), rtol=1e-7)
+
+
+def test_contact_of_a_node(tmp_path):
+    """With equations that move its facets alike nothing is lost: a column sinks by p L / E and p / k; else it is."""
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100."])
+    lines[lines.index("UP_BOTTOM, LOW_TOP")] = "NODES, LOW_TOP"
+    at = lines.index("*SURFACE INTERACTION, NAME=I")
+    lines[at:at] = ["*NSET, NSET=SOME", "102, 104", "*SURFACE, NAME=NODES, TYPE=NODE", "SOME"]
+    lines[lines.index(f"{YOUNG}, {POISSON}")] = f"{YOUNG}, 0."
+    made, _ = drafted(tmp_path, lines, "alone")
+    assert [remark.partition(": ")[2] for remark in made.lost] == [
+        "contact of 2 nodes of 'NODES': 3 more nodes of whole facets touch here"
+    ]
+    numbers = (101, 103, 104, 105)
+    lines[at:at] = ["*EQUATION", *(line for n in numbers for line in ("2", f"{n}, 2, 1., 102, 2, -1."))]
+    x, u = moved(solved(tmp_path, lines))
+    np.testing.assert_allclose(u[x[:, 1] > 1.99, 1], -2 * 5.0 / YOUNG - 5.0 / 100.0, rtol=1e-4)
+
+
+# --- cyclic symmetry -------------------------------------------------------------------------------------------------
+
+SECTORS, RADII, ROWS, TALL = 6, (1.0, 1.5, 2.0), 2, 0.5
+
+
+def ring(sectors):
+    """Nodes and bricks of some sectors of a ring about axis z, and a function of radius, angle and height to a node."""
+    whole = sectors == SECTORS
+    around = ROWS * sectors + (not whole)
+
+    def number(i, j, k):
+        return 1 + i + len(RADII) * (j % around + around * k)
+
+    lines = ["*NODE"]
+    for k in (0, 1):
+        for j in range(around):
+            angle = 2 * np.pi * j / (ROWS * SECTORS)
+            for i, radius in enumerate(RADII):
+                x, y = float(radius * np.cos(angle)), float(radius * np.sin(angle))
+                lines.append(f"{number(i, j, k)}, {x!r}, {y!r}, {TALL * k}")
+    lines.append("*ELEMENT, TYPE=C3D8, ELSET=BODY")
+    for j in range(ROWS * sectors):
+        for i in range(len(RADII) - 1):
+            corners = [number(i + a, j + b, k) for k in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+            lines.append(f"{1 + i + (len(RADII) - 1) * j}, {', '.join(map(str, corners))}")
+    inner = sorted({number(0, j, k) for j in range(ROWS * sectors + 1) for k in (0, 1)})
+    lines += ["*NSET, NSET=INNER", *map(str, inner), "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", *STEEL]
+    return lines, number
+
+
+def twisted(sectors, constraint):
+    """Held inside, and pushed around the axis and outwards at one node of the outside of each sector."""
+    lines, number = ring(sectors)
+    forces = []
+    for j in range(sectors):
+        angle = 2 * np.pi * (ROWS * j + 1) / (ROWS * SECTORS)
+        radial, round_ = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+        vector = 0.3 * radial + 2.0 * round_
+        forces += [f"{number(2, ROWS * j + 1, 1)}, {axis}, {value!r}" for axis, value in enumerate(vector.tolist(), 1)]
+    return [*lines, *constraint(number), "*BOUNDARY", "INNER, 1, 3", "*STEP", "*STATIC", "*CLOAD", *forces, END]
+
+
+def sides(number):
+    """One side of the sector moves as the other one."""
+    rows = [(i, k) for i in range(len(RADII)) for k in (0, 1)]
+    lines = ["*NSET, NSET=FIRST", *(str(number(i, 0, k)) for i, k in rows)]
+    lines += ["*NSET, NSET=LAST", *(str(number(i, ROWS, k)) for i, k in rows)]
+    lines += ["*SURFACE, NAME=A, TYPE=NODE", "FIRST", "*SURFACE, NAME=B, TYPE=NODE", "LAST"]
+    lines += ["*TIE, CYCLIC SYMMETRY, NAME=T", "A, B"]
+    return [*lines, f"*CYCLIC SYMMETRY MODEL, N={SECTORS}, TIE=T", "0., 0., 0., 0., 0., 1."]
+
+
+def test_cyclic_symmetry(tmp_path):
+    """A sector moves as in the whole ring, which has no links; loads are not mirror-symmetric."""
+    at, whole = moved(solved(tmp_path, twisted(SECTORS, lambda number: []), "ring"), 3)
+    x, sector = moved(solved(tmp_path, twisted(1, sides), "sector"), 3)
+    rows = [int(np.argmin(np.linalg.norm(at - place, axis=1))) for place in x]
+    assert np.abs(at[rows] - x).max() < 1e-9
+    np.testing.assert_allclose(sector, whole[rows], atol=2e-5 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        (["*CYCLIC SYMMETRY MODEL, N=1, TIE=T", "0., 0., 0., 0., 0., 1."], "N, a whole number from 2 on"),
+        (["*CYCLIC SYMMETRY MODEL, N=6, TIE=T", "0., 0., 0., 0., 0., 0."], "two points of the axis"),
+        (["*CYCLIC SYMMETRY MODEL, N=6, TIE=U", "0., 0., 0., 0., 0., 1."], "TIE=U is no single *TIE"),
+        (["*CYCLIC SYMMETRY MODEL, TIE=T", "0., 0., 0., 0., 0., 1."], "'N' is missing"),
+    ],
+)
+def test_sectors_that_are_wrong(tmp_path, model, message):
+    """One error with the line of the keyword."""
+    lines = twisted(1, lambda number: [*sides(number)[:-2], *model])
+    with pytest.raises(MeshError, match=r"line \d+, \*CYCLIC SYMMETRY MODEL: ") as error:
+        drafted(tmp_path, lines)
+    assert message in str(error.value)
+
+
+def test_sectors_that_do_not_meet(tmp_path):
+    """Where a turn of another angle leaves nodes alone, they are lost."""
+    lines = twisted(1, sides)
+    lines[lines.index("*CYCLIC SYMMETRY MODEL, N=6, TIE=T")] = "*CYCLIC SYMMETRY MODEL, N=5, TIE=T"
+    lost = drafted(tmp_path, lines)[0].lost
+    assert "cyclic symmetry: 6 of 6 nodes of 'A' find no place of 'B'" in lost[0]
+
+
+# --- directions and temperatures -------------------------------------------------------------------------------------
+
+
+def test_forces_in_turned_directions(tmp_path):
+    """A cylindrical *TRANSFORM: along the radius and around the axis at the node, by hand."""
+    turn = ["*NSET, NSET=TURNED", "15", "*TRANSFORM, NSET=TURNED, TYPE=C", "0., 0., 0., 0., 0., 1."]
+    _, data = drafted(tmp_path, column(turn, ["*CLOAD", "15, 1, 4.", "15, 2, 2."]))
+    (force,) = data["point_force"]
+    root = 0.5**0.5
+    assert force == {"at": [1.0, 1.0], "x": pytest.approx(4 * root - 2 * root), "y": pytest.approx(4 * root + 2 * root)}
+
+
+def test_temperatures_along_a_line(tmp_path):
+    """*TEMPERATURE, LINTEMP of CalculiX: linear between two places, 300 at the feet and 500 at the head."""
+    lines = column(
+        ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "EVERY, 300."],
+        ["*TEMPERATURE, LINTEMP", "0., 1., 0., 0., 300., 1., 500."],
+    )
+    lines.insert(lines.index(f"{YOUNG}, 0.") + 1, "*EXPANSION")
+    lines.insert(lines.index("*EXPANSION") + 1, "1e-5")
+    at = lines.index("*INITIAL CONDITIONS, TYPE=TEMPERATURE")
+    lines[at:at] = ["*NSET, NSET=EVERY, GENERATE", "1, 15"]
+    made, data = drafted(tmp_path, lines)
+    assert made.lost == []
+    (temperature,) = data["temperature"]
+    with (tmp_path / temperature["file"]).open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 15
+    assert [float(row["change"]) for row in rows] == pytest.approx([200 * float(row["y"]) for row in rows])
