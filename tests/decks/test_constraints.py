@@ -99,6 +99,49 @@ def test_equations_with_others(tmp_path):
     assert "links" not in data
 
 
+def test_constraints_of_several_nodes(tmp_path):
+    """*MPC, STRAIGHT: a force in the middle of a head that stays straight shortens the column evenly, F L / E A."""
+    solution = solved(tmp_path, column(["*MPC", "STRAIGHT, 11, 15, 12,", "13, 14"], ["*CLOAD", "13, 2, -7."]))
+    x, u = moved(solution)
+    np.testing.assert_allclose(u[x[:, 1] > 0.99, 1], -7.0 / YOUNG, rtol=1e-5)
+
+
+def test_a_plane_of_nodes(tmp_path):
+    """*MPC, PLANE, of the outside of a ring's sector: its nodes stay in a plane that turns with three of them."""
+    lines, number = ring(1)
+    side = [number(i, ROWS, k) for k in (0, 1) for i in range(len(RADII))]
+    order = [side[k] for k in (0, 2, 3, 1, 4, 5)]
+    lines += ["*MPC", f"PLANE, {', '.join(map(str, order))}", "*BOUNDARY", "INNER, 1, 3", "*STEP", "*STATIC"]
+    lines += ["*CLOAD", f"{side[1]}, 1, 2.", f"{side[4]}, 3, 1.", END]
+    x, u = moved(solved(tmp_path, lines), 3)
+    angle = np.pi / 3
+    normal = np.array([-np.sin(angle), np.cos(angle), 0.0])
+    rows = np.flatnonzero(np.abs(x @ normal) < 1e-9)
+    away = u[rows] @ normal
+    arms = np.column_stack((np.ones(len(rows)), x[rows] @ [np.cos(angle), np.sin(angle), 0.0], x[rows, 2]))
+    left = away - arms @ np.linalg.lstsq(arms, away, rcond=None)[0]
+    assert len(rows) == len(side)
+    assert np.abs(left).max() < 1e-5 * np.abs(u).max() < 1e-2 * np.abs(u).max()
+
+
+@pytest.mark.parametrize("kind", ["PIN", "TIE"])
+def test_pins(tmp_path, kind):
+    """Two blocks that are pinned at coincident nodes: the lower one carries the load of the upper one."""
+    lines = [*squares(4, 2, name="LOW"), *squares(4, 2, 101, (0.0, 1.0), name="UP"), *STEEL, "*MPC"]
+    lines += [f"{kind}, {101 + k}, {11 + k}" for k in (0, 4)]
+    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in ("LOW", "UP")]
+    lines += ["*BOUNDARY", "LOW_FEET, 1, 2", "*STEP", "*STATIC", "*DSLOAD", "UP_TOP, P, 5.", END]
+    feet = solved(tmp_path, lines).resultants.of("LOW_FEET")
+    np.testing.assert_allclose(feet.force, (0.0, 5.0), atol=1e-7)
+
+
+@pytest.mark.parametrize("row", ["STRAIGHT, 11, 15", "PLANE, 11, 12, 13, 14", "PIN, 11, 12, 13"])
+def test_constraints_that_are_wrong(tmp_path, row):
+    """One error with the line of the keyword."""
+    with pytest.raises(MeshError, match=r"line \d+, \*MPC: .* expected"):
+        drafted(tmp_path, column(["*MPC", row], []))
+
+
 # --- couplings -------------------------------------------------------------------------------------------------------
 
 

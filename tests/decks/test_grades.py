@@ -52,6 +52,8 @@ SAID = {
         [*NODE, "*COUPLING, REF NODE=900, SURFACE=NOWHERE, CONSTRAINT NAME=C", "*KINEMATIC"],
         [],
     ),
+    ("MPC", ""): (["*MPC", "STRAIGHT, 111, 115, 112, 113"], []),
+    ("MPC", "of another type"): (["*MPC", "BEAM, 111, 115"], []),
     ("CHANGEFRICTION", ""): ([], ["*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"]),
     ("EQUATION", ""): (["*EQUATION", "2", "111, 2, 1., 112, 2, -1."], []),
     ("TRANSFORM", ""): (["*TRANSFORM, NSET=UP_WALL", "1., 0., 0., 0., 1., 0."], []),

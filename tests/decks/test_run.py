@@ -48,6 +48,16 @@ def test_what_changes_the_answer(tmp_path, capsys, options):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["converged"]
 
 
+def test_a_deck_without_its_contact(tmp_path, capsys):
+    """It is another problem: nothing is solved, and the draft is there to be completed."""
+    lines = ["UP_BOTTOM, NOWHERE" if line == "UP_BOTTOM, LOW_TOP" else line for line in stacked([])]
+    code, said = run(tmp_path, lines, capsys)
+    assert code == 4
+    assert "not solved, as all contact of the deck is left out: complete" in " ".join(said.split())
+    assert not (tmp_path / "out").exists()
+    assert (tmp_path / "out.toml").exists()
+
+
 def test_decks_that_cannot_be_read(tmp_path, capsys):
     """One error, and nothing is written."""
     code, said = run(tmp_path, ["*NODE", "1, 0.0, nothing"], capsys)

@@ -143,8 +143,8 @@ class Deck:
     in ``cyclic`` are of a sector. ``rubbing`` has the coefficients of friction of interactions by the steps that
     change them. ``unpaired`` has pairs of surfaces that are lost, as they are in contact between sectors. ``links``
     has the linear relations of nodes (``nodal.DeckLink``), and ``grounded`` the place among them of each that holds
-    a component of one node. ``ends`` has the times at the ends of steps. ``nonlinear`` is the last step with
-    NLGEOM.
+    a component of one node. ``ends`` has the times at the ends of steps. ``apart`` says that all contact is lost.
+    ``nonlinear`` is the last step with NLGEOM.
     ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
     """
 
@@ -191,6 +191,7 @@ class Deck:
     links: list[Any] = field(default_factory=list)
     grounded: dict[str, int] = field(default_factory=dict)
     nonlinear: DeckBlock | None = None
+    apart: bool = False
 
     @property
     def kinematics(self) -> Kinematics:
@@ -209,7 +210,7 @@ class Deck:
         element that is none either ties them to it.
         """
         keywords = {keyword.keyword for keyword in self.model.blocks}
-        constrained = keywords & {"RIGIDBODY", "EQUATION", "COUPLING"} or any(
+        constrained = keywords & {"RIGIDBODY", "EQUATION", "COUPLING", "MPC"} or any(
             rule.effect == CONSTRAINT for keyword, rule in PLAIN.items() if keyword in keywords
         )
         if self.model.tied or constrained:

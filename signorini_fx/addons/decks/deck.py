@@ -32,7 +32,7 @@ from signorini_fx.addons.decks.keywords import (
 )
 from signorini_fx.addons.decks.loads import read_body_forces, read_boundary, read_forces, read_surface_loads
 from signorini_fx.addons.decks.material import read_constants, read_section
-from signorini_fx.addons.decks.nodal import read_equations
+from signorini_fx.addons.decks.nodal import read_constraints, read_equations
 from signorini_fx.addons.decks.temperatures import read_temperatures
 from signorini_fx.addons.decks.ties import link_sectors
 from signorini_fx.errors import MeshError
@@ -201,6 +201,8 @@ def _read(deck: Deck, block: DeckBlock) -> None:
                 deck.adjusted |= dict.fromkeys(pairs, parameters["ADJUST"])
         case "EQUATION":
             read_equations(deck, block)
+        case "MPC":
+            read_constraints(deck, block)
         case "COUPLING" | "KINEMATIC" | "DISTRIBUTING":
             pass  # have been read where rigid bodies are found
         case "CYCLICSYMMETRYMODEL":

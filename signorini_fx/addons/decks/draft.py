@@ -98,6 +98,7 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
     tables += nodal_tables(deck, steps, target, files)
     if not contacts and not deck.links and deck.touches:
         deck.lose(None, "all of its contact: bodies do not touch in the scene")
+        deck.apart = True
     tables += [("[[contact]]", lines) for lines in contacts]
     all_lines = [line for _, lines in tables for line in lines]
     timed = any(line.startswith(("foundation", "friction")) and " if t < " in line for line in all_lines)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck
+from signorini_fx.addons.decks.keywords import CONSTRAINT
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted, real
 from signorini_fx.mechanics.mesh.files.abaqus_groups import single
 from signorini_fx.mechanics.mesh.files.arrays import plain
@@ -105,6 +106,64 @@ def _members(deck: Deck, name: str) -> list[int] | None:
         return rows or None
     rows = plain(deck.nodes(name))
     return rows if rows and len(rows) == deck.members_of(name) else None
+
+
+def read_constraints(deck: Deck, block: DeckBlock) -> None:
+    """*MPC: PIN and TIE, which join the first node of each pair to the second, and PLANE and STRAIGHT, whose nodes stay
+    in a plane, or on a line, for small displacements.
+
+    Raises:
+        DeckError: there are too few nodes, or they span no plane or line.
+    """
+    if deck.steps:
+        deck.lose(block, "constraints that change within a step")
+        return
+    entries: list[list[str]] = []
+    for row in block.rows:
+        if single(row[0]) is None or not entries:
+            entries.append(list(row))
+        else:
+            entries[-1] += row[1:] if row[0] == "0" else row
+    for kind, *names in entries:
+        members = [_members(deck, name) for name in names]
+        if kind.upper() not in ("PIN", "TIE", "PLANE", "STRAIGHT") or None in members:
+            missing = [name for name, rows in zip(names, members, strict=True) if rows is None]
+            reason = f"{missing[0]!r} is no part of the body" if missing else CONSTRAINT
+            deck.lose(block, f"{kind.upper()}: {reason}")
+            continue
+        nodes = [[deck.node(row) for row in rows or ()] for rows in members]
+        if kind.upper() in ("PIN", "TIE"):
+            if len(nodes) != 2 or len(nodes[0]) != len(nodes[1]):
+                raise DeckError(block, f"{kind.upper()}: two nodes, or two sets of as many, are expected")
+            for pair in zip(*nodes, strict=True):
+                for unit in np.eye(3)[: deck.mesh.dim]:
+                    link_nodes(deck, block, [(pair[0], unit), (pair[1], -unit)])
+        else:
+            every = list(dict.fromkeys(node for part in nodes for node in part))
+            _keep_flat(deck, block, every, 3 if kind.upper() == "PLANE" else 2)
+
+
+def _keep_flat(deck: Deck, block: DeckBlock, nodes: Sequence[int], count: int) -> None:
+    """Keep nodes on the line of the first two, or in the plane of the first three, for small displacements.
+
+    Raises:
+        DeckError: there are too few nodes, or they span no line or plane.
+    """
+    dim = deck.mesh.dim
+    x = np.zeros((len(nodes), 3))
+    x[:, :dim] = deck.mesh.points[nodes]
+    arms = x[1:count] - x[0]
+    if len(nodes) <= count or np.linalg.matrix_rank(arms, tol=ALIKE_IN_DECK**2 * float(np.abs(x).max())) < count - 1:
+        raise DeckError(block, f"more than {count} nodes are expected, of which the first {count} are not in line")
+    across = np.linalg.svd(arms)[2][count - 1 :]
+    shares = np.linalg.lstsq(arms.T, (x[count:] - x[0]).T, rcond=None)[0]
+    for node, share in zip(nodes[count:], shares.T, strict=True):
+        for unit in across:
+            if np.abs(unit[dim:]).max(initial=0.0) > ALIKE_IN_DECK:
+                continue
+            weights = [1.0 - float(share.sum()), *plain(share)]
+            terms = [(other, -weight * unit) for other, weight in zip(nodes[:count], weights, strict=True)]
+            link_nodes(deck, block, [(node, unit), *terms])
 
 
 def follow(deck: Deck, nodes: set[int], along: Floats) -> set[int]:

@@ -154,15 +154,15 @@ def run(options: argparse.Namespace) -> int:
     options.scene = out.parent / f"{out.name}.toml"
     deck: Any = None
 
-    def drafted() -> tuple[int, list[terminal.TerminalLine], dict[str, str]]:
+    def drafted() -> tuple[int, list[terminal.TerminalLine], dict[str, str], bool]:
         nonlocal deck
         draft = _draft_of_run(options.deck, options.scene)
         deck = draft.deck
         graded = [("changes the answer: ", remark, "error") for remark in draft.lost]
         graded += [("does not change it: ", remark, "") for remark in draft.noted]
-        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins
+        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins, deck.apart
 
-    lost, lines, origins = parallel.on_root(MPI.COMM_WORLD, drafted)
+    lost, lines, origins, apart = parallel.on_root(MPI.COMM_WORLD, drafted)
     remarks: list[terminal.TerminalLine] = []
 
     def judged(solution: Solution) -> Solution:
@@ -178,6 +178,11 @@ def run(options: argparse.Namespace) -> int:
     try:
         if not options.quiet:
             parallel.log_on_root(MPI.COMM_WORLD, lines)
+        if apart:
+            why = f"not solved, as all contact of the deck is left out: complete {options.scene}, and solve it"
+            told = terminal.TerminalLine("signorini-fx: ", why, "error")
+            parallel.log_on_root(MPI.COMM_WORLD, [told], error=True)
+            return EXIT_INCOMPLETE
         solution, code = _solved(options, judged)
     except SceneError as error:
         problems = [(path, _with_origin(path, message, options.deck, origins)) for path, message in error.problems]

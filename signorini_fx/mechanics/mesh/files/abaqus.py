@@ -116,7 +116,15 @@ class _Reader:
 
     def read(self, block: DeckBlock) -> None:
         parameters, rows = block.parameters, block.rows
-        self._nodal |= block.keyword in ("BOUNDARY", "CLOAD", "TEMPERATURE", "INITIALCONDITIONS", "EQUATION", "TIE")
+        self._nodal |= block.keyword in (
+            "BOUNDARY",
+            "CLOAD",
+            "TEMPERATURE",
+            "INITIALCONDITIONS",
+            "EQUATION",
+            "MPC",
+            "TIE",
+        )
         match block.keyword:
             case "NODE":
                 if parameters.get("SYSTEM", "R").upper() not in ("R", "RECTANGULAR"):
