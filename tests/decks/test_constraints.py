@@ -311,6 +311,23 @@ def test_forces_in_turned_directions(tmp_path):
     assert force == {"at": [1.0, 1.0], "x": pytest.approx(4 * root - 2 * root), "y": pytest.approx(4 * root + 2 * root)}
 
 
+def test_forces_at_nodes_of_a_ring(tmp_path):
+    """They are those of the whole ring: displacement and reaction as CalculiX 2.20 prints them, from its 2 degrees."""
+    lines = [
+        "*NODE",
+        "1, 1., 0.",
+        "2, 2., 0.",
+        "3, 2., 1.",
+        "4, 1., 1.",
+        "*ELEMENT, TYPE=CAX4, ELSET=E",
+        "1, 1, 2, 3, 4",
+    ]
+    lines += ["*SOLID SECTION, ELSET=E, MATERIAL=STEEL", *STIFF, "*NSET, NSET=FEET", "1, 2", "*BOUNDARY", "FEET, 2"]
+    solution = solved(tmp_path, [*lines, "*STEP", "*STATIC", "*CLOAD", "3, 2, 50.", "4, 2, 40.", END])
+    assert solution.displacement.x.array.max() == pytest.approx(9.551236e-3, rel=3e-4)
+    assert solution.resultants.of("FEET").force[1] * 2 / 360 == pytest.approx(-0.5, rel=1e-9)
+
+
 def test_temperatures_along_a_line(tmp_path):
     """*TEMPERATURE, LINTEMP of CalculiX: linear between two places, 300 at the feet and 500 at the head."""
     lines = column(

@@ -50,7 +50,8 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
             where for where in boundaries if any(np.intersect1d(rows[where], r).size for r in occupied[where].values())
         ]
         block = deck.pairing[(slave, master) if interaction is None else (slave, master, interaction)]
-        if missing and interaction is None and not names and tie_nodes(deck, block, slave, master):
+        unmoved = block.parameters.get("ADJUST", "").upper() == "NO"  # nodes are tied at a distance, without arms
+        if (missing or unmoved) and interaction is None and not names and tie_nodes(deck, block, slave, master):
             continue
         if len(names) == 2 or slave == master or (len(boundaries) == 2 and boundaries[0] == boundaries[1]):
             deck.lose(None, f"{label}: " + ("both are rigid" if names else "a surface with itself"))
