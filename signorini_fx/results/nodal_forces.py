@@ -259,14 +259,15 @@ class NodalForces(SurfaceQuadrature):
     def _linked(self, links: Any, displacement: Array, *, lost: bool = False) -> Array:
         """The forces of ``Links`` at nodal displacements, shape (owned nodes, d): stiffness times sum, of each.
 
-        With ``lost``: their round-off, as the displacements of which they are the difference may be far larger.
+        With ``lost``: their round-off, as a solver knows each displacement to the digits of the largest one.
         """
         table, forces = links.table(links.label, self.across), np.zeros((self.owned, self.dimension))
         node, row = self._listed(table)
         link, number = np.unique(table.groups, return_inverse=True)
         of_link, vectors, terms = number.ravel()[row], table.vectors[row], displacement[node, : self.across]
         if lost:
-            vectors, terms = np.abs(vectors), np.finfo(np.float64).eps * np.abs(terms)
+            largest = parallel.largest(self.tagged.mesh.comm, np.abs(displacement))
+            vectors, terms = np.abs(vectors), np.full_like(terms, np.finfo(np.float64).eps * largest)
         work = np.bincount(of_link, np.sum(vectors * terms, axis=1), minlength=link.size).astype(np.float64)
         sums = parallel.global_sum(self.tagged.mesh.comm, work)
         np.add.at(forces[:, : self.across], node, links.stiffness * sums[of_link][:, None] * vectors)
