@@ -8,6 +8,7 @@ from spaces import box
 
 from signorini_fx import ConvergenceError, SceneError
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.results.certificate import certify
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -70,6 +71,19 @@ def test_a_bar_with_a_flat_end(tmp_path, cells, degree):
     np.testing.assert_allclose(along, 7.0 * 2.0 / YOUNG, rtol=1e-5)
     assert solution.certificate.worst < 1e-7
     assert solution.resultants.of("left").force[0] == pytest.approx(-7.0, rel=1e-9)
+
+
+def test_a_broken_link_is_refused(tmp_path):
+    """The certificate sees a node that leaves its link by a hundred thousandth of the displacement, and a lost force."""
+    force = {"at": list(ends("quadrilateral", 1)[1]), "x": 7.0}
+    solution = solve(pulled(tmp_path, "quadrilateral", 1, MPI.COMM_SELF, point_force=force))
+    model, moved = solution.model, solution.displacement.copy()
+    assert certify(model.statement, model.tagged, moved, None).holds
+    node = np.argmin(np.linalg.norm(moved.function_space.tabulate_dof_coordinates() - (2.0, 1.0, 0.0), axis=1))
+    moved.x.array[2 * node] *= 1 + 1e-5
+    assert not certify(model.statement, model.tagged, moved, None).holds
+    without = model.statement.changed(point_force=())
+    assert not certify(without, model.tagged, solution.displacement, None).holds
 
 
 def test_a_table_of_forces(tmp_path):
