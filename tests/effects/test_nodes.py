@@ -74,7 +74,7 @@ def test_a_bar_with_a_flat_end(tmp_path, cells, degree):
 
 
 def test_a_broken_link_is_refused(tmp_path):
-    """The certificate sees a node that leaves its link by a hundred thousandth of the displacement, and a lost force."""
+    """The certificate sees a node that leaves its link by 1e-5 of its displacement, and a force that is left out."""
     force = {"at": list(ends("quadrilateral", 1)[1]), "x": 7.0}
     solution = solve(pulled(tmp_path, "quadrilateral", 1, MPI.COMM_SELF, point_force=force))
     model, moved = solution.model, solution.displacement.copy()

@@ -243,10 +243,63 @@ def test_bad_files_are_one_error(tmp_path):
 
 def test_a_deck_that_lost_something_agrees_as_it_is_read(tmp_path):
     """The word says so, and so does the exit code."""
-    judgement = verdict("shelf_CPE4", tmp_path, replaced(r"\*STEP", "*EQUATION\n2\n1,1,1.,2,1,-1.\n*STEP"))
+    judgement = verdict("shelf_CPE4", tmp_path, replaced(r"\*STEP", "*GAP\n*STEP"))
     assert judgement.agrees
     assert judgement.exit_code == 4
     assert "agrees (of the problem as read)" in str(judgement)
+
+
+CUBE = """*NODE, NSET=NALL
+1, 0, 0, 0
+2, 1, 0, 0
+3, 1, 1, 0
+4, 0, 1, 0
+5, 0, 0, 1
+6, 1, 0, 1
+7, 1, 1, 1
+8, 0, 1, 1
+*ELEMENT, TYPE=C3D8, ELSET=E
+1, 1, 2, 3, 4, 5, 6, 7, 8
+*MATERIAL, NAME=M
+*ELASTIC
+1000., 0.
+*SOLID SECTION, ELSET=E, MATERIAL=M
+*NSET, NSET=FEET
+1, 2, 3, 4
+*BOUNDARY
+FEET, 1, 3
+*STEP
+*STATIC
+*CLOAD
+5, 3, 1.
+6, 3, 1.
+7, 3, 1.
+8, 3, 1.
+8, 3, 1.
+*END STEP
+"""
+# Of CalculiX 2.20, which adds up what a step gives twice.
+OF_CALCULIX = """
+ displacements (vx,vy,vz) for set NALL and time  0.1000000E+01
+
+         1  0.000000E+00  0.000000E+00  0.000000E+00
+         2  0.000000E+00  0.000000E+00  0.000000E+00
+         3  0.000000E+00  0.000000E+00  0.000000E+00
+         4  0.000000E+00  0.000000E+00  0.000000E+00
+         5  1.785714E-03 -2.214286E-03  3.071429E-03
+         6  1.785714E-03 -1.785714E-03  2.928571E-03
+         7  2.214286E-03 -1.785714E-03  3.071429E-03
+         8  2.214286E-03 -2.214286E-03  1.092857E-02
+"""
+
+
+@pytest.mark.parametrize(("force", "agrees"), [("8, 3, 1.", True), ("8, 3, 1.1", False), ("7, 3, 1.", False)])
+def test_forces_at_nodes(tmp_path, force, agrees):
+    """A cube that is pulled unevenly at its corners: another force, or at another node, is another problem."""
+    deck, result = tmp_path / "cube.inp", tmp_path / "cube.dat"
+    deck.write_text(CUBE.replace("8, 3, 1.\n*END", f"{force}\n*END"))
+    result.write_text(OF_CALCULIX)
+    assert judge(deck, result, compare=False).agrees == agrees
 
 
 def test_command(capsys):

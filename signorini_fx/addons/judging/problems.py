@@ -74,7 +74,8 @@ def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
         except SceneError as error:
             raise error.of(file) from None
         scene = scene.model_copy(update={"mesh": MeshFile(file=file.resolve())})
-    return _problem(scene, _mesh_of_deck(arrays, drafted.deck), drafted.deck, tuple(drafted.lost))
+        # Loads at nodes may be in files of the folder.
+        return _problem(scene, _mesh_of_deck(arrays, drafted.deck), drafted.deck, tuple(drafted.lost))
 
 
 def _mesh_of_deck(arrays: MeshArrays, deck: Deck) -> JudgedMesh:

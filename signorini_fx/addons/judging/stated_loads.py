@@ -85,16 +85,14 @@ def loads_of(
             if load.label != "displacement":
                 reasons.append(f"{load.name} is not judged yet")
             continue
-        if load.nodal:
-            reasons.append(f"{load.name} is not judged yet")
-            continue
         if getattr(load, "enters", ()):
             reasons.append(f"{load.name} enters contact, which is not judged yet")
             continue
         name = _name(load)
         while name in forces:
             name += "'"
-        share = 2 * np.pi if revolved and load.weighting is not None else 1.0  # a total is that of a revolution
+        total = load.weighting is not None or load.nodal
+        share = 2 * np.pi if revolved and total else 1.0  # a total is that of a revolution
         forces[name] = factor / share * _forces(load, mesh, materials, revolved=revolved)
     return forces, reasons
 
@@ -108,6 +106,12 @@ def _name(load: Force) -> str:
 
 def _forces(load: Force, mesh: JudgedMesh, materials: tuple[JudgedMaterial, ...], *, revolved: bool) -> Floats:
     forces = np.zeros(mesh.points.shape)
+    if load.nodal:
+        listed: Any = load
+        table = listed.table(load.label, mesh.dim)
+        for at, region, vector in zip(table.points, table.regions, table.vectors, strict=True):
+            forces[_node_at(mesh, at, region or None)] += vector
+        return forces
     if load.where is not None:
         facets = mesh.boundaries[load.where]
         at = facet_points(mesh, facets, JUDGED_LOAD_POINTS, revolved=revolved)
