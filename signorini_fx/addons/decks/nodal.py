@@ -150,11 +150,18 @@ def _keep_flat(deck: Deck, block: DeckBlock, nodes: Sequence[int], count: int) -
         DeckError: there are too few nodes, or they span no line or plane.
     """
     dim = deck.mesh.dim
-    x = np.zeros((len(nodes), 3))
+    x: Floats = np.zeros((len(nodes), 3))
     x[:, :dim] = deck.mesh.points[nodes]
+    tolerance = ALIKE_IN_DECK**2 * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    first: list[int] = []  # that span the line or the plane
+    for k in range(len(nodes)):
+        if len(first) < count and np.linalg.matrix_rank(x[[*first, k]] - x[0], tol=tolerance) == len(first):
+            first.append(k)
+    if len(first) < count or len(nodes) == count:
+        raise DeckError(block, f"more than {count} nodes are expected, {count} of them not in line")
+    order = [*first, *(k for k in range(len(nodes)) if k not in first)]
+    nodes, x = [nodes[k] for k in order], x[order]
     arms = x[1:count] - x[0]
-    if len(nodes) <= count or np.linalg.matrix_rank(arms, tol=ALIKE_IN_DECK**2 * float(np.abs(x).max())) < count - 1:
-        raise DeckError(block, f"more than {count} nodes are expected, of which the first {count} are not in line")
     across = np.linalg.svd(arms)[2][count - 1 :]
     shares = np.linalg.lstsq(arms.T, (x[count:] - x[0]).T, rcond=None)[0]
     for node, share in zip(nodes[count:], shares.T, strict=True):
