@@ -142,6 +142,15 @@ def test_constraints_that_are_wrong(tmp_path, row):
         drafted(tmp_path, column(["*MPC", row], []))
 
 
+def test_two_nodes_at_one_place_of_a_body(tmp_path):
+    """A slit: a scene cannot name one of them, so that the equation is lost."""
+    lines = column(["*EQUATION", "2", "901, 2, 1., 15, 2, -1."], [])
+    lines[lines.index("900, 0.75, 1.5")] = "901, 0.25, 1.0"
+    lines[lines.index("5, 6, 7, 12, 11")] = "5, 6, 7, 901, 11"
+    lost = drafted(tmp_path, lines)[0].lost
+    assert any("its body has another node at the same place" in remark for remark in lost)
+
+
 # --- couplings -------------------------------------------------------------------------------------------------------
 
 

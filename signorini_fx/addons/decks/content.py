@@ -347,6 +347,10 @@ class Deck:
         """Of the mesh, of a row of the file that is a node of the body."""
         return int(np.searchsorted(self.numbers, row))
 
+    def called(self, node: int) -> str:
+        """A node of the mesh by its number in the file, or one that completes its cells."""
+        return f"node {self.names[node]}" if node < len(self.names) else "a node in the middle of a face"
+
     def beside(self, row: int) -> tuple[list[str], str]:
         """The bodies of other nodes at the place of one, by its row in the file, and its own."""
         return self.together(self.node(row))

@@ -40,7 +40,10 @@ def link_nodes(deck: Deck, block: DeckBlock, terms: Sequence[Term]) -> None:
     for node, vector in terms:
         sums[node] = sums.get(node, np.zeros(3)) + vector
     largest = max((float(np.abs(vector).max()) for vector in sums.values()), default=0.0)
-    if largest > 0:
+    together = [node for node in sums if deck.together(node)[1] in deck.together(node)[0]]
+    if together:
+        deck.lose(block, f"{deck.called(together[0])}: its body has another node at the same place")
+    elif largest > 0:
         scaled = tuple((node, np.asarray(vector / largest)) for node, vector in sums.items() if vector.any())
         deck.links.append(DeckLink(scaled, block))
 
