@@ -357,8 +357,8 @@ class Deck:
 
     def together(self, node: int) -> tuple[list[str], str]:
         """The bodies of other nodes at the place of one of the mesh, and its own."""
-        place = self._places[node]
-        first, last = np.searchsorted(self._by_place[1], (place, place + 1))
+        number = self._places[node]
+        first, last = np.searchsorted(self._by_place[1], (number, number + 1))
         others = self._by_place[0][first:last]
         return [self._body_of(int(other)) for other in others if other != node], self._body_of(node)
 

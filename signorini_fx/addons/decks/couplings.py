@@ -65,8 +65,8 @@ def spread(deck: Deck, block: DeckBlock, node: int, force: Floats, moment: Float
     weight = weights[nodes] / weights.sum()
     x, reference = np.zeros((len(nodes), 3)), np.zeros(3)
     x[:, : deck.mesh.dim] = deck.mesh.points[nodes]
-    place = deck.model.raw.points[deck.model.places[node]]
-    reference[: len(place)] = place
+    position = deck.model.raw.points[deck.model.places[node]]
+    reference[: len(position)] = position
     middle = weight @ x
     if node in deck.cyclic:  # those of all sectors have no moment across the axis, and no force across it
         forces = weight[:, None] * force

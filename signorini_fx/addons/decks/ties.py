@@ -135,8 +135,8 @@ def _link(
     places = (x[moving] - about) @ turn.T + about
     near = SAME_POSITION * float(np.linalg.norm(np.ptp(x, axis=0)))
     free = 0
-    for node, place, weights in zip(moving, places, _closest(deck, places, fixed, near), strict=True):
-        away = float(np.linalg.norm(sum(weight * x[other] for other, weight in weights.items()) - place))
+    for node, point, weights in zip(moving, places, _closest(deck, places, fixed, near), strict=True):
+        away = float(np.linalg.norm(sum(weight * x[other] for other, weight in weights.items()) - point))
         if away > reach:
             free += 1
             continue
@@ -175,7 +175,7 @@ def _closest(deck: Deck, places: Floats, fixed: Ints, near: float) -> list[dict[
     return result
 
 
-def _weights_at(cell: Cell, x: Floats, place: Floats) -> Floats:
+def _weights_at(cell: Cell, x: Floats, point: Floats) -> Floats:
     """Shape functions at the closest place of a facet with nodes of shape (n, d)."""
     at = np.mean(np.array(cell.corners, dtype=np.float64), axis=0)
     dim = cell.dim
@@ -183,7 +183,7 @@ def _weights_at(cell: Cell, x: Floats, place: Floats) -> Floats:
         steps = np.vstack((at, at + _DIFFERENCE * np.eye(dim), at - _DIFFERENCE * np.eye(dim)))
         positions = cell.shape(steps) @ x
         slopes = (positions[1 : dim + 1] - positions[dim + 1 :]) / (2 * _DIFFERENCE)
-        move = np.linalg.lstsq(slopes.T, place - positions[0], rcond=None)[0]
+        move = np.linalg.lstsq(slopes.T, point - positions[0], rcond=None)[0]
         at = _inside(cell, at + move)
         if np.abs(move).max() < SAME_LENGTH:
             break
