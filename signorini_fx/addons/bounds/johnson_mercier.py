@@ -54,7 +54,11 @@ class LocalStress:
             self._invert(slice(first, min(first + step, n)))
 
     def _invert(self, chunk: slice) -> None:
-        """Compliance of some cells: least energy with balanced moments."""
+        """Compliance of some cells: least energy with balanced moments.
+
+        The stresses of thin cells grow with the square of their aspect.  A factor of the energy, not the energy itself,
+        is inverted, which would square that again.
+        """
         t, d, operator = self._t, self._t.dimension, reference(self._t.dimension)[0]
         count, parts, k = d + 1, (d + 1) ** 2, d * d * (d + 1)
         map_ = self._determinant[chunk, None, None] * self._inverse[chunk]
@@ -62,37 +66,47 @@ class LocalStress:
         # Linear tractions at the vertices of a facet of area 1 from their moments.
         from_moments = d * (d + 1) * np.eye(d) - d
         data = np.einsum("ij,ab,nkl->niakjbl", np.eye(count), from_moments, map_).reshape(n, k, k)
-        turn = self._turn[chunk, None]
-        stress = (turn @ (operator[:, :k] @ data).reshape(n, parts, -1, k)).reshape(n, -1, k)
-        weighted = self._conjugate(stress.reshape(n, count, count, -1, k), chunk).reshape(n, -1, k).transpose(0, 2, 1)
-        energy = weighted @ stress
-        fixed = (turn @ operator[:, k:].reshape(parts, -1, d * count)).reshape(n, -1, d * count)
+        root = self._root_of_energy(chunk)
+        stress = self._weighted(root, (operator[:, :k] @ data).reshape(n, parts, -1, k))
+        self.energy[chunk] = (stress**2).sum(axis=(1, 2))
         centre = t.x[t.corners[chunk]].mean(axis=1)
         size = t.volume[chunk] ** (1 / d)
         arm = (t.x[t.corners[chunk]] - centre[:, None]) / size[:, None, None]
-        balance = _resultants(arm[:, FACETS[d]].reshape(n, -1, d))
-        self.energy[chunk] = np.trace(energy, axis1=1, axis2=2)
-        unit = self.energy[chunk, None, None] / k
-        matrix = np.zeros((n, k + balance.shape[1], k + balance.shape[1]))
-        matrix[:, :k, :k] = energy / unit
-        matrix[:, k:, :k], matrix[:, :k, k:] = balance, balance.transpose(0, 2, 1)
-        solution = np.linalg.inv(matrix)
-        self.compliance[chunk] = solution[:, :k, :k] / unit
+        balance = _resultants(arm[:, FACETS[d]].reshape(n, -1, d)).transpose(0, 2, 1)
+        directions, lengths = np.linalg.qr(balance, mode="complete")
+        rank = balance.shape[2]
+        loaded, free = directions[:, :, :rank], directions[:, :, rank:]
+        q, r = np.linalg.qr(stress @ free)
+        root_of_compliance = free @ np.linalg.inv(r)
+        self.compliance[chunk] = root_of_compliance @ root_of_compliance.transpose(0, 2, 1)
         # Forces of the parts on the reference cell from the integrals of the force, and its resultants.
         divided = _forces_of_parts(d) / t.volume[chunk, None, None]
         forces = -np.einsum("nij,nkl->nikjl", divided, self._inverse[chunk] * self._determinant[chunk, None, None] ** 2)
-        forces = forces.reshape(n, d * count, d * count)
-        self._alone[chunk] = -self.compliance[chunk] @ (weighted @ (fixed @ forces)) - solution[
-            :, :k, k:
-        ] @ _resultants(arm)
+        inside = operator[:, k:].reshape(parts * len(ROWS[d]), -1) @ forces.reshape(n, d * count, d * count)
+        opposite = -loaded @ np.linalg.solve(lengths[:, :rank].transpose(0, 2, 1), _resultants(arm))
+        beside = stress @ opposite + self._weighted(root, inside.reshape(n, parts, -1, d * count))
+        self._alone[chunk] = opposite - root_of_compliance @ (q.transpose(0, 2, 1) @ beside)
 
-    def _conjugate(self, stress: Array, chunk: slice) -> Array:
-        """The matrix of the integral of sigma : C^-1 tau times stresses, shape (n, d + 1, d + 1, 3 or 6, k)."""
+    def _root_of_energy(self, chunk: slice) -> Array:
+        """From stresses of reference cells to vectors whose squares are the energy, shape (n, 3 or 6, 3 or 6)."""
         t, d = self._t, self._t.dimension
-        scaled, unit = t.moduli.scaled_strain(np.moveaxis(stress, 3, -1), chunk)
-        strain = np.moveaxis(scaled, -1, 3) * TWICE[d][:, None]
-        weight = (t.volume[chunk] / ((d + 1) ** 2 * (d + 2) * unit))[:, None, None, None, None]
-        return np.asarray(weight * (strain + strain.sum(axis=2, keepdims=True)))
+        n = len(self._turn[chunk])
+        strain, unit = t.moduli.scaled_strain(np.tile(np.eye(len(ROWS[d])), (n, 1, 1)), chunk)
+        root = np.linalg.cholesky(strain * TWICE[d]).transpose(0, 2, 1)
+        root *= np.sqrt(t.volume[chunk] / ((d + 1) ** 2 * (d + 2) * unit))[:, None, None]
+        return np.asarray(root @ self._turn[chunk])
+
+    def _weighted(self, root: Array, stress: Array) -> Array:
+        """Vectors whose squares are the energy of stresses that are linear on the parts, shape (n, rows, k).
+
+        Args:
+            root: of ``_root_of_energy``.
+            stress: of the reference cells at the corners of the parts, shape (n, (d + 1)^2, 3 or 6, k).
+        """
+        count, (n, _, _, k) = self._t.dimension + 1, stress.shape
+        at = (root[:, None] @ stress).reshape(n, count, count, -1, k)
+        # The root of the mass matrix 1 + ones.
+        return np.asarray(at + (np.sqrt(1 + count) - 1) / count * at.sum(axis=2, keepdims=True)).reshape(n, -1, k)
 
     def alone(self, body: Array) -> Array:
         """Moments in balance with a body force where the vertices of the facets do not move, force, shape (n, k).
