@@ -536,6 +536,13 @@ PROGRAMME_TOLERANCE = 1e-10
 # A displacement that was moved out of the foundation is improved if that adds more than this share of the square of
 # the bound.  Choice: the first one is cheap.
 LITTLE_OF_BOUND = 0.1
+# Where two bodies meet, a node of one side that is nearer to a node of the other one than this times the height of its
+# triangle is moved there for the bound; a node that cannot move may be as near as the second one.  Source: what thin
+# triangles miss of their balance by round-off grows with the fourth power of their aspect: 1e-5 of the bound at the
+# first, and all of it at the second one.  Tuned on shifted blocks, tests/bounds/test_bounds_of_two_bodies.py.
+NEAR_NODE, THINNEST_PART = 0.01, 1e-3
+# Steps of Newton's method that balances contact tractions.  Choice: five were enough from none and 1e4 times more.
+BALANCING_STEPS = 50
 # Where conjugate gradients for stresses in balance end: a share of the first residual, and a number of products.
 # Choice: the bound holds whatever they leave, which is added to it.
 BALANCING_RESIDUAL, BALANCING_PRODUCTS = 1e-7, 500

@@ -14,7 +14,7 @@ from signorini_fx.addons.bounds.arrays import Array
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, MatrixModuli, Moduli
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.effects.body_force import BodyForce
-from signorini_fx.mechanics.effects.contact import BilateralContact, UnilateralContact
+from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.mechanics.materials.protocol import Material
@@ -27,14 +27,20 @@ from signorini_fx.quantities.statements import Grounds, Refused
 from signorini_fx.tuned import SAME_ENTRY
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
-_KNOWN_EFFECTS = (BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact, BilateralContact)
+_KNOWN_EFFECTS = (
+    BodyForce,
+    SurfaceTraction,
+    PrescribedDisplacement,
+    UnilateralContact,
+    BilateralContact,
+    BondedContact,
+)
 
 # Of these what expressions compare cuts facets and cells.
 _CUT = ("traction", "body force")
 
 
 # Features of a scene that the proof does not know.
-_UNILATERAL = "a guaranteed bound is for contact with a rigid foundation so far"
 REFUSES = {
     "driven foundation": "a guaranteed bound is for foundations that no force moves so far",
     "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
@@ -42,7 +48,6 @@ REFUSES = {
     "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
     "point force": "a force at a point does infinite work: its displacement has no finite energy",
     "links": "links act at points, where displacements of finite energy have no value",
-    "contact of two bodies": _UNILATERAL,
     "foundation with a shape": "a guaranteed bound is for a gap along given directions, not for a foundation with a "
     "shape so far",
     "friction axes": "friction that depends on the direction has no guaranteed bound yet",
@@ -51,14 +56,27 @@ REFUSES = {
 RANKS, CURVED, POINT = "several ranks", "curved cells", "parts that share a point"
 QUADRATIC_QUADRILATERALS, HEXAHEDRA = "quadrilaterals of degree 2", "hexahedra"
 FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
+PAIR_IN_SPACE = "contact of two bodies in space"
 REFUSES_BESIDES = {
     RANKS: "a guaranteed bound is computed on one rank so far",
     CURVED: "a guaranteed bound is for straight cells so far",
     QUADRATIC_QUADRILATERALS: "on quadrilaterals a guaranteed bound is for degree 1 so far",
     HEXAHEDRA: "in space a guaranteed bound is for tetrahedra so far",
+    PAIR_IN_SPACE: "in space a guaranteed bound is for contact with a rigid foundation so far",
     POINT: "a body whose parts share nothing but a point has no guaranteed bound yet",
     FORM_AS_GAP: "a gap given as a form is not known between the nodes",
     FORM_AS_BOUND: "a friction bound given as a form is not known between the nodes",
+}
+
+# What it does not know of the sides of two bodies, where they lie.
+APART, TWICE_MET = "friction or bond of sides that are apart", "side that meets two others at a place"
+NEARLY_MET, PARTLY_CLOSED = "corners of two bodies that nearly meet", "adjust that closes a part of a contact"
+REFUSES_OF_PAIRS = {
+    APART: "with friction or a bond a guaranteed bound is for sides of two bodies that lie on each other, or that are "
+    "nominally in contact: how a pair turns whose sides are apart is no functional of displacements",
+    TWICE_MET: "a guaranteed bound needs that each part of a side meets one part of one other side at most",
+    NEARLY_MET: "a guaranteed bound needs that nodes of two bodies do not nearly meet where no side is straight",
+    PARTLY_CLOSED: "adjust that closes a part of a contact does not say what the gap is between the nodes",
 }
 
 
@@ -151,6 +169,7 @@ def refuse_unknown(d: Model) -> None:
         CURVED: compat.geometry_degree(mesh) > 1,
         QUADRATIC_QUADRILATERALS: kind == "quadrilateral" and degree > 1,
         HEXAHEDRA: kind == "hexahedron",
+        PAIR_IN_SPACE: d.tagged.dimension == 3 and bool(d.pairs),
         POINT: d.motions.pieces.pins.size > 0,
         FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in d.statement.contact),
         FORM_AS_BOUND: any(hasattr(value, "ufl_shape") for value in bounds),
@@ -195,7 +214,7 @@ def why_estimated(d: Model, place: float = 0.0) -> str:
     return " and ".join(dict.fromkeys(reasons))
 
 
-def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: float) -> Grounds:
+def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: float, flat: bool = True) -> Grounds:
     """What a bound rests on.
 
     Args:
@@ -204,6 +223,7 @@ def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: floa
         coulomb: whether its friction bound is the computed one.
         later: whether slip counts from the displacement of another load step.
         unknown: share of the loads that quadrature does not know, which is counted.
+        flat: whether the sides of all pairs of bodies are parallel.
     """
     seen = [
         kind
@@ -219,6 +239,7 @@ def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: floa
         if unknown > SAME_ENTRY
         else "",
         STRAIGHT_CELLS if d.statement.arcs else "",
+        "" if flat else "of the sides of two bodies as polygons, paired at their nodes",
         "of the Tresca problem with the computed friction bound, converged or not: that this is the bound of the exact "
         "solution is assumed"
         if coulomb

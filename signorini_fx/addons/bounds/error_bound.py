@@ -7,7 +7,8 @@ of v and tau from the solution, in the norms of the energy and of the complement
     |C eps(v) - tau|^2 + 2 int p (d - v_n) + 2 int (g |v_t| - mu v_t),
 
 of which every part is local and not negative (W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269; for
-contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysis and Variational Problems).  v is the
+contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysis and Variational Problems); between two
+bodies v_n and v_t are those of the jump, (B1) and (B2) of docs/theory.md.  v is the
 finite element solution without what it enters the foundation, w; with the solution itself in the first term only, the
 square of its error is at most the sum above plus that of |w|.  tau the stress of least complementary energy of
 ``equilibrated_stress`` with tractions made of the nodal pressures.  What the stress does not hold of the loads enters
@@ -25,16 +26,20 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 from dolfinx import fem
+from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.addons.bounds.bounded_error import ROUND_OFF, UNBALANCED, out, small_rests, work_of_loads
+from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
+from signorini_fx.addons.bounds.bounded_error import ROUND_OFF, out, small_rests, work_of_loads
 from signorini_fx.addons.bounds.bounded_scene import refuse_unknown, why_estimated
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
-from signorini_fx.addons.bounds.problem import FacetsInContact, PlainProblem, onto_disc
+from signorini_fx.addons.bounds.problem import FacetsInContact, PlainProblem
+from signorini_fx.addons.bounds.separated_bodies import Shut, separate
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, square
 from signorini_fx.mechanics.body.contact_state import ContactState
@@ -42,8 +47,8 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.statements import ErrorBound, Refused
 from signorini_fx.tuned import LITTLE_OF_BOUND, SAME_LENGTH
 
-# Attempts to balance a body that supports do not hold.
-_BALANCES = 200
+# Times that bodies are moved out of foundations and each other.
+_ATTEMPTS = 5
 # Linear functions on a facet with the moments of 4 l_a l_b: at a and b, and at the third vertex.
 _OF_BUBBLE = {2: (2 / 3, 0), 3: (3 / 5, -1 / 5)}
 
@@ -195,6 +200,9 @@ class Bounded(PlainProblem):
         stress = self._stress()
         between = square(t, from_strain(t, computed) - stress.stress)
         v = self._beside(self._admissible(np.zeros_like(self.y)), computed)
+        if self._pairs:
+            closed = [self._beside(self._admissible(np.zeros_like(self.y), shut), computed) for shut in list(Shut)[1:]]
+            v = min(v, *closed, key=lambda entry: entry.squares.sum())
         if v.moved.sum() > LITTLE_OF_BOUND * between.sum():
             # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
             v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda entry: entry.squares.sum())
@@ -206,6 +214,9 @@ class Bounded(PlainProblem):
         t, enclosure = self.t, self.enclosure
         v, data = enclosure.v, enclosure.data
         duality, missed, moved = (float(np.sqrt(squares.sum())) for squares in (enclosure.duality, data, v.moved))
+        if self.moved_nodes > 0:  # (B3) of docs/theory.md: counted as a part of what is moved
+            further = np.sqrt(self.moved_nodes)
+            moved = float(np.sqrt(moved**2 + further * (2 * np.sqrt(duality**2 + moved**2) + further)))
         total = (np.hypot(duality, moved) + missed + enclosure.round_off) * (1 + ROUND_OFF * np.sqrt(len(t.corners)))
         squares: Array = np.zeros(self.cells)
         np.add.at(squares, self.owner, enclosure.duality + data + v.moved)
@@ -225,6 +236,9 @@ class Bounded(PlainProblem):
         traction = acting.traction.copy()
         for surface in self.contacts:
             traction[surface.facets] += surface.traction @ (np.eye(d) - self.held[surface.facets])
+            if (opposite := surface.opposite) is not None:  # the same force on as much of the other body
+                back = -opposite.over(surface.traction) * opposite.ratio[:, None, None]
+                traction[opposite.facets] += back @ (np.eye(d) - self.held[opposite.facets])
         # The linear functions on the facets with the moments of the displacement.
         start, bubble = self.y[t.facets], (self.middle - self.y[t.edges].mean(axis=1))[t.edges_of_facets]
         (ends, third), start = _OF_BUBBLE[d], start + _OF_BUBBLE[d][1] * bubble.sum(axis=1, keepdims=True)
@@ -235,15 +249,20 @@ class Bounded(PlainProblem):
     def _on_contact(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
         """Integrals of p (d - v_n) + g |v_t| - mu . v_t over the facets, energies, shape (m,)."""
         d = self.t.dimension
-        displacement = self.on_facets(y, middle, surface.facets)
+        displacement = self.relative(surface, y, middle)
         normal = np.einsum("fcd,fd->fc", displacement, surface.normal)
         slip = displacement - surface.before
         tangential = slip - np.einsum("fcd,fd,fe->fce", slip, surface.normal, surface.normal)
         values, linear = bernstein(POINTS[d]), POINTS[d]
-        work = surface.pressure @ linear.T * (surface.gap - normal @ values.T).clip(min=0.0)
+        open_by = surface.gap - normal @ values.T
+        if surface.bilateral:  # zero but for round-off
+            work = np.abs(surface.pressure @ linear.T) * np.abs(open_by)
+        else:
+            work = surface.pressure @ linear.T * open_by.clip(min=0.0)
         size = np.linalg.norm(tangential, axis=2) @ values.T
         shear = np.einsum("qc,fcd->fqd", linear, surface.shear)
-        work += (surface.bound * size - (shear * (values @ tangential)).sum(axis=2)).clip(min=0.0)
+        bound = np.linalg.norm(shear, axis=2) if surface.bonded else surface.bound
+        work += (bound * size - (shear * (values @ tangential)).sum(axis=2)).clip(min=0.0)
         return np.asarray(self.t.area[surface.facets] * (work @ WEIGHTS[d]))
 
     def _balance(self) -> None:
@@ -256,76 +275,41 @@ class Bounded(PlainProblem):
             raise Refused("the body is not held")
 
         moments = moments_of(t, modes[t.facets])
-
-        def moved(facets: Ints) -> Array:
-            """Integrals of the modes times the hat functions of the vertices of facets, shape (m, d, d, k)."""
-            return np.asarray(moments[facets])
-
         loads = np.einsum("ncd,ncdk->k", self.loads.body, modes[t.corners])
         loads = loads + np.einsum("fad,fadk->k", self.loads.traction, moments)
-        work = [moved(surface.facets) for surface in self.contacts]
-        normal = [
-            -np.einsum("fadk,fd->fak", part, surface.normal) for part, surface in zip(work, self.contacts, strict=True)
-        ]
-        across = [
-            -(part + np.einsum("fak,fd->fadk", push, surface.normal))
-            for part, push, surface in zip(work, normal, self.contacts, strict=True)
-        ]
+        contacts = []
+        for surface in self.contacts:
+            work = moments[surface.facets]
+            if (opposite := surface.opposite) is not None:
+                work = work - opposite.ratio[:, None, None, None] * opposite.over(moments[opposite.facets])
+            normal = -np.einsum("fadk,fd->fak", work, surface.normal)
+            across = -(work + np.einsum("fak,fd->fadk", normal, surface.normal))
+            lowest = -np.inf if surface.bilateral else 0.0
+            contacts.append(
+                AdmissibleTractions(
+                    surface.pressure, surface.shear, surface.least, lowest, normal, across, t.area[surface.facets]
+                )
+            )
         pieces = of_each_piece(t, modes.reshape(t.x.size, -1))
         sizes = (
-            np.abs(push * surface.pressure[:, :, None]).sum(axis=(0, 1))
-            + np.abs(np.einsum("fadk,fad->fak", pull, surface.shear)).sum(axis=(0, 1))
-            for push, pull, surface in zip(normal, across, self.contacts, strict=True)
+            np.abs(contact.normal * contact.pressure[:, :, None]).sum(axis=(0, 1))
+            + np.abs(np.einsum("fadk,fad->fak", contact.across, contact.shear)).sum(axis=(0, 1))
+            for contact in contacts
         )
         small = small_rests(loads, sum(sizes, np.zeros(loads.size)), pieces)
-        for _, part in pieces:
-            self._balance_piece(
-                loads[part],
-                [push[..., part] for push in normal],
-                [pull[..., part] for pull in across],
-                small[part].min(),
-            )
-
-    def _balance_piece(self, loads: Array, normal: list[Array], across: list[Array], small: float) -> None:
-        """Change pressures and shears so that they balance the loads of a piece.
-
-        Args:
-            loads: their work on its free motions, force, shape (k,).
-            normal: that of unit pressures at the vertices of the facets of each contact, shapes (m, d, k).
-            across: that of unit shears, shapes (m, d, d, k).
-            small: what may be left of it, force.
-        """
-        t = self.t
-        for _ in range(_BALANCES):
-            residual, flexible = loads.copy(), np.zeros((loads.size, loads.size))
-            for push, pull, surface in zip(normal, across, self.contacts, strict=True):
-                residual += np.einsum("fak,fa->k", push, surface.pressure) + np.einsum(
-                    "fadk,fad->k", pull, surface.shear
-                )
-                inside = np.linalg.norm(surface.shear, axis=2) < surface.least * (1 - SAME_LENGTH)
-                flexible += np.einsum(
-                    "fak,fal->kl", push / t.area[surface.facets, None, None], push * self._room(surface)
-                )
-                flexible += np.einsum(
-                    "fadk,fadl->kl", pull / t.area[surface.facets, None, None, None], pull * inside[:, :, None, None]
-                )
-            if np.abs(residual).max() <= small:
-                return
-            step = np.linalg.lstsq(flexible, residual, rcond=1e-12)[0]
-            for push, pull, surface in zip(normal, across, self.contacts, strict=True):
-                area = t.area[surface.facets, None]
-                inside = np.linalg.norm(surface.shear, axis=2) < surface.least * (1 - SAME_LENGTH)
-                surface.pressure = (surface.pressure - self._room(surface)[:, :, 0] * (push @ step) / area).clip(
-                    min=0.0
-                )
-                changed = surface.shear - inside[:, :, None] * (pull @ step) / area[:, :, None]
-                surface.shear = onto_disc(changed, surface.least)
-        raise Refused(UNBALANCED)
-
-    @staticmethod
-    def _room(surface: FacetsInContact) -> Array:
-        """1 where a pressure can become smaller and larger, shape (m, d, 1)."""
-        return (surface.pressure > 0)[:, :, None].astype(np.float64)
+        group = self.group_of_piece
+        for number in np.unique([group[piece] for piece, _ in pieces]):
+            together = [columns for piece, columns in pieces if group[piece] == number]
+            part = np.concatenate(together)
+            rests = np.concatenate([np.full(len(columns), small[columns].min()) for columns in together])
+            of_group = [
+                replace(contact, normal=contact.normal[..., part], across=contact.across[..., part])
+                for contact in contacts
+            ]
+            for surface, contact, (pressure, shear) in zip(
+                self.contacts, contacts, balanced(loads[part], of_group, rests), strict=True
+            ):
+                surface.pressure, surface.shear = contact.pressure, contact.shear = pressure, shear
 
     def _free_at(self, parts: Ints, count: int, projectors: Array) -> tuple[Array, Array]:
         """Sizes and directions of what holds vertices or edges, shapes (count, d) and (count, d, d).
@@ -353,7 +337,7 @@ class Bounded(PlainProblem):
         """Of least energy with what the vertices enter the foundation, and slip where they stick; zero at supports."""
         t, rows = self.t, [PrescribedComponents.of_facets(self.t.facets, self.held, np.zeros(self.t.dimension))]
         sizes, vectors = self._free_at(t.facets, len(t.x), self.held)
-        for surface in self.contacts:
+        for surface in self._on_foundations:
             for corner in range(t.dimension):
                 vertex = t.facets[surface.facets, corner]
                 depth = np.einsum("fd,fd->f", self.y[vertex], surface.normal) - surface.below[:, corner]
@@ -378,23 +362,53 @@ class Bounded(PlainProblem):
         displacement = smallest_energy(t, constraints)[0] if constraints.fixes(t) else np.zeros_like(self.y)
         return np.einsum("vik,vk,vjk,vj->vi", vectors, sizes <= SAME_LENGTH, vectors, displacement)
 
-    def _admissible(self, removed: Array) -> tuple[Array, Array]:
-        """The displacement without what it enters the foundation, at vertices and middles of edges.
+    def _admissible(self, removed: Array, shut: Shut = Shut.NOTHING) -> tuple[Array, Array]:
+        """The displacement without what it enters foundations and other bodies, at vertices and middles of edges.
 
         Args:
             removed: what is taken away from it before at the vertices, linear between them, length, shape (v, d).
+            shut: what is closed between two bodies.
         """
-        t = self.t
-        y, middle = self.y - removed, self.middle - removed[t.edges].mean(axis=1)
-        tiny = ROUND_OFF * self._far
-        if any(surface.bilateral for surface in self.contacts):
+        y, middle = self.y - removed, self.middle - removed[self.t.edges].mean(axis=1)
+        if not self._pairs:
+            self._leave_foundations(y, middle)
+            return y, middle
+        t, tiny = self.t, ROUND_OFF * self._far
+        projectors = [self._loose(parts, len(values), self.held) for parts, values in self._entities(y, middle)]
+        for attempt in range(_ATTEMPTS):
+            self._leave_foundations(y, middle)
+            kind = Shut.NOTHING if attempt else shut
+            separate(t, self._pairs, self.relative, y, middle, (projectors[0], projectors[1]), tiny, kind)
+            if all(self._admits(surface, y, middle, 2 * tiny) for surface in self.contacts):
+                return y, middle
+        raise Refused("no displacement near the computed one keeps all bodies out of each other")
+
+    def _admits(self, surface: FacetsInContact, y: Array, middle: Array, tiny: float) -> bool:
+        """Whether a displacement keeps to a contact."""
+        relative = self.relative(surface, y, middle)
+        excess = np.einsum("fcd,fd->fc", relative, surface.normal) - surface.below
+        if surface.bonded:
+            return bool(np.abs(relative).max(initial=0.0) <= SAME_LENGTH * self._far)
+        return bool((np.abs(excess) if surface.bilateral else excess).max(initial=-np.inf) <= tiny)
+
+    def _entities(self, y: Array, middle: Array) -> tuple[tuple[Ints, Array], tuple[Ints, Array]]:
+        """Vertices and edges of facets, with a displacement there."""
+        return (self.t.facets, y), (self.t.edges_of_facets, middle)
+
+    def _loose(self, parts: Ints, count: int, projectors: Array) -> Array:
+        """Projectors onto the directions in which supports let vertices or edges move, see ``_free_at``."""
+        sizes, vectors = self._free_at(parts, count, projectors)
+        return np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
+
+    def _leave_foundations(self, y: Array, middle: Array) -> None:
+        """Move a displacement out of foundations, and to those that contact cannot leave, in place."""
+        t, tiny = self.t, ROUND_OFF * self._far
+        if any(surface.bilateral for surface in self._on_foundations):
             self._close(y, middle)
-        unmoved, opening = y.copy(), [surface for surface in self.contacts if not surface.bilateral]
-        for entities, first in ((t.facets, 0), (t.edges_of_facets, t.dimension)):
+        unmoved, opening = y.copy(), [surface for surface in self._on_foundations if not surface.bilateral]
+        for (entities, values), first in zip(self._entities(y, middle), (0, t.dimension), strict=True):
             at_vertices = first == 0
-            values = y if at_vertices else middle
-            sizes, vectors = self._free_at(entities, len(values), self.held)
-            free = np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
+            free = self._loose(entities, len(values), self.held)
             wanted: dict[int, list[tuple[Array, float]]] = {}
             for surface in opening:
                 excesses = (
@@ -412,7 +426,6 @@ class Bounded(PlainProblem):
                 values[where] -= out(normals, depths + tiny, free[where], tiny)
             if at_vertices:
                 middle += (y - unmoved)[t.edges].mean(axis=1)
-        return y, middle
 
     def _close(self, y: Array, middle: Array) -> None:
         """Move a displacement to the foundations that contact cannot leave, in directions in which supports let it.
@@ -420,12 +433,12 @@ class Bounded(PlainProblem):
         Vertices first, then middles, of which an edge has half its coefficient of Bernstein.
         """
         t, unmoved = self.t, y.copy()
-        for entities, first in ((t.facets, 0), (t.edges_of_facets, t.dimension)):
-            values, share = (y, 1.0) if first == 0 else (middle, 0.5)
-            sizes, vectors = self._free_at(entities, len(values), self.supported)
-            free = np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
+        for (entities, values), first, share in zip(
+            self._entities(y, middle), (0, t.dimension), (1.0, 0.5), strict=True
+        ):
+            free = self._loose(entities, len(values), self.supported)
             rows: dict[int, list[tuple[Array, float]]] = {}
-            for surface in filter(lambda contact: contact.bilateral, self.contacts):
+            for surface in filter(lambda contact: contact.bilateral, self._on_foundations):
                 along = np.einsum("fcd,fd->fc", self.on_facets(y, middle, surface.facets), surface.normal)
                 for column in range(first, first + entities.shape[1]):
                     missed = share * (surface.below - along)[:, column]
@@ -441,6 +454,28 @@ class Bounded(PlainProblem):
                 values[where] += change
             if first == 0:
                 middle += (y - unmoved)[t.edges].mean(axis=1)
+
+    @property
+    def _on_foundations(self) -> list[FacetsInContact]:
+        """The contacts with rigid foundations."""
+        return [surface for surface in self.contacts if surface.opposite is None]
+
+    @property
+    def _pairs(self) -> list[FacetsInContact]:
+        """The contacts of two bodies."""
+        return [surface for surface in self.contacts if surface.opposite is not None]
+
+    @cached_property
+    def group_of_piece(self) -> Ints:
+        """A number for each piece, the same for those that contacts join: their bounds are known together."""
+        t, links = self.t, np.zeros((0, 2), dtype=np.int64)
+        for surface in self._pairs:
+            assert surface.opposite is not None
+            sides = [t.piece[t.sides[facets, 0]] for facets in (surface.facets, surface.opposite.facets)]
+            links = np.concatenate((links, np.stack(sides, axis=1)))
+        count = int(t.piece.max()) + 1
+        graph = sp.csr_matrix((np.ones(len(links)), tuple(links.T)), shape=(count, count))
+        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
     @property
     def _far(self) -> float:

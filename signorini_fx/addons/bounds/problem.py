@@ -2,32 +2,72 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import basix
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.bounds.applied_loads import LinearLoads, PlaneLoads
 from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.addons.bounds.bounded_scene import BoundPoints, grounds, moduli_of, refuse_unknown
+from signorini_fx.addons.bounds.balanced_tractions import onto_disc
+from signorini_fx.addons.bounds.bounded_scene import (
+    APART,
+    PARTLY_CLOSED,
+    REFUSES_OF_PAIRS,
+    TWICE_MET,
+    BoundPoints,
+    grounds,
+    moduli_of,
+    refuse_unknown,
+)
 from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, bernstein, coefficients
+from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
 from signorini_fx.addons.bounds.simplices import Simplices, divide
+from signorini_fx.addons.bounds.split_triangles import SplitTriangles, with_moved_nodes
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.effects.contact import BondedContact, Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.pairs.coupling import closed_within
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.statements import Grounds, Refused
-from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
+from signorini_fx.tuned import SAME_DIRECTION, SAME_LENGTH, ZERO_IN_SOLUTION
 
 # Values at both ends and in the middle of the linear function whose moments with linear ones are those that Simpson's
 # rule has from nodal values.
 _LINEAR: Array = np.array([[4, 4, -2], [1, 4, 1], [-2, 4, 4]]) / 6
+
+
+@dataclass(frozen=True)
+class OtherSide:
+    """The facets of another body, one over each facet of a contact.
+
+    Attributes:
+        facets: shape (m,).
+        order: of their vertices those over the first and the second one, 0 and 1 or 1 and 0, shape (m, 2).
+        ratio: of the lengths of the facets of the contact to theirs, shape (m,).
+        share: of a change of the jump that the side with the contact points takes, shape (m,).
+    """
+
+    facets: Ints
+    order: Ints
+    ratio: Array
+    share: Array
+
+    def vertices(self, t: Simplices) -> Ints:
+        """Over those of the facets of the contact, shape (m, 2)."""
+        return np.take_along_axis(t.facets[self.facets], self.order, axis=1)
+
+    def over(self, values: Array) -> Array:
+        """Values at the vertices of the facets, shape (m, 2, ...), at those over the vertices of the contact."""
+        return np.asarray(values[np.arange(len(self.order))[:, None], self.order])
 
 
 @dataclass
@@ -44,9 +84,12 @@ class FacetsInContact:
         pressure: p at the vertices, stress, shape (m, d).
         shear: mu at the vertices, perpendicular to the normal, stress, shape (m, d, d).
         least: a linear function of which |mu| is at most, at the vertices, stress, shape (m, d).
-        bilateral: whether the contact cannot open: then its facets are held along the normal, and ``pressure`` is zero.
+        bilateral: whether the contact cannot open: then the facets of one body are held along the normal, and
+            ``pressure`` is zero; between two bodies it has any sign.
         before: coefficients of Bernstein of the displacement from which slip counts, length, shape (m, 3 or 6, d); zero
             in the first load step.
+        opposite: those of the other body; None: the foundation is rigid.
+        bonded: whether two bodies stay together; then ``least`` is infinite.
     """
 
     facets: Ints
@@ -59,6 +102,8 @@ class FacetsInContact:
     least: Array
     before: Array
     bilateral: bool
+    opposite: OtherSide | None = None
+    bonded: bool = False
 
     @property
     def traction(self) -> Array:
@@ -81,6 +126,10 @@ class PlainProblem:
     Attributes:
         t: the cells; triangles of degree 2, and quadrilaterals, are divided.
         owner: the cell of the mesh that each of them is in, shape (n,).
+        placed: the cells before those at the contact of two bodies are divided, with nodes where they have moved to.
+        given_x: where these nodes were, length, shape (v, d).
+        moved_nodes: square of the energy norm of what this takes of the displacement, an energy.
+        flat: whether the sides of all pairs of bodies are parallel.
         y: the displacement at vertices, and at the middles of edges, length, shapes (v, d) and (e, d).
         middle: see ``y``.
         held: projectors onto the directions in which facets are held, by supports and by contact that cannot open,
@@ -104,12 +153,13 @@ class PlainProblem:
         if contact is not None and pushed(contact.held_inside, d.tagged.size).any():
             raise Refused("supports push the body into its foundation")
         self._divide(y)
+        self._match()
         self._before = self._begin_of_slip(contact, before)
         self.held: Array = np.zeros((len(self.t.facets), self._dimension, self._dimension))
         self._supports()
         self.supported = self._projectors()
         for effect in self._statement.contact:
-            if not effect.opens:
+            if not effect.opens and effect.against is None:
                 facets, normal = self._towards(effect)
                 self.held[facets] += normal[:, :, None] * normal[:, None]
         self.held = self._projectors()
@@ -135,6 +185,7 @@ class PlainProblem:
             coulomb=self._d.statement.has_coulomb,
             later=self._before is not None,
             unknown=self.loads.unknown_share,
+            flat=self.flat,
         )
 
     def _divide(self, y: fem.Function) -> None:
@@ -149,7 +200,7 @@ class PlainProblem:
             corners = np.concatenate((cells[:, [0, 1, 3]], cells[:, [0, 3, 2]]))
         else:
             corners = cells
-        owner = np.arange(len(corners)) % len(cells)
+        owner: Ints = np.arange(len(corners)) % len(cells)
         turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
         corners = np.where(turned[:, None], corners[:, [*range(d - 1), d, d - 1]], corners)
         t = Simplices(x, corners, moduli_of(self._d, owner))
@@ -162,6 +213,67 @@ class PlainProblem:
         ):  # the stress is linear: on four triangles it is as accurate as that of degree 2
             self.t, self.y, self.middle, self._parts = divide(t, self.y, self.middle)
             self.owner = np.tile(owner, 4)
+
+    def _match(self) -> None:
+        """Divide the triangles at the contact of two bodies, so that the facets of both sides match."""
+        cells, pairs = self.t, self._d.pairs
+        self._sides: list[tuple[int, PairedParts]] = []
+        self._split: SplitTriangles | None = None
+        self.moved_nodes, self.placed, self.given_x, self.flat = 0.0, cells, cells.x, True
+        if not pairs:
+            return
+        cells = replace(cells, parts=1)
+        movable: npt.NDArray[np.bool_] = self._movable(cells)
+        contacts = dict[int, PairedParts]()
+        for number, pair in sorted(pairs.items()):
+            surfaces = pair.slave.surface, pair.master.surface
+            sides = [self._parts[self._undivided_facets(side.facets)] for side in (pair.slave, pair.master)]
+            x, numbers = pieces_of(pair.coupling, *surfaces)
+            facets = np.stack([sides[side][numbers[:, side]] for side in (SLAVE, MASTER)], axis=1)
+            contacts[number] = PairedParts.of(cells, x, facets)
+        placed_x: Array = cells.x
+        for number, parts in contacts.items():
+            contacts[number], changed = parts.moved(replace(cells, x=placed_x), movable)
+            movable &= (changed == placed_x).all(axis=1)
+            placed_x = changed
+        placed = replace(cells, x=placed_x)
+        self.y, self.middle, self.moved_nodes, _ = with_moved_nodes(cells, placed, self.y, self.middle)
+        self.placed, self._split = placed, SplitTriangles.of(placed, list(contacts.values()))
+        self._sides = list(contacts.items())
+        self.t, self.owner = self._split.t, self.owner[self._split.parent]
+        self.y, self.middle = self._split.carried(self.y, self.middle)
+
+    def _movable(self, t: Simplices) -> npt.NDArray[np.bool_]:
+        """Vertices that may move along the boundary without any change of the problem: it is straight there, with the
+        same names at both sides, and around them is one material.
+        """
+        names = {
+            name
+            for _, entry in self._statement.listed()
+            for name in (getattr(entry, "boundary", None), getattr(entry, "against", None))
+            if isinstance(name, str)
+        }
+        named = np.zeros((len(t.facets), len(names)), dtype=bool)
+        for column, name in enumerate(sorted(names)):
+            named[self._whole_facets(name), column] = True
+        label = np.unique(named, axis=0, return_inverse=True)[1].ravel() if names else np.zeros(len(t.facets))
+        facet: Ints = np.repeat(t.outer, 2)
+        vertex: Ints = t.facets[t.outer].ravel()
+        order = np.argsort(vertex, kind="stable")
+        twice = np.flatnonzero(np.bincount(vertex, minlength=len(t.x)) == 2)
+        vertex, facet = vertex[order], facet[order]
+        first = np.searchsorted(vertex, twice)
+        pairs = np.stack((facet[first], facet[first + 1]), axis=1)
+        normals = t.normal[pairs]
+        straight = np.abs(normals[:, 0] - normals[:, 1]).max(axis=1) <= SAME_DIRECTION
+        movable: npt.NDArray[np.bool_] = np.zeros(len(t.x), dtype=bool)
+        movable[twice[straight & (label[pairs[:, 0]] == label[pairs[:, 1]])]] = True
+        units = np.tile(np.eye(3)[None], (len(t.corners), 1, 1))
+        kind = np.unique(t.stress(units).reshape(len(t.corners), -1), axis=0, return_inverse=True)[1].ravel()
+        lowest, highest = np.full(len(t.x), kind.max()), np.zeros(len(t.x), dtype=np.int64)
+        np.minimum.at(lowest, t.corners, kind[:, None])
+        np.maximum.at(highest, t.corners, kind[:, None])
+        return np.asarray(movable & (lowest == highest))
 
     def _degree_2(self, y: fem.Function) -> bool:
         """Whether a displacement has unknowns at the middles of the edges of simplices."""
@@ -194,18 +306,48 @@ class PlainProblem:
         if before is None:
             raise Refused("slip counts from the displacement of the load step before, which is not known")
         values = self._on_cells(before)
-        return values if self.t is self._undivided else divide(self._undivided, *values)[1:3]
+        if self.halved:
+            values = divide(self._undivided, *values)[1:3]
+        if self._split is None:
+            return values
+        if self.moved_nodes > 0:
+            raise Refused(
+                "with friction in a later load step a guaranteed bound needs that nodes of two bodies meet, or do not "
+                "nearly meet"
+            )
+        return self._split.carried(*values)
+
+    @property
+    def paired_contacts(self) -> set[int]:
+        """The numbers of the contacts of two bodies."""
+        return {number for number, _ in self._sides}
+
+    @property
+    def halved(self) -> bool:
+        """Whether the facets of the cells are halved."""
+        return bool(self._parts.shape[1] == 2)
 
     @property
     def cells(self) -> int:
         """How many the mesh has."""
         return len(self._cells)
 
+    def _undivided_facets(self, facets: npt.NDArray[np.int32]) -> Ints:
+        """Those of the cells that are not divided, from facets of the mesh."""
+        entities, t = facet_entities(self._d.tagged.mesh, facets), self._undivided
+        corners = np.take_along_axis(self._cells[entities[:, 0]], self._corners_of_facets[entities[:, 1]], axis=1)
+        return np.searchsorted(t.keys(t.facets), t.keys(np.sort(corners, axis=1)))
+
+    def _whole_facets(self, name: str) -> Ints:
+        """The facets of a boundary before cells at the contact of two bodies are divided, the parts of each facet of
+        the mesh one after the other.
+        """
+        return self._parts[self._undivided_facets(self._d.tagged.facets(name))].ravel()
+
     def _facets(self, name: str) -> Ints:
         """The facets of a boundary, the parts of each facet of the mesh one after the other."""
-        entities, t = facet_entities(self._d.tagged.mesh, self._d.tagged.facets(name)), self._undivided
-        corners = np.take_along_axis(self._cells[entities[:, 0]], self._corners_of_facets[entities[:, 1]], axis=1)
-        return self._parts[np.searchsorted(t.keys(t.facets), t.keys(np.sort(corners, axis=1)))].ravel()
+        facets = self._whole_facets(name)
+        return facets if self._split is None else self._split.parts_of(facets)[0]
 
     def on(self, facets: Ints, local: Array) -> BoundPoints:
         """Points on facets at barycentric places, with their normals."""
@@ -216,6 +358,14 @@ class PlainProblem:
         """Coefficients of Bernstein of a displacement of degree 2 on facets, length, shape (m, 3 or 6, d)."""
         nodal = np.concatenate((y[self.t.facets[facets]], middle[self.t.edges_of_facets[facets]]), axis=1)
         return coefficients(nodal)
+
+    def relative(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
+        """Coefficients of Bernstein of a displacement of degree 2 relative to the other body, see ``on_facets``."""
+        of_slave, opposite = self.on_facets(y, middle, surface.facets), surface.opposite
+        if opposite is None:
+            return of_slave
+        of_master = self.on_facets(y, middle, opposite.facets)
+        return of_slave - np.concatenate((opposite.over(of_master[:, :2]), of_master[:, 2:]), axis=1)
 
     def _supports(self) -> None:
         """Directions in which facets are held; the displacement there is one that the elements hold."""
@@ -252,40 +402,36 @@ class PlainProblem:
 
     def _contact(self, number: int, effect: Contact, contact: ContactState) -> FacetsInContact:
         """The facets of a contact, with admissible tractions near the nodal ones."""
-        t, d, boundary, (facets, normal) = self.t, self._dimension, contact.boundary, self._towards(effect)
-        fine = self.on(facets, SEEN[d]).value(effect.gap)
+        d, boundary, parts = self._dimension, contact.boundary, dict(self._sides).get(number)
+        opposite, bonded = None, isinstance(effect, BondedContact)
+        if parts is None:
+            whole_facets = self._whole_facets(effect.boundary)
+            whole_of = whole_facets if self._split is None else self._split.parts_of(whole_facets)[1]
+            facets, normal = self._towards(effect)
+            apart: Array = np.zeros((len(facets), d))
+        else:
+            slave = self._d.pairs[number].slave.facets
+            whole_facets, whole_of = self._parts[self._undivided_facets(slave)].ravel(), parts.facets[:, SLAVE]
+            facets, normal, apart, opposite = self._paired(number, effect, parts)
+        fine = self.on(facets, SEEN[d]).value(0.0 if bonded else effect.gap) + apart @ SEEN[d].T
         below = coefficients(fine[:, NODES[d]])
         above = below @ bernstein(SEEN[d]).T - fine
         if effect.opens:
             below -= above.max(axis=1, initial=0.0)[:, None]
         elif np.abs(above).max(initial=0.0) > ZERO_IN_SOLUTION * np.abs(fine).max(initial=0.0):
             raise Refused(f"the gap of {effect.boundary!r}, which cannot open, is no polynomial of degree 2")
-        rows = np.flatnonzero(boundary.part == number)
-        near = cKDTree(t.x).query(boundary.x[rows][:, :d])[1]
-
-        def linear(values: Array, *, positive: bool = False) -> Array:
-            """Linear functions on the facets from values of contact points, which are zero where there is none; on
-            divided ones with the moments of the nodal rule, or not negative with its resultants.
-            """
-            nodal = np.zeros((len(t.x), *values.shape[1:]))
-            nodal[near] = values[rows]
-            tractions = nodal[t.facets[facets]]
-            if t.parts == 1:
-                return np.asarray(tractions)
-            # Each half of a facet ends with its middle, which has the higher number.
-            together = np.concatenate((tractions[::2], tractions[1::2, :1]), axis=1)  # an end, the middle, an end
-            together = np.einsum("ab,mb...->ma...", _LINEAR, together)
-            if positive:  # with the resultant of each facet, of which a thin body takes notice
-                cut = together.clip(min=0.0)
-                share = together @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
-                together = cut * share.clip(0.0, 1.0)[:, None]
-            return np.stack((together[:, :2], together[:, [2, 1]]), axis=1).reshape(tractions.shape)
-
-        pressure, points = linear(contact.pressure, positive=True).clip(min=0.0), self.on(facets, POINTS[d])
-        gap = points.value(effect.gap)
-        if not effect.opens:
+        linear = _OnFacets(self, boundary, number, whole_facets, facets, whole_of)
+        points = self.on(facets, POINTS[d])
+        pressure = linear(contact.pressure, positive=effect.opens)
+        gap = points.value(0.0 if bonded else effect.gap) + apart @ POINTS[d].T
+        if effect.opens:
+            pressure = pressure.clip(min=0.0)
+        elif opposite is None:
             pressure = np.zeros_like(pressure)
-        if effect.coulomb:
+        if bonded:
+            least = np.full_like(pressure, np.inf)
+            bounds = np.zeros_like(gap)
+        elif effect.coulomb:
             least = linear(contact.bound).clip(min=0.0)
             bounds = least @ POINTS[d].T
         else:
@@ -293,9 +439,13 @@ class PlainProblem:
             bounds, seen = points.value(given), self.on(facets, SEEN[d]).value(given)
             least = seen[:, NODES[d][:d]]
             least = (least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)
-        before = np.zeros((*below.shape, d)) if self._before is None else self.on_facets(*self._before, facets)
+        before = np.zeros((*below.shape, d))
         none = np.zeros((*pressure.shape, d))
-        surface = FacetsInContact(facets, normal, gap, below, bounds, pressure, none, least, before, not effect.opens)
+        surface = FacetsInContact(
+            facets, normal, gap, below, bounds, pressure, none, least, before, not effect.opens, opposite, bonded
+        )
+        if self._before is not None:
+            surface.before = self.relative(surface, *self._before)
         if d == 2:
             shear = linear(contact.shear) * surface.tangents[0][:, None]
         else:
@@ -304,9 +454,131 @@ class PlainProblem:
         surface.shear = onto_disc(shear, least)
         return surface
 
+    def _paired(self, number: int, effect: Contact, parts: PairedParts) -> tuple[Ints, Array, Array, OtherSide]:
+        """The facets of the contact of two bodies, its normals, the distance of both sides along these at the vertices,
+        length, shape (m, 2), and the other side.
+        """
+        assert self._split is not None
+        t, pair = self.t, self._d.pairs[number]
+        vertex = self._split.vertex[[contact for contact, _ in self._sides].index(number)][parts.ends]
+        facets, opposite_facets = (
+            self._split.between(vertex[:, 0, side], vertex[:, 1, side]) for side in (SLAVE, MASTER)
+        )
+        for side, numbers in ((SLAVE, facets), (MASTER, opposite_facets)):
+            missed = (t.facets[numbers] != np.sort(vertex[:, :, side], axis=1)).any()
+            if missed or len(np.unique(numbers)) < len(numbers):
+                raise Refused(REFUSES_OF_PAIRS[TWICE_MET])
+        backwards = t.facets[facets, 0] != vertex[:, 0, SLAVE]
+        ordered = np.where(backwards[:, None], vertex[:, ::-1, MASTER], vertex[:, :, MASTER])
+        order = (t.facets[opposite_facets, 0][:, None] != ordered).astype(np.int64)
+        normal = t.normal[facets]
+        if pair.by_geometry:
+            normal = normal - t.normal[opposite_facets]
+            normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+        soft = [t.moduli.softest[t.sides[side, 0]] for side in (facets, opposite_facets)]
+        opposite = OtherSide(
+            opposite_facets, order, t.area[facets] / t.area[opposite_facets], soft[1] / (soft[0] + soft[1])
+        )
+        away = t.x[opposite.vertices(t)] - t.x[t.facets[facets]]
+        apart, tiny = np.einsum("fad,fd->fa", away, normal), SAME_LENGTH * self._d.tagged.size
+        flat = np.abs(t.normal[facets] + t.normal[opposite_facets]).max() <= SAME_DIRECTION
+        flat &= np.abs(away - apart[:, :, None] * normal[:, None]).max() <= tiny
+        self.flat &= bool(flat)
+        along = isinstance(effect, BondedContact) or effect.friction.acts
+        if along and (flat or pair.by_geometry) and np.abs(away).max() > tiny:
+            raise Refused(REFUSES_OF_PAIRS[APART])
+        if not pair.by_geometry:
+            return facets, normal, np.zeros((len(facets), 2)), opposite
+        closed = closed_within(apart, effect.adjust)
+        if (closed != apart).any() and closed.any():
+            raise Refused(REFUSES_OF_PAIRS[PARTLY_CLOSED])
+        return facets, normal, closed, opposite
 
-def onto_disc(shear: Array, least: Array) -> Array:
-    """The closest vectors of a size of at most ``least``, shape (..., d)."""
-    size = np.linalg.norm(shear, axis=-1)
-    share = np.divide(least, size, out=np.ones_like(size), where=size > least) * (1 - 2 * np.finfo(float).eps)
-    return np.asarray(shear * share[..., None])
+
+class _OnFacets:
+    """Linear functions on the facets of a contact from values of its points, zero where there is none; on divided ones
+    with the moments of the nodal rule, or not negative with its resultants.
+    """
+
+    def __init__(
+        self,
+        problem: PlainProblem,
+        boundary: ContactBoundary,
+        number: int,
+        whole_facets: Ints,
+        facets: Ints,
+        whole_of: Ints,
+    ) -> None:
+        """Look for the points among the vertices.
+
+        Args:
+            problem: the cells.
+            boundary: all points.
+            number: of the contact.
+            whole_facets: of the contact before cells were divided where two bodies meet, shape (f,).
+            facets: of the contact, shape (m,).
+            whole_of: the whole facet that each of them is on, shape (m,).
+        """
+        self._cells, self._facets = problem.placed, whole_facets
+        self._rows, self._halved = np.flatnonzero(boundary.part == number), problem.halved
+        x = boundary.x[self._rows][:, : self._cells.dimension]
+        # Of this side alone: vertices of the other body may be at the same places.
+        vertices = np.unique(self._cells.facets[whole_facets])
+        self._near = vertices[cKDTree(problem.given_x[vertices]).query(x)[1]]
+        self._weight = boundary.weight[self._rows] if number in problem.paired_contacts else None
+        order = np.argsort(whole_facets)
+        self._of = order[np.searchsorted(whole_facets, whole_of, sorter=order)]
+        self._parameter: Array | None = None
+        if problem.t is not problem.placed:
+            along = self._cells.x[self._cells.facets[whole_of]]
+            way = along[:, 1] - along[:, 0]
+            away = problem.t.x[problem.t.facets[facets]] - along[:, :1]
+            self._parameter = np.einsum("mad,md->ma", away, way) / np.einsum("md,md->m", way, way)[:, None]
+
+    def __call__(self, values: Array, *, positive: bool = False) -> Array:
+        """At the vertices of the facets, shape (m, d, ...).
+
+        Args:
+            values: of all contact points, shape (n, ...).
+            positive: see above.
+        """
+        t = self._cells
+        nodal = np.zeros((len(t.x), *values.shape[1:]))
+        nodal[self._near] = values[self._rows]
+        if self._weight is not None and not self._halved:
+            self._extend(nodal, self._weight)
+        tractions = nodal[t.facets[self._facets]]
+        if self._halved:
+            # Each half of a facet ends with its middle, which has the higher number.
+            together = np.concatenate((tractions[::2], tractions[1::2, :1]), axis=1)  # an end, the middle, an end
+            together = np.einsum("ab,mb...->ma...", _LINEAR, together)
+            if positive:  # with the resultant of each facet, of which a thin body takes notice
+                cut = together.clip(min=0.0)
+                share = together @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
+                together = cut * share.clip(0.0, 1.0)[:, None]
+            tractions = np.stack((together[:, :2], together[:, [2, 1]]), axis=1).reshape(tractions.shape)
+        tractions = np.asarray(tractions)[self._of]
+        if self._parameter is None:
+            return tractions
+        parameter = self._parameter.reshape(*self._parameter.shape, *[1] * (tractions.ndim - 2))
+        return (1 - parameter) * tractions[:, :1] + parameter * tractions[:, 1:]
+
+    def _extend(self, nodal: Array, point_weight: Array) -> None:
+        """Give nodes with a part of their length, or none, as much less of their values, and the mean of those beside
+        them instead: near the end of a side the multiplier of a short part may be anything.
+        """
+        t, ends = self._cells, self._cells.facets[self._facets]
+        weight, length = np.zeros((2, len(t.x)))
+        np.add.at(weight, self._near, point_weight)
+        np.add.at(length, ends, t.area[self._facets, None] / 2)
+        vertices = np.unique(ends)
+        share = np.zeros(len(t.x))
+        share[vertices] = (weight[vertices] / length[vertices]).clip(max=1.0)
+        shape = (-1, *[1] * (nodal.ndim - 1))
+        beside, number = np.zeros_like(nodal), np.zeros(len(t.x))
+        for a, b in (ends.T, ends.T[::-1]):
+            np.add.at(beside, a, share[b].reshape(shape) * nodal[b])
+            np.add.at(number, a, share[b])
+        rows = vertices[(share[vertices] < 1) & (number[vertices] > 0)]
+        part = share[rows].reshape(shape)
+        nodal[rows] = part * nodal[rows] + (1 - part) * beside[rows] / number[rows].reshape(shape)

@@ -20,6 +20,7 @@ In both tau' has no traction on the contact boundary, because nothing is assumed
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
@@ -130,11 +131,13 @@ class _Quantity(Bounded):
     def force(self, boundary: str, direction: Array) -> Interval:
         """See ``force``."""
         t, edges = self.t, self._facets(boundary)
-        names = [effect.boundary for effect in self._d.statement.contact]
+        names = [name for effect in self._d.statement.contact for name in (effect.boundary, effect.against)]
         support = boundary not in names
         if support and not self.held[edges].any(axis=(1, 2)).all():
             raise Refused(f"{boundary!r} is neither a support nor a contact")
-        closed = any(effect.boundary == boundary and not effect.opens for effect in self._d.statement.contact)
+        closed = any(
+            boundary in (effect.boundary, effect.against) and not effect.opens for effect in self._d.statement.contact
+        )
         if (support or closed) and any(
             np.isin(self._facets(load.where), edges).any()
             for load in self._d.statement.of(Force)
@@ -174,9 +177,15 @@ class _Quantity(Bounded):
         for surface in self.contacts:
             slips = not (surface.bound.any() or surface.least.any())
             projectors = np.zeros_like(self.held)
-            projectors[surface.facets] = surface.normal[:, :, None] * surface.normal[:, None] if slips else np.eye(2)
+            for facets in (surface.facets, *([] if surface.opposite is None else [surface.opposite.facets])):
+                projectors[facets] = surface.normal[:, :, None] * surface.normal[:, None] if slips else np.eye(2)
             parts.append(PrescribedComponents.of_facets(t.edges, projectors, value))
         return PrescribedComponents.joined(*parts)
+
+    def _joined(self, pieces: Ints) -> npt.NDArray[np.bool_]:
+        """The cells of some pieces, and of those that contacts join with them, shape (n,)."""
+        group = self.group_of_piece
+        return np.isin(group[self.t.piece], group[pieces])
 
     def _strain(self, w: Array) -> Array:
         """Of a displacement that is linear on triangles, at corners, shape (n, 3, 3)."""
@@ -201,7 +210,7 @@ class _Quantity(Bounded):
             size: of other sums that are added.
             pieces: where the stress is.
         """
-        t, enclosure = self.t, self.enclosure.of(np.isin(self.t.piece, pieces))
+        t, enclosure = self.t, self.enclosure.of(self._joined(pieces))
         centre = float(product(t, stress, enclosure.difference).sum()) / 2
         norm = float(np.sqrt(square(t, stress).sum()))
         half = enclosure.radius * norm + enclosure.distance * missing

@@ -48,6 +48,9 @@ class Moduli(Protocol):
     def repeated(self, times: int) -> Moduli:
         """Of so many times the cells."""
 
+    def of(self, cells: Ints) -> Moduli:
+        """Of some of the cells."""
+
 
 @dataclass(frozen=True)
 class IsotropicModuli:
@@ -90,6 +93,10 @@ class IsotropicModuli:
         """See ``Moduli``."""
         return IsotropicModuli(np.tile(self.lame, times), np.tile(self.mu, times), self.dimension)
 
+    def of(self, cells: Ints) -> IsotropicModuli:
+        """See ``Moduli``."""
+        return IsotropicModuli(self.lame[cells], self.mu[cells], self.dimension)
+
 
 @dataclass(frozen=True)
 class MatrixModuli:
@@ -117,6 +124,10 @@ class MatrixModuli:
         """See ``Moduli``."""
         stiffness, compliance = (np.tile(matrix, (times, 1, 1)) for matrix in (self.stiffness, self.compliance))
         return MatrixModuli(stiffness, compliance, np.tile(self.softest, times))
+
+    def of(self, cells: Ints) -> MatrixModuli:
+        """See ``Moduli``."""
+        return MatrixModuli(self.stiffness[cells], self.compliance[cells], self.softest[cells])
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,118 @@
+"""The admissible contact tractions closest to given ones in L2 that balance the loads of bodies that move freely.
+
+With the work R of unit tractions at the vertices of facets on the free motions and their weights W, those sought are
+
+    z(y) = P(z_0 - W^-1 R y),   R^T z(y) + L = 0,                                       (B4) of docs/theory.md,
+
+P the closest point of the admissible set.  Their Lagrange multipliers y, one per free motion, maximise a concave
+function, whose gradient is what is not balanced: Newton's method on it.  Pieces of the body that contacts join have
+their motions together, because one pressure stands in the balance of both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from signorini_fx.addons.bounds.arrays import Array
+from signorini_fx.addons.bounds.bounded_error import UNBALANCED
+from signorini_fx.quantities.statements import Refused
+from signorini_fx.tuned import BALANCING_STEPS, SINGULAR
+
+
+@dataclass
+class AdmissibleTractions:
+    """Those of one contact, at k vertices of each of its m facets.
+
+    Attributes:
+        pressure: p, stress, shape (m, k).
+        shear: mu, stress, shape (m, k, d).
+        least: of which |mu| is at most, stress, shape (m, k).
+        lowest: of the pressure, zero or minus infinity.
+        normal: work of unit pressures on the free motions, shape (m, k, n).
+        across: that of unit shears, shape (m, k, d, n).
+        weight: areas, shape (m,).
+    """
+
+    pressure: Array
+    shear: Array
+    least: Array
+    lowest: float
+    normal: Array
+    across: Array
+    weight: Array
+
+    def at(self, y: Array) -> tuple[Array, Array]:
+        """The admissible ones for multipliers."""
+        unit = self.weight[:, None]
+        pressure = np.maximum(self.pressure - self.normal @ y / unit, self.lowest)
+        return pressure, onto_disc(self.shear - self.across @ y / unit[:, :, None], self.least)
+
+    def work(self, pressure: Array, shear: Array) -> Array:
+        """On the free motions, shape (n,)."""
+        return np.asarray(np.einsum("fak,fa->k", self.normal, pressure) + np.einsum("fadk,fad->k", self.across, shear))
+
+    def distance(self, pressure: Array, shear: Array) -> float:
+        """Half of the square of that from the given ones."""
+        squares = (pressure - self.pressure) ** 2 + ((shear - self.shear) ** 2).sum(axis=2)
+        return float((self.weight[:, None] * squares).sum()) / 2
+
+    def slope(self, y: Array) -> Array:
+        """Minus the derivative of the work by the multipliers, shape (n, n)."""
+        unit = self.weight[:, None, None]
+        room = (self.pressure - self.normal @ y / unit[..., 0] >= self.lowest)[:, :, None]
+        free = self.shear - self.across @ y / unit
+        size = np.linalg.norm(free, axis=2)
+        inside = size < self.least
+        share = np.divide(self.least, size, out=np.ones_like(size), where=~inside & (size > 0))
+        unit_shear = np.divide(free, size[..., None], out=np.zeros_like(free), where=size[..., None] > 0)
+        along = np.einsum("fadk,fad->fak", self.across, unit_shear) * ~inside[..., None]
+        across = share[:, :, None, None] * (self.across - unit_shear[..., None] * along[:, :, None])
+        return np.asarray(
+            np.einsum("fak,fal->kl", self.normal / unit, self.normal * room)
+            + np.einsum("fadk,fadl->kl", self.across / unit[..., None], across)
+        )
+
+
+def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) -> list[tuple[Array, Array]]:
+    """Pressures and shears of each contact.
+
+    Args:
+        loads: their work on the free motions, force, shape (n,).
+        contacts: what acts there.
+        small: what may be left of each, force, shape (n,).
+
+    Raises:
+        Refused: nothing was found.
+    """
+    y: Array = np.zeros(len(loads))
+
+    def tried(multipliers: Array) -> tuple[list[tuple[Array, Array]], Array, float]:
+        tractions = [contact.at(multipliers) for contact in contacts]
+        unbalanced = loads + sum(contact.work(*pair) for contact, pair in zip(contacts, tractions, strict=True))
+        far = sum(contact.distance(*pair) for contact, pair in zip(contacts, tractions, strict=True))
+        return tractions, unbalanced, float(far + multipliers @ unbalanced)
+
+    tractions, unbalanced, value = tried(y)
+    for _ in range(BALANCING_STEPS):
+        if (np.abs(unbalanced) <= small).all():
+            return tractions
+        slope = sum((contact.slope(y) for contact in contacts), np.zeros((len(y), len(y))))
+        step, length = np.linalg.lstsq(slope, unbalanced, rcond=SINGULAR)[0], 1.0
+        while True:
+            tractions, unbalanced, reached = tried(y + length * step)
+            if reached >= value or length < SINGULAR or (np.abs(unbalanced) <= small).all():
+                break
+            length /= 2
+        y, value = y + length * step, reached
+    if (np.abs(unbalanced) <= small).all():
+        return tractions
+    raise Refused(UNBALANCED)
+
+
+def onto_disc(shear: Array, least: Array) -> Array:
+    """The closest vectors of a size of at most ``least``, shape (..., d)."""
+    size = np.linalg.norm(shear, axis=-1)
+    share = np.divide(least, size, out=np.ones_like(size), where=size > least) * (1 - 2 * np.finfo(float).eps)
+    return np.asarray(shear * share[..., None])

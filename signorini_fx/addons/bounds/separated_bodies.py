@@ -1,0 +1,151 @@
+"""A displacement of two bodies that do not enter each other, from one that does: both sides are moved apart.
+
+On facets that match, the jump less the gap has coefficients of Bernstein at common vertices and in the middle.  At a
+vertex both sides move by hat functions, by shares with the least energy of springs in series; in the middle the softer
+side moves by a parabola.  Where contact is closed they may as well be moved to each other: what is left open between
+nodes times the pressure is of the order of the error, while a change costs its square.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+
+import numpy as np
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.bounded_error import out
+from signorini_fx.addons.bounds.problem import FacetsInContact, OtherSide
+from signorini_fx.addons.bounds.simplices import Simplices
+from signorini_fx.quantities.statements import Refused
+from signorini_fx.tuned import SAME_LENGTH
+
+
+class Shut(IntEnum):
+    """What is closed besides what would overlap: nothing, the gap under pressure, and slip that friction prevents."""
+
+    NOTHING = 0
+    GAPS = 1
+    SLIP = 2
+
+
+# Of a contact, from a displacement at vertices and middles: coefficients of the jump along its normals, less the gap.
+Relative = Callable[[FacetsInContact, Array, Array], Array]
+
+
+def separate(
+    t: Simplices,
+    pairs: list[FacetsInContact],
+    relative: Relative,
+    y: Array,
+    middle: Array,
+    free: tuple[Array, Array],
+    tiny: float,
+    shut: Shut,
+) -> None:
+    """Move a displacement in place.
+
+    Args:
+        t: the triangles.
+        pairs: the contacts.
+        relative: coefficients of Bernstein of the displacement relative to the other side, shape (m, 3, 2).
+        y: at vertices, length, shape (v, 2).
+        middle: at middles of edges, length, shape (e, 2).
+        free: projectors onto the directions in which supports let vertices and edges move, shapes (v, 2, 2), (e, 2, 2).
+        tiny: a length of the size of round-off.
+        shut: what is closed.
+
+    Raises:
+        Refused: supports leave no way out.
+    """
+    for surface in pairs:
+        assert surface.opposite is not None
+        unmoved, opposite = y.copy(), surface.opposite
+        for (slave, master), rows in _common_vertices(t, surface, opposite).items():
+            row, column = np.array(rows).T
+            normals, share = surface.normal[row], float(opposite.share[row].mean())
+            jump = y[slave] - y[master]
+            excess = normals @ jump - surface.below[row, column]
+            ways = free[0][slave], free[0][master]
+            slip = jump - surface.before[row[0], column[0]]
+            closed = surface.bilateral or (shut >= Shut.GAPS and bool((surface.pressure[row, column] > 0).any()))
+            sizes = np.linalg.norm(surface.shear[row, column], axis=1)
+            stuck = (sizes < (1 - SAME_LENGTH) * surface.least[row, column]).all()
+            sticks = surface.bonded or (shut >= Shut.SLIP and closed and bool(stuck))
+            step = _step(normals, excess, slip if sticks else None, ways, share, tiny, surface, closed=closed)
+            y[slave] -= share * ways[0] @ step
+            y[master] += (1 - share) * ways[1] @ step
+        middle += (y - unmoved)[t.edges].mean(axis=1)
+        coefficient, start = relative(surface, y, middle)[:, 2], surface.before[:, 2]
+        edges, across = t.edges_of_facets[surface.facets][:, 0], t.edges_of_facets[opposite.facets][:, 0]
+        for k in range(len(edges)):
+            normals = surface.normal[[k]]
+            excess = normals @ coefficient[k] - surface.below[k, 2]
+            closed = surface.bilateral or (shut >= Shut.GAPS and bool((surface.pressure[k] > 0).all()))
+            sizes = np.linalg.norm(surface.shear[k], axis=1)
+            stuck = (sizes < (1 - SAME_LENGTH) * surface.least[k]).all()
+            sticks = surface.bonded or (shut >= Shut.SLIP and closed and bool(stuck))
+            if not (closed or sticks) and excess[0] <= -tiny:
+                continue
+            ways = free[1][edges[k]], free[1][across[k]]
+            along = [float(np.linalg.norm(way @ normals[0])) for way in ways]
+            share = float(opposite.share[k] >= 0.5)
+            if min(along) < 0.5 < max(along):
+                share = float(along[0] > along[1])
+            slip = coefficient[k] - start[k] if sticks else None
+            step = _step(normals, excess, slip, ways, share, tiny, surface, closed=closed)
+            # Twice the middle of an edge is what its coefficient of Bernstein has of it.
+            middle[edges[k]] -= share * ways[0] @ step / 2
+            middle[across[k]] += (1 - share) * ways[1] @ step / 2
+
+
+def _common_vertices(t: Simplices, surface: FacetsInContact, opposite: OtherSide) -> dict[tuple[int, int], list[Ints]]:
+    """The vertices of both sides that lie over each other, with the facets and the places in them."""
+    slave, master = t.facets[surface.facets], opposite.vertices(t)
+    rows = dict[tuple[int, int], list[Ints]]()
+    for k in range(len(slave)):
+        for column in (0, 1):
+            rows.setdefault((int(slave[k, column]), int(master[k, column])), []).append(np.array((k, column)))
+    return rows
+
+
+def _step(
+    normals: Array,
+    excess: Array,
+    slip: Array | None,
+    ways: tuple[Array, Array],
+    share: float,
+    tiny: float,
+    surface: FacetsInContact,
+    *,
+    closed: bool,
+) -> Array:
+    """What changes the jump by a step that both sides share, shape (2,): the first one moves by minus its share of it.
+
+    Args:
+        normals: along which the jump is bounded, shape (r, 2).
+        excess: of it, length, shape (r,).
+        slip: to be taken away, length, shape (2,); None: none is.
+        ways: projectors onto the directions in which both sides may move.
+        share: of the first side.
+        tiny: length.
+        surface: the contact.
+        closed: whether negative excess is taken away, too.
+    """
+    step: Array = np.zeros(2)
+    free = share * ways[0] + (1 - share) * ways[1]
+    if closed or slip is not None:
+        mean = normals.mean(axis=0)
+        rows, lengths = ([mean], [excess.max()]) if not surface.bilateral else (list(normals), list(excess))
+        if slip is not None:
+            tangent = np.array([-mean[1], mean[0]])
+            rows, lengths = [*rows, tangent], [*lengths, float(tangent @ slip)]
+        step = np.linalg.lstsq(np.array(rows) @ free, np.array(lengths), rcond=SAME_LENGTH)[0]
+        if surface.bilateral:
+            if np.abs(np.array(rows) @ free @ step - lengths).max() > SAME_LENGTH * np.abs(lengths).max() + tiny:
+                raise Refused("supports and contact that cannot open prescribe different displacements")
+            return np.asarray(step)
+    remaining = excess - normals @ free @ step
+    if (remaining > -tiny).any():
+        step = step + out(normals, remaining + tiny, free, tiny)
+    return np.asarray(step)
