@@ -604,6 +604,8 @@ BETWEEN_SETS = 1e-6
 # Share of a pressure by which it is changed for differences of a law, and how far these may be from its derivative: the
 # share of the larger of both, and the round-off of differences relative to the bound.  Choice.
 PRESSURE_CHANGE, WRONG_DERIVATIVE, ROUND_OFF_OF_DIFFERENCE = 1e-6, 1e-3, 1e-8
+# A displacement that would be magnified by no more than this is drawn as it is.  Choice.
+SEEN_AS_IT_IS = 2.5
 # Share of displacement and tractions by which they are changed for a difference of a quantity of a user's own.  Choice:
 # sums of powers of pressures, which are the steepest of the package, are smooth over it.
 QUANTITY_CHANGE = 1e-4

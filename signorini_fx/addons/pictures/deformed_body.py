@@ -23,7 +23,14 @@ from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, Floats
 from signorini_fx.addons.pictures.tiling import Tiling, refined
 from signorini_fx.addons.pictures.tones import Tones, draw_principal, upper_tone
 from signorini_fx.mechanics.statement.units import bracketed
-from signorini_fx.tuned import BENT_FOUNDATION, GAP_IN_PICTURE, SMALL_ZONE, VISIBLE_CELL, VISIBLE_COLOURED_CELL
+from signorini_fx.tuned import (
+    BENT_FOUNDATION,
+    GAP_IN_PICTURE,
+    SEEN_AS_IT_IS,
+    SMALL_ZONE,
+    VISIBLE_CELL,
+    VISIBLE_COLOURED_CELL,
+)
 
 _BENT = math.cos(math.radians(BENT_FOUNDATION))
 _EDGE = "#9a9a9a"
@@ -41,7 +48,8 @@ def magnification(points: Floats, displacement: Floats, parted: float = 0.0) -> 
             not magnified, length: at most 0.3 % of the diagonal in the picture.
 
     Returns:
-        1, 2 or 5 times a power of ten, 1 or more; 1 for a body that does not move.
+        1, 2 or 5 times a power of ten, 1 or more; 1 for a body that does not move, or whose displacement is seen as it
+        is, above 3 % of the diagonal.
     """
     largest = float(np.hypot.reduce(np.asarray(displacement, dtype=np.float64), axis=1).max(initial=0.0))
     if not (math.isfinite(largest) and largest > 0):
@@ -49,7 +57,7 @@ def magnification(points: Floats, displacement: Floats, parted: float = 0.0) -> 
     ideal = 0.08 * _diagonal(points) / largest
     if parted > 0:
         ideal = min(ideal, 0.003 * _diagonal(points) / parted)
-    return readable(max(ideal, 1.0))
+    return readable(ideal) if ideal > SEEN_AS_IT_IS else 1.0
 
 
 def _diagonal(points: Floats) -> float:

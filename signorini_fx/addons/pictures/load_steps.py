@@ -106,6 +106,11 @@ def _draw(upper: Axes, lower: Axes, steps: Table, *, around: bool) -> None:
             label = name.replace("_", " ")
             upper.plot(times, forces[name] * 10.0**power, label=label, **_DOTS, **style)
     upper.set_ylabel(_above("force", unit_of(power, "force")))
+    if not resisting.any():
+        lower.text(0.5, 0.5, "no friction", color=MUTED, ha="center", transform=lower.transAxes)
+        lower.set_axis_off()
+        lower.set_ylim(1, 2)  # without the line at zero
+        return
     motion = np.asarray(steps[motion_name], dtype=np.float64)
     out = decimal_power(largest_of(motion))
     power = decimal_power(largest_of(resisting))
