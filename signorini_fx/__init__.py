@@ -22,6 +22,8 @@ _PUBLIC = {
     "mechanics.effects.fluid": ("Fluid",),
     "mechanics.effects.force": ("TotalForce",),
     "mechanics.effects.gravity": ("Gravity",),
+    "mechanics.effects.links": ("Links",),
+    "mechanics.effects.point_force": ("PointForce",),
     "mechanics.effects.preload": ("Preload",),
     "mechanics.effects.rotation": ("Rotation",),
     "mechanics.effects.springs": ("Springs",),

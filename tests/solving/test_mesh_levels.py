@@ -83,7 +83,7 @@ def test_linear_functions_are_interpolated_exactly(name):
     vectors = []
     for one in (coarse, fine):
         x = one.space.tabulate_dof_coordinates()[: one.fixed.size // one.block, : one.block]
-        vectors.append(one._vector())
+        vectors.append(one.vector())
         vectors[-1].getArray()[:] = linear(x).ravel()
     found = vectors[1].duplicate()
     fine.interpolation.mult(vectors[0], found)
@@ -241,12 +241,12 @@ def test_frames_of_skew_supports():
     turned = []
     for one in (coarse, fine):
         one.fixed[:] = False
-        flat, own = one._vector(), one._vector()
+        flat, own = one.vector(), one.vector()
         flat.getArray()[:] = linear(one.space.tabulate_dof_coordinates()).ravel()
         one.rotation.multTranspose(flat, own)
         assert (own - flat).norm() > 0.1 * flat.norm()
         turned.append(own)
-    found = fine._vector()
+    found = fine.vector()
     fine.interpolation.mult(turned[0], found)
     wanted = turned[1].getArray()
     np.testing.assert_allclose(found.getArray(), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())

@@ -155,6 +155,9 @@ class Hyperelastic(NonlinearMaterial):
 
     Gradients F = I + grad u and stresses have the shape (3, 3), in the plane and in bodies of revolution with what is
     across the mesh.
+
+    Attributes:
+        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     finite: ClassVar[bool] = True
@@ -200,6 +203,9 @@ class PathDependent(NonlinearMaterial):
     """A material at small strains whose stress depends on the past, with a mean stress that follows the volume.
 
     Its state is a row of numbers at each point, zeros to begin with.  Strains and stresses have the shape (n, 3, 3).
+
+    Attributes:
+        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     finite: ClassVar[bool] = False
