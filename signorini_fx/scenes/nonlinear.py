@@ -130,12 +130,29 @@ class ProblemOfScene(NonlinearContactProblem):
             )
         except FormError as error:
             raise _of_scene(error, statement) from None
-        problem.statement, problem.model, problem._body = statement, model, body
-        problem._held, problem._path_step, problem._tangents.trusted = held, -1.0, body.tangent is not None
-        problem._anew = NonlinearForces(statement, tagged, space)
+        problem.begin(statement, model, body, held)
         problem.linear.history = history
-        problem._begins_at(statement.placed(-1))
         return problem
+
+    def begin(
+        self,
+        statement: Statement,
+        model: Model,
+        body: BodyResidual,
+        held: list[tuple[fem.Function, npt.NDArray[np.int32]]],
+    ) -> None:
+        """Take what the problem is of, with foundations where they are at time 0; collective.
+
+        Args:
+            statement: the scene.
+            model: the linear body that it is at small strains.
+            body: its residual.
+            held: the values of supports, and the unknowns that they are of.
+        """
+        self.statement, self.model, self._body, self._held = statement, model, body, held
+        self._path_step, self._tangents.trusted = -1.0, body.tangent is not None
+        self._anew = NonlinearForces(statement, model.tagged, model.space)
+        self._begins_at(statement.placed(-1))
 
     def solved(self, timings: Timings) -> Solution:
         """The solution of all load steps, or of those before one that has none; collective.

@@ -92,16 +92,16 @@ class PairedParts:
         """
         x, movable, parts = t.x.copy(), movable.copy(), self
         for side in (MASTER, SLAVE):
-            for end, node in parts._near(t, side, NEAR_NODE):
-                if movable[node] and (merged := parts._merged(end, node, side)) is not None and _bears(t, x, merged):
+            for end, node in parts.ends_near(t, side, NEAR_NODE):
+                if movable[node] and (merged := parts.merged(end, node, side)) is not None and _bears(t, x, merged):
                     parts, x[node], movable[node] = merged[0], merged[1], False
         for side in (MASTER, SLAVE):
-            for end, _ in parts._near(replace(t, x=x), side, THINNEST_PART):
+            for end, _ in parts.ends_near(replace(t, x=x), side, THINNEST_PART):
                 at = ", ".join(f"{value:.6g}" for value in parts.x[end, side])
                 raise Refused(f"{REFUSES_OF_PAIRS[NEARLY_MET]}, as near ({at}): let them meet, or move one of them")
         return parts, x
 
-    def _near(self, t: Simplices, side: int, share: float) -> list[tuple[int, int]]:
+    def ends_near(self, t: Simplices, side: int, share: float) -> list[tuple[int, int]]:
         """Ends inside facets, and the nodes of these that they are nearer to than a share of the height of the triangle
         there, one for each end, the nearest first.
         """
@@ -113,7 +113,7 @@ class PairedParts:
         order = np.argsort(away[rows, columns], kind="stable")
         return [(int(inside[k]), int(t.facets[facet[k], c])) for k, c in zip(rows[order], columns[order], strict=True)]
 
-    def _merged(self, end: int, node: int, side: int) -> tuple[PairedParts, Array, int] | None:
+    def merged(self, end: int, node: int, side: int) -> tuple[PairedParts, Array, int] | None:
         """With an end at a node that is moved to it; None: this is an end of its own, or the end has one already."""
         if self.vertex[end, side] >= 0:
             return None
