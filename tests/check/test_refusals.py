@@ -109,7 +109,6 @@ REFUSED = {
     | PRESSED
     | {"contact": [BLOCK["contact"][0] | {"foundation": MOVING}], "load_steps": {"times": [0.0, 1.0]}},
     "certified with a tool": tool(mesh=TRIANGLES, **CERTIFIED),
-    "certified with two bodies": bodies(**CERTIFIED),
     "exact on a node with two normals": BLOCK
     | PRESSED
     | {"contact": [{"boundary": "bottom"}, {"boundary": "left"}], "solver": {"algorithm": "exact"}},
