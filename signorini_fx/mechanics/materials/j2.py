@@ -115,15 +115,6 @@ class J2(PathDependent):
         share = 1 - 1.5 * stiffness * low / np.where(mises > 0, mises, 1.0)
         return np.asarray(share[:, None, None] * elastic)
 
-    def shown_state(self, state: Array) -> Array:
-        """See ``PathDependent``."""
-        return state[:, 9]
-
-    @property
-    def shown_name(self) -> str:
-        """See ``PathDependent``."""
-        return "plastic strain"
-
     @property
     def said(self) -> str:
         """See ``Material``."""

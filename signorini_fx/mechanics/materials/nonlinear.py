@@ -229,15 +229,6 @@ class PathDependent(NonlinearMaterial):
         """The second opinion: the deviatoric stress by other means."""
         raise NotImplementedError
 
-    def shown_state(self, state: Array) -> Array:
-        """The number of the state that pictures show, shape (n,)."""
-        raise NotImplementedError
-
-    @property
-    def shown_name(self) -> str:
-        """What ``shown_state`` is called."""
-        raise NotImplementedError
-
 
 def inverse_transposed(gradient: Array) -> Array:
     """F^-T, shape (..., 3, 3)."""

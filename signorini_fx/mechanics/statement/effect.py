@@ -13,7 +13,6 @@ particular effect.
 
 from __future__ import annotations
 
-import pkgutil
 import re
 import sys
 from collections.abc import Iterator, Mapping
@@ -28,7 +27,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo, create_model
 from pydantic.fields import FieldInfo
 
-from signorini_fx.extensions import EFFECTS, is_of_package, load_class, names_of, on_registered
+from signorini_fx.extensions import EFFECTS, is_of_package, load_class, modules_of, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.values import Finite, TimedValue
@@ -396,15 +395,9 @@ PACKAGE = "signorini_fx.mechanics.effects"
 _Model = TypeVar("_Model", bound=type[BaseModel])
 
 
-@cache
-def _of_package() -> tuple[str, ...]:
-    """The names of the files of ``effects/``, none of which is imported."""
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__)))
-
-
 def keys() -> tuple[str, ...]:
     """The keys of all effects, those of other packages last; none is imported."""
-    return (*_of_package(), *(name for name in names_of(EFFECTS) if name not in _of_package()))
+    return (*modules_of(PACKAGE), *(name for name in names_of(EFFECTS) if name not in modules_of(PACKAGE)))
 
 
 def entry_type(key: str) -> Any:
@@ -413,12 +406,12 @@ def entry_type(key: str) -> Any:
     Raises:
         InstallationError: that of another package cannot be imported, or is no ``Effect``.
     """
-    return import_module(f"{PACKAGE}.{key}").Entry if key in _of_package() else load_class(EFFECTS, key, Effect)
+    return import_module(f"{PACKAGE}.{key}").Entry if key in modules_of(PACKAGE) else load_class(EFFECTS, key, Effect)
 
 
 def example_of(key: str) -> str:
     """How a new scene explains a key: ``EXAMPLE`` of its file; "": it does not."""
-    module = f"{PACKAGE}.{key}" if key in _of_package() else entry_type(key).__module__
+    module = f"{PACKAGE}.{key}" if key in modules_of(PACKAGE) else entry_type(key).__module__
     return str(getattr(sys.modules.get(module) or import_module(module), "EXAMPLE", ""))
 
 
@@ -459,7 +452,7 @@ def with_every_effect(model: _Model) -> _Model:
     added: dict[str, Any] = {key: (Entries, ()) for key in keys() if key not in model.model_fields}
     made = _extended(model, added)
     key_lines = "".join(
-        f"\n    {key}: see ``effects/{key}.py``; default: none." for key in added if key in _of_package()
+        f"\n    {key}: see ``effects/{key}.py``; default: none." for key in added if key in modules_of(PACKAGE)
     )
     made.__doc__ = cleandoc(model.__doc__ or "") + key_lines
 

@@ -7,7 +7,7 @@ coefficients drawn at random, which no mesh is needed for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -185,7 +185,7 @@ def _fault_of_reaction(effect: Resistance, points: TrialPoints) -> str:
 
 
 def _reaction_at(effect: Resistance, points: TrialPoints, y: Array) -> Array:
-    return np.broadcast_to(effect.reaction_at(TrialPoints(**{**vars(points), "displacement": y})), y.shape)
+    return np.broadcast_to(effect.reaction_at(replace(points, displacement=y)), y.shape)
 
 
 def _drawn(x: Array) -> TrialPoints:

@@ -16,10 +16,8 @@ to first order if  -n_f . u <= phi(x):  the gap is the signed distance, and the 
 from __future__ import annotations
 
 import math
-import pkgutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
 from importlib import import_module
 from typing import Annotated, Any, ClassVar, Self
 
@@ -28,7 +26,7 @@ import numpy.typing as npt
 from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from signorini_fx.errors import SceneError
-from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
+from signorini_fx.extensions import SHAPES, is_of_package, load_class, modules_of, names_of
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_motion import (
     COMPONENTS,
@@ -380,15 +378,9 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
 PACKAGE = "signorini_fx.mechanics.shapes"
 
 
-@cache
-def _of_package() -> tuple[str, ...]:
-    """The names of the files of ``shapes/``, none of which is imported."""
-    return tuple(module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__))
-
-
 def names() -> tuple[str, ...]:
     """The names of all shapes, ascending; none is imported."""
-    return tuple(sorted({*_of_package(), *names_of(SHAPES)}))
+    return tuple(sorted({*modules_of(PACKAGE), *names_of(SHAPES)}))
 
 
 def shape_class(name: str) -> type[Shape]:
@@ -397,7 +389,7 @@ def shape_class(name: str) -> type[Shape]:
     Raises:
         InstallationError: that of another package cannot be imported, or is none.
     """
-    if name not in _of_package():
+    if name not in modules_of(PACKAGE):
         return load_class(SHAPES, name, Shape)
     entry_class: type[Shape] = import_module(f"{PACKAGE}.{name}").Entry
     return entry_class
@@ -414,7 +406,7 @@ def read_shape(entry: Any) -> Any:
     if not isinstance(entry, Mapping):
         raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
     name = entry.get("shape")
-    if name not in _of_package() and name not in names():
+    if name not in modules_of(PACKAGE) and name not in names():
         raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
     return TypeAdapter(shape_class(name)).validate_python(entry)
 

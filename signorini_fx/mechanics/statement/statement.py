@@ -12,7 +12,7 @@ from functools import cached_property
 from importlib import import_module
 from typing import Any, Self, TypeVar
 
-from signorini_fx.extensions import INTERFACES, load, names_of
+from signorini_fx.extensions import INTERFACES, load_class, modules_of
 from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.statement.effect import Effect, Force, JointLoad, Load
@@ -161,12 +161,7 @@ class Statement:
         for path, effect in self.listed():
             if effect.interface:
                 kinds.setdefault(effect.interface, {})[path] = effect
-        others = names_of(INTERFACES)
-        classes = {
-            kind: load(INTERFACES, kind) if kind in others else import_module(f"{_INTERFACES}.{kind}").Kind
-            for kind in kinds
-        }
-        return [classes[kind](self, kinds[kind]) for kind in kinds]
+        return [_interface_class(kind)(self, entries) for kind, entries in kinds.items()]
 
     def sought_at(self, step: float) -> dict[str, str]:
         """What is known only with the solution at a place in the lists of factors: clauses by the paths of entries."""
@@ -276,3 +271,14 @@ class Statement:
     def has_coulomb(self) -> bool:
         """Whether any friction bound depends on the contact pressure."""
         return any(effect.coulomb for effect in self.contact)
+
+
+def _interface_class(kind: str) -> Any:
+    """The class of a kind of interfaces, whose file is imported.
+
+    Raises:
+        InstallationError: that of another package cannot be used.
+    """
+    if kind in modules_of(_INTERFACES):
+        return import_module(f"{_INTERFACES}.{kind}").Kind
+    return load_class(INTERFACES, kind, import_module(f"{_INTERFACES}.protocol").Interface)
