@@ -18,9 +18,9 @@ from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.front import ProblemOfForms
 from signorini_fx.forms.given import given_forms
 from signorini_fx.forms.mechanics import NO_STRESS
-from signorini_fx.forms.results import errors_of, findings_of_last, level_of, model_of, solution_of
+from signorini_fx.forms.results import errors_of, findings_of_last, level_of, solution_of
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import Clock, FormSteps, checkpoint_of, solve_path
+from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
@@ -116,7 +116,7 @@ class ContactProblem(ProblemOfForms):
         fields = self.assembled.fields
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         self._stresses: tuple[Outcome | None, RawStresses] | None = None  # of the last solution that was asked for them
-        self._ran: tuple[LoadPath, StepProgress[FormSteps]] | None = None  # the last ``run``, until the next solve
+        self._ran: tuple[LoadPath, StepProgress] | None = None  # the last ``run``, until the next solve
 
     @property
     def bcs(self) -> Any:
@@ -335,7 +335,7 @@ class ContactProblem(ProblemOfForms):
         if self.tools:
             raise RuntimeError("derivatives by what moves a foundation are those of scenes")
         solved = solver.elastic, solver.task, solver.outcome, solver.begun, self.state, self.u, solver.law_now()
-        return add_on("gradient")(of, by, lambda: model_of(solver), solved, solver.data_now)
+        return add_on("gradient")(of, by, solver.model, solved, solver.data_now)
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, for the next solve and those after it.

@@ -24,12 +24,15 @@ from signorini_fx.mechanics.body.assembly import action, assemble
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import FoundationData
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.equilibrium import Balance
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.safety import Safety
 from signorini_fx.results.sections import SectionForce
 from signorini_fx.results.stresses import RawStresses
@@ -93,6 +96,21 @@ class FormMechanics:
         supports = prescribed_nodes(self.fixed, self.values, displacement.function_space)
         external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
         return Balance(surface, internal, external, supports, self.scales, self.scales, nothing)
+
+    def certified(
+        self,
+        model: Model,
+        displacement: fem.Function,
+        tractions: Tractions,
+        *,
+        law: Law,
+        step: float,
+        last: PreviousStep | None,
+        rigid: tuple[RigidBodyMotion, ...],
+    ) -> Certificate:
+        """See ``results.certificate.judged``; of the values that the forms have now, wherever ``step`` is."""
+        balance, drives = self.balance(displacement), [*zip(rigid, model.rigid.drives(), strict=True)]
+        return judged(displacement, balance, self.contact_sides, tractions, law=law, before=last, rigid=drives)
 
     def stress(
         self, model: Model | None, y: fem.Function, step: float, shared: dict[str, StressRecovery]

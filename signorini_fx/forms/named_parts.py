@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_steps import LoadPath, LoadSteps
-from signorini_fx.mechanics.statement.settings import Discretised
+from signorini_fx.mechanics.statement.settings import Discretised, SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
 
 if TYPE_CHECKING:
@@ -76,28 +76,54 @@ def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> C
     return partial(kind.model_construct, **described)()
 
 
-def named_body(
-    elastic: ElasticBody,
-    forms: GivenForms,
-    path: LoadPath,
-    law: PointFriction | None,
-    pairs: Mapping[int, PairedSides],
-    rigid: RigidBodies,
-    *,
-    arguments: Sequence[str] = (),
-    title: str = "",
-) -> Model:
-    """An elastic body of forms with what is known of it by name; collective.
+@dataclass(frozen=True)
+class NamedParts:
+    """What is known of forms by name, whatever their Constants are.
+
+    Attributes:
+        statement: contact, load steps and settings.
+        tagged: the mesh with the names of its boundaries.
+    """
+
+    statement: Statement
+    tagged: TaggedMesh
+
+    def along(self, path: LoadPath, title: str) -> NamedParts:
+        """The same with load steps, and with a title of results."""
+        steps = LoadSteps(times=path.times, names=path.names or None, steps=path.steps) if path.several else LoadSteps()
+        count = len(steps.times or (1.0,))
+        return replace(self, statement=replace(self.statement, title=title, load_steps=steps, steps=count))
+
+    def model(
+        self, elastic: ElasticBody, law: PointFriction | None, pairs: Mapping[int, PairedSides], rigid: RigidBodies
+    ) -> Model:
+        """An elastic body of these forms.
+
+        Args:
+            elastic: the body.
+            law: its friction at the contact points.
+            pairs: both sides of each contact of two bodies, by its number.
+            rigid: the rigid bodies.
+        """
+        return Model(
+            **{field.name: getattr(elastic, field.name) for field in fields(elastic)},
+            statement=replace(self.statement, solver=elastic.settings),
+            tagged=self.tagged,
+            lame=(None, None),
+            moduli=None,
+            law=law,
+            pairs=pairs,
+            rigid=rigid,
+        )
+
+
+def named_parts(forms: GivenForms, settings: SolverSettings, arguments: Sequence[str] = ()) -> NamedParts:
+    """What is known of forms by name, with a single load step; collective.
 
     Args:
-        elastic: the body.
         forms: what is assembled.
-        path: its load steps.
-        law: its friction at the contact points.
-        pairs: both sides of each contact of two bodies, by its number.
-        rigid: the rigid bodies.
-        arguments: what it was stated by; none: the forms.
-        title: of its results.
+        settings: how they are solved.
+        arguments: what they were stated by; none: the forms.
     """
     names, opposite = names_of(forms)
     parts = {**forms.boundaries, **dict(zip(names, forms.facets, strict=True))}
@@ -106,24 +132,14 @@ def named_body(
     contact = [contact_entry(entry, name, opposite.get(k)) for k, (entry, name) in enumerate(entries)]
     listed = ["a", "L", *(["stress"] * (forms.stress is not None)), *(["materials"] * (len(forms.parts) > 1))]
     tagged = tagged_mesh(forms.mesh, parts)
-    steps = LoadSteps(times=path.times, names=path.names or None, steps=path.steps) if path.several else LoadSteps()
     statement = Statement(
-        title=title,
+        title="",
         effects={"contact": tuple(contact)},
         kinematics=of_components(tagged.dimension, forms.mesh.geometry.dim),
         element=Discretised(degree=int(forms.space.element.basix_element.degree)),
-        load_steps=steps,
-        steps=len(steps.times or (1.0,)),
-        solver=elastic.settings,
+        load_steps=LoadSteps(),
+        steps=1,
+        solver=settings,
         origin={"forms": tuple(arguments or listed), "mesh": tagged},
     )
-    return Model(
-        **{field.name: getattr(elastic, field.name) for field in fields(elastic)},
-        statement=statement,
-        tagged=tagged,
-        lame=(None, None),
-        moduli=None,
-        law=law,
-        pairs=pairs,
-        rigid=rigid,
-    )
+    return NamedParts(statement, tagged)

@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.named_parts import named_body
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import FormSteps
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.contact_table import contact_table
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.data_error import DataError
@@ -20,17 +17,15 @@ from signorini_fx.results.accuracy.error_estimates import Errors, combined
 from signorini_fx.results.accuracy.level_results import compliance_of, level_result
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.asked_law import asked_law
-from signorini_fx.results.solution import Solution, StepResult
+from signorini_fx.results.solution import Solution
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
-from signorini_fx.solving.load_steps import StepProgress, step_result
+from signorini_fx.solving.load_steps import StepProgress
 from signorini_fx.solving.one_mesh import contact_solution, findings_of_steps, used_parameters
 
 
-def solution_of(
-    solver: FormSolver, path: LoadPath | None, progress: StepProgress[FormSteps] | None, title: str = ""
-) -> Solution:
+def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgress | None, title: str = "") -> Solution:
     """The last solution, or the last iterate, with the values that the forms have now; collective.
 
     Args:
@@ -45,60 +40,17 @@ def solution_of(
     outcome = solver.outcome
     if outcome is None:
         raise RuntimeError("there is no solution so far: call solve()")
-    steps = [_step_of(solver)] if progress is None else progress.results
+    alone = solver.result
+    assert alone is not None
+    steps = [alone] if progress is None else progress.results
     ended = (outcome, outcome.problem.data) if progress is None else progress.ended
     assert ended is not None
     # Of a load step that has failed the forms are not those of the results, which are of one before it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
-    body = model_of(solver, path, title)
+    body = solver.model(path, title)
     findings = findings_of_steps(body, steps, solver.doubtful_laws(), solver.foundations.placed_shapes)
     solution = contact_solution(body, steps, solver.task, ended, solver.timings, lambda: tuple(findings))
     return replace(solution, mechanics=replace(solver.mechanics, settled=settled))
-
-
-def model_of(solver: FormSolver, path: LoadPath | None = None, title: str = "") -> Model:
-    """The body with what is known of it by name; collective.
-
-    Args:
-        solver: of the forms.
-        path: the load steps; None: those of a loop of the user's own so far.
-        title: of results.
-    """
-    return named_body(
-        solver.elastic,
-        solver.forms,
-        _own_path(solver) if path is None else path,
-        solver.begun.law,
-        solver.foundations.pairs,
-        solver.rigid,
-        title=title,
-    )
-
-
-def _own_path(solver: FormSolver) -> LoadPath:
-    """The load steps of a loop of the user's own so far, at the times 1, 2, 3 and so on."""
-    return LoadPath(tuple(map(float, range(1, solver.begun.step + 2))))
-
-
-def _step_of(solver: FormSolver) -> StepResult:
-    """The last solve as the last of the load steps of a loop of the user's own."""
-    assert solver.status is not None
-    assert solver.certificate is not None
-    assert solver.deformation is not None
-    count, y = solver.begun.step, solver.u.copy()
-    y.name = solver.u.name
-    result = step_result(
-        _own_path(solver),
-        count,
-        count,
-        solver.status,
-        y,
-        solver.state,
-        solver.certificate,
-        solver.deformation,
-        len(solver.history.iterations) - solver.solves_before,
-    )
-    return replace(result, tools=solver.tools)
 
 
 def findings_of_last(solver: FormSolver) -> tuple[Finding, ...]:

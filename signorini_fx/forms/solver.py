@@ -23,29 +23,34 @@ from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
 from signorini_fx.forms.given import GivenForms
 from signorini_fx.forms.mechanics import FormMechanics
+from signorini_fx.forms.named_parts import NamedParts, named_parts
 from signorini_fx.forms.stress import natural_modulus
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.body.assembly import assemble
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
+from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import FoundationData, Foundations, ShapeDistances
+from signorini_fx.mechanics.body.rigid import RigidMotions
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
 from signorini_fx.results.accuracy.price_list import peak_memory
-from signorini_fx.results.certificate import Certificate, judged
+from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.promised_law import PreviousStep
+from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
 from signorini_fx.solving.check.laws_in_results import laws_in_results
 from signorini_fx.solving.first_start import CoarserMesh, first_start
-from signorini_fx.solving.load_steps import judged as judged_status
+from signorini_fx.solving.stepped_body import certified_result
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,7 @@ class StepBeginning:
         start: of the step, in the frames of ``boundary``; None: the body at rest.
         previous: ``last`` as the certificate sees it from there.
         solution: the last solution.
+        rested: the motions that the resting place of ``last`` is one of; None: there is none.
         settled: the shapes of foundations as they were at the end of the last step.
         boundary: the contact points.
     """
@@ -65,6 +71,7 @@ class StepBeginning:
     start: Start | None
     previous: PreviousStep | None
     solution: LastSolution | None
+    rested: RigidMotions | None
     settled: dict[int, Any]
     boundary: ContactBoundary
 
@@ -84,6 +91,8 @@ class FormSolver:
         forms: what is assembled.
         options: the prefix of PETSc's options, and options without it.
         deformation: of the last solution, beside the limit of the settings.
+        result: the last solution as a load step of the user's own loop, or of a path; None: there is none, or none that
+            this certifies.
         fields: what contact does in it, as Functions.
         foundations: with all that they need to be evaluated.
         data: of the foundations at the nodes, as they are now.
@@ -113,7 +122,6 @@ class FormSolver:
     rigid: RigidBodies
     data: list[FoundationData]
     prescribed: tuple[npt.NDArray[np.bool_], Array]
-    _fallen: Array  # the displacement of the resting place that slips are counted from
     _checkpoint: Any  # the iterate at the beginning of the last solve
 
     def __init__(
@@ -136,6 +144,7 @@ class FormSolver:
         self.status: Status | None = None
         self.certificate: Certificate | None = None
         self.deformation: Deformation | None = None
+        self.result: StepResult | None = None
         self.tools: tuple[RigidBodyMotion, ...] = ()
         self.previous_step: PreviousStep | None = None
         self.outcome: Outcome | None = None
@@ -143,10 +152,12 @@ class FormSolver:
         self._last_pattern: tuple[bytes, bytes] | None = None
         self._last_modulus: tuple[bytes, float | None] = b"", None
         self._last: StepEnd | None = None  # at the last advance
+        self._rested: RigidMotions | None = None  # of which its resting place is one
         self._start: Start | None = None  # of the present step, in the frames of the present foundations
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._state: ContactState | None = None
         self._first: Start | None = None  # where the first step starts, in these frames
+        self._parts: NamedParts | None = None  # once they are asked for
 
     @property
     def contact(self) -> tuple[Foundation | Pair, ...]:
@@ -170,7 +181,8 @@ class FormSolver:
         begin, self.solves_before, self.timings = time.perf_counter(), len(self.history.iterations), Timings()
         with options.applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
-            self.take(solve_task(self.task, self.begun))
+            outcome = solve_task(self.task, self.begun)
+            self.show(outcome, self._judged(outcome))
         self.cost = time.perf_counter() - begin, peak_memory(self.space.mesh.comm)
         status = self.status
         if status is None or status is Status.CONVERGED:
@@ -221,14 +233,15 @@ class FormSolver:
     def beginning(self) -> StepBeginning:
         """Where the present step begins, whatever is tried from there."""
         last, start, previous, solution = self._last, self._start, self.previous_step, self._solution
-        return StepBeginning(last, start, previous, solution, self.foundations.settled, self.boundary)
+        return StepBeginning(last, start, previous, solution, self._rested, self.foundations.settled, self.boundary)
 
     def return_to(self, beginning: StepBeginning) -> None:
         """The next solve begins there, with the foundations where they are."""
         if self.boundary is not beginning.boundary:  # in whose frames that beginning is
             self._last_pattern = None
         self._last, self._start, self.previous_step = beginning.last, beginning.start, beginning.previous
-        self._solution, self.foundations.settled = beginning.solution, beginning.settled
+        self._solution, self._rested = beginning.solution, beginning.rested
+        self.foundations.settled = beginning.settled
 
     def load(self) -> None:
         """Give the present contact problem the loads and prescribed displacements of now; collective."""
@@ -255,23 +268,24 @@ class FormSolver:
 
     def end_at(self, end: StepEnd) -> None:
         """The next solves begin from the end of a step, with the foundations where they are."""
-        self._last, self._start = end, end.start
+        self._last, self._start, self._rested = end, end.start, self.elastic.motions
         self.foundations.settle()
 
-    def take(self, outcome: Outcome) -> None:
-        """Make a result the one that the user sees, and certify it; collective."""
-        self.u.x.array[:] = self.elastic.function(outcome.displacement()).x.array
-        if self.task.rest is not None:
-            self.u.x.array[:] += self._fallen
-        self.outcome = outcome
-        self.tools = self.rigid.moved(self.elastic.driven(outcome.displacement(), self.task.rest))
-        state = self._state = self.elastic.state(self.task, outcome, self.begun)
-        self.fields.take(self.space, state)
-        self.certificate = self._judged(outcome)
-        self.status = outcome.status
-        if self.certificate is not None:
-            self.deformation = deformation_of(self.elastic, self.u, self.scales.size)
-            self.status = judged_status(outcome.status, self.certificate, self.deformation, self.settings)
+    def show(self, outcome: Outcome, result: StepResult | None) -> None:
+        """Make a result the one that the user sees; None: its owner certifies it; collective."""
+        self.outcome, self.result = outcome, result
+        if result is None:
+            unknowns, rest = outcome.displacement(), self.task.rest
+            displacement = self.elastic.from_rest(rest, unknowns)
+            self._state = self.elastic.state(self.task, outcome, self.begun)
+            self.tools = self.rigid.moved(self.elastic.driven(unknowns, rest))
+            self.status, self.certificate, self.deformation = outcome.status, None, None
+        else:
+            result.displacement.name = self.u.name
+            displacement, self._state, self.tools = result.displacement, result.contact, result.tools
+            self.status, self.certificate, self.deformation = result.status, result.certificate, result.deformation
+        self.u.x.array[:] = displacement.x.array
+        self.fields.take(self.space, self.state)
         if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
             self.task.iterate.newton.restore(self._checkpoint)
         else:
@@ -314,8 +328,7 @@ class FormSolver:
         resting = None
         if self._last is not None:
             # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
-            fallen = self._last.rest is not None and bool(self._fallen[fixed].any())
-            held, spin = parallel.any_rank(space.mesh.comm, fallen), self._spin(boundary)
+            held, spin = parallel.any_rank(space.mesh.comm, self._holds_fallen(fixed)), self._spin(boundary)
             self._start, resting = self._last.seen_from(boundary, held=held, spin=spin)
         self.boundary, self._first = boundary, None
         elastic = self.elastic = self._body(fixed[:owned], boundary)
@@ -331,8 +344,15 @@ class FormSolver:
         )
         if self._start is None:
             resting = task.rest
-            self._fallen = np.zeros(0) if resting is None else elastic.motions.displacement(resting.motion).ravel()
+        elif resting is not None and self._rested is not None:
+            resting = replace(resting, motion=elastic.motions.coefficients_of(resting.motion, self._rested))
         self.task = replace(task, rest=resting)
+
+    def _holds_fallen(self, fixed: npt.NDArray[np.bool_]) -> bool:
+        """Whether something that the body has fallen with to its resting place is prescribed by now, on this rank."""
+        if self._last is None or self._last.rest is None or self._rested is None:
+            return False
+        return bool(self._rested.displacement(self._last.rest.motion).ravel()[fixed].any())
 
     def _natural_modulus(self) -> float | None:
         """See ``natural_modulus``: looked for anew when the coefficients of ``a`` change, not when foundations do;
@@ -370,18 +390,12 @@ class FormSolver:
         """What the matrix is made of beside ``a`` and ``bcs``."""
         return ()
 
-    def _judged(self, outcome: Outcome) -> Certificate | None:
-        """The certificate of a result; None: its owner makes another one; collective."""
-        mechanics = self.mechanics
-        return judged(
-            self.u,
-            mechanics.balance(self.u),
-            mechanics.contact_sides,
-            Tractions.of(self.state),
-            law=Law(*self.task.promised(outcome)),
-            before=self.previous_step,
-            rigid=[*zip(self.tools, self.rigid.drives(), strict=True)],
-        )
+    def _judged(self, outcome: Outcome) -> StepResult | None:
+        """The last solve as the last step of a loop of the user's own; None: its owner certifies it; collective."""
+        number, last = self.begun.step, self.previous_step
+        begun = self.task, replace(self.begun, place=float(number)), last
+        result = certified_result(self.model(), self.mechanics, counted_path(number), begun, outcome)
+        return replace(result, linear_solves=len(self.history.iterations) - self.solves_before)
 
     def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
@@ -391,6 +405,18 @@ class FormSolver:
     def doubtful_laws(self) -> list[Finding]:
         """See ``laws_in_results``; collective."""
         return laws_in_results(self.data, self.begun.law, self._state, self.scales.modulus)
+
+    def model(self, path: LoadPath | None = None, title: str = "") -> Model:
+        """The body with what is known of it by name; collective.
+
+        Args:
+            path: the load steps; None: those of a loop of the user's own so far.
+            title: of results.
+        """
+        if self._parts is None:
+            self._parts = named_parts(self.forms, self.settings)
+        parts = self._parts.along(counted_path(self.begun.step) if path is None else path, title)
+        return parts.model(self.elastic, self.begun.law, self.foundations.pairs, self.rigid)
 
     @property
     def mechanics(self) -> FormMechanics:

@@ -6,12 +6,10 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.laws import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
@@ -19,8 +17,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.forms.stated_values import constants_of
-from signorini_fx.mechanics.body.elastic import ElasticBody
-from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
@@ -29,9 +26,9 @@ from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.load_path import Increments
-from signorini_fx.solving.load_steps import StepProgress, all_load_steps, step_result
+from signorini_fx.solving.load_steps import StepProgress, all_load_steps
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
-from signorini_fx.solving.stepped_problem import BegunStep, UncertifiedStep
+from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 
 class Clock:
@@ -62,87 +59,45 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class FormSteps:
-    """A ``ContactProblem`` at the load steps of a path, see ``SteppedProblem``.
+class FormPlaces:
+    """The forms of a ``ContactProblem`` as they are at the places of a path, see ``Places``.
 
     Attributes:
         solver: which is always at the last attempt.
         path: the load steps.
         clock: changes the problem to what it is at a time.
-        timings: of the run.
         beginning: where the next load step begins.
     """
 
     solver: FormSolver
     path: LoadPath
     clock: Clock
-    timings: Timings
     beginning: StepBeginning
 
-    @property
-    def body(self) -> ElasticBody:
-        """As it was assembled last."""
-        return self.solver.elastic
-
-    @property
-    def size(self) -> float:
-        """Of the body, length."""
-        return self.solver.scales.size
-
-    @property
-    def loads(self) -> str:
-        """The argument with its forces."""
-        return "L"
-
-    def at(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep[FormSteps]:
-        """The problem as it is at the time of a place, from the end of the last load step; collective."""
-        self.solver.return_to(self.beginning)
-        with self.timings.phase("assemble"):
+    def at(self, body: SteppedBody, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
+        """See ``Places``: from the end of the last load step, which the solver has kept."""
+        solver = self.solver
+        solver.return_to(self.beginning)
+        with body.timings.phase("assemble"):
             self.clock.turn(self.path.time_at(path_step))
-            begun = self.solver.begin_step()
-        return BegunStep(self, self.solver.task, begun, self.solver.previous_step)
+            solver.begun = start = solver.begin_step()
+        body = replace(body, model=solver.model(self.path), judge=solver.mechanics)
+        return BegunStep(body, solver.task, start, solver.previous_step)
 
-    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
+    def load(self, model: Model, system: ElasticSystem, path_step: float) -> Nodal:
         """Those of the time of the place; collective."""
         self.clock.turn(self.path.time_at(path_step))
         self.solver.load()
         return np.ones(1)
 
-    def solved(self, begun: BegunStep[FormSteps], allowed: int) -> UncertifiedStep[FormSteps]:
-        """See ``SteppedProblem``."""
-        return UncertifiedStep(begun, solve_task(begun.task, begun.start, allowed))
+    def show(self, outcome: Outcome, result: StepResult) -> None:
+        """See ``FormSolver``."""
+        self.solver.show(outcome, result)
 
-    def certified(
-        self, begun: BegunStep[FormSteps], outcome: Outcome, joint: JointPressure | None = None
-    ) -> StepResult:
-        """See ``SteppedProblem``; the result is what the problem shows."""
-        solver, start = self.solver, begun.start
-        with self.timings.phase("certify"):
-            solver.begun = start
-            solver.take(outcome)
-            assert solver.status is not None
-            assert solver.certificate is not None
-            assert solver.deformation is not None
-            y = solver.u.copy()
-            y.name = solver.u.name
-        state, certificate, deformation = solver.state, solver.certificate, solver.deformation
-        result = step_result(self.path, start.step, start.place, solver.status, y, state, certificate, deformation)
-        return replace(result, tools=solver.tools)
-
-    def ended(self, end: StepEnd) -> FormSteps:
+    def ended(self, end: StepEnd) -> FormPlaces:
         """The next load step begins as after ``advance``."""
         self.solver.end_at(end)
         return replace(self, beginning=self.solver.beginning())
-
-    def stored(self, path_step: float, result: StepResult) -> tuple[dict[str, Nodal], dict[str, Any]]:
-        """Nothing: all is in what the forms and foundations are at the time of the place."""
-        return {}, {}
-
-    def recalled(
-        self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any]
-    ) -> tuple[FormSteps, JointPressure | None]:
-        """See ``stored``."""
-        return self, None
 
 
 def solve_path(
@@ -151,7 +106,7 @@ def solve_path(
     clock: Clock,
     on_step: Callable[[StepResult], object],
     stored: MeshCheckpoint | None = None,
-) -> StepProgress[FormSteps]:
+) -> StepProgress:
     """Solve the load steps of a path, which the solver is left at the last of; collective.
 
     Args:
@@ -167,9 +122,10 @@ def solve_path(
     with options.applied(*solver.options):
         clock.turn(path.time_at(increments.next))
         with solver.timings.phase("assemble"):
-            start = solver.begin_step()
-        steps = FormSteps(solver, path, clock, solver.timings, solver.beginning())
-        progress = all_load_steps(steps, solver.task, start, increments, lambda step: on_step(step.result), stored)
+            solver.begun = start = solver.begin_step()
+        places = FormPlaces(solver, path, clock, solver.beginning())
+        body = SteppedBody(solver.model(path), path, solver.timings, places, solver.mechanics)
+        progress = all_load_steps(body, solver.task, start, increments, lambda step: on_step(step.result), stored)
     solver.cost = time.perf_counter() - begin, peak_memory(comm)
     return progress
 

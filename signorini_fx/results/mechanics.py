@@ -8,15 +8,19 @@ from typing import TYPE_CHECKING, Protocol
 from dolfinx import fem
 
 from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.contact_sides import sides_of
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.resultants import Resultants, StatedResultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import RawStresses, Stresses
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.model import Model
+    from signorini_fx.results.nodal_forces import NodalForces
     from signorini_fx.results.sections import SectionForce
 
 
@@ -77,10 +81,32 @@ class Mechanics(Protocol):
 
 @dataclass(frozen=True)
 class StatedMechanics:
-    """What the entries of a statement say, see ``Mechanics``."""
+    """What the entries of a statement say, see ``Mechanics``.
 
+    Attributes:
+        evaluation: what has evaluated another certificate on this space; None: there is none.
+    """
+
+    evaluation: NodalForces | None = None
     has_stress: bool = True
     linear: bool = True
+
+    def certified(
+        self,
+        model: Model,
+        displacement: fem.Function,
+        tractions: Tractions,
+        *,
+        law: Law,
+        step: float,
+        last: PreviousStep | None,
+        rigid: tuple[RigidBodyMotion, ...],
+    ) -> Certificate:
+        """See ``certify``."""
+        on, like = (model.statement, model.tagged), self.evaluation
+        return certify(
+            *on, displacement, tractions, law=law, step=step, before=last, pairs=model.pairs, rigid=rigid, like=like
+        )
 
     def sides(self, model: Model) -> list[ContactSide]:
         """See ``Mechanics``."""

@@ -36,8 +36,7 @@ from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import SolvedMesh, measured
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.restart import MeshCheckpoint
-from signorini_fx.solving.scene_steps import SceneSteps
-from signorini_fx.solving.stepped_problem import LoadStep
+from signorini_fx.solving.stepped_body import LoadStep
 from signorini_fx.tuned import COARSER_START
 
 
@@ -169,8 +168,8 @@ class SceneMesh:
         """See ``MeshedProblem``."""
 
         def solve(step_errors: list[Errors]) -> SolvedMesh:
-            def estimate(step: LoadStep[SceneSteps]) -> None:
-                d, outcome, result = step.problem.body, step.outcome, step.result
+            def estimate(step: LoadStep) -> None:
+                d, outcome, result = step.body.model, step.outcome, step.result
                 assert result.contact is not None
                 table = contact_table(result.contact, *d.statement.sides)
                 displacement, compliance = d.function(outcome.displacement()), compliance_of(outcome, self.comm)

@@ -1,6 +1,6 @@
 """The loop over load steps: the attempts at each, what the checkpoint has of it, and when a ramp begins again.
 
-It knows neither scenes nor forms: what it asks of either is a ``SteppedProblem``.
+It knows neither scenes nor forms: a ``SteppedBody`` asks either for the model of a place.
 """
 
 from __future__ import annotations
@@ -8,35 +8,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from math import floor
-from typing import Generic
-
-from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.attempts import HALF, METHOD, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, Attempt, tried
 from signorini_fx.algebra.contact.laws import Nodal, RegularisedData
 from signorini_fx.algebra.contact.statics import no_balance
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.deformation import Deformation
-from signorini_fx.mechanics.statement.load_steps import LoadPath
-from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History, Status, StepRecord
-from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import MeshCheckpoint
-from signorini_fx.solving.stepped_problem import BegunStep, LoadStep, P
+from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody
 from signorini_fx.tuned import BEYOND_LIMIT
 
 
 @dataclass
-class StepProgress(Generic[P]):
+class StepProgress:
     """How far the load steps have come.
 
     Attributes:
-        problem: at the end of the last one.
+        body: at the end of the last one.
         task: its contact problem.
         first: where the first one starts.
         end: that of the last one; None: there is none.
@@ -45,7 +37,7 @@ class StepProgress(Generic[P]):
         unstored: where the records begin that no stored load step has; None: at the next one.
     """
 
-    problem: P
+    body: SteppedBody
     task: Task
     first: Start
     end: StepEnd | None = None
@@ -53,51 +45,51 @@ class StepProgress(Generic[P]):
     ended: tuple[Outcome, RegularisedData] | None = None
     unstored: tuple[int, int, int] | None = None
 
-    def take(self, step: LoadStep[P]) -> None:
+    def take(self, step: LoadStep) -> None:
         """Add the result of a load step."""
-        self.problem, self.task = step.problem, step.task
+        self.body, self.task = step.body, step.task
         self.results.append(step.result)
         if step.result.status is Status.CONVERGED or self.ended is None:
             self.ended = step.outcome, step.outcome.problem.data
 
-    def go_on(self, step: LoadStep[P]) -> None:
+    def go_on(self, step: LoadStep) -> None:
         """Begin the next load step where this one has ended."""
         result = step.result
         assert result.contact is not None
         solved = step.outcome, step.start, result.contact, result.displacement
         self.end = StepEnd.of(step.task, *solved, step.last, result.tools)
-        self.problem = self.problem.ended(self.end)
+        self.body = self.body.ended(self.end)
 
     @property
     def number(self) -> int:
         """How many load steps have a solution."""
         return self.first.step if self.end is None else self.end.start.step
 
-    def begun(self, path_step: float) -> BegunStep[P]:
+    def begun(self, path_step: float) -> BegunStep:
         """The load step that begins at a place."""
-        return self.problem.at(path_step, self.task, self.first, self.end)
+        return self.body.begun(path_step, self.task, self.first, self.end)
 
 
 def all_load_steps(
-    problem: P,
+    body: SteppedBody,
     task: Task,
     start: Start,
     path: Increments,
-    on_step: Callable[[LoadStep[P]], object],
+    on_step: Callable[[LoadStep], object],
     level_checkpoint: MeshCheckpoint | None = None,
-) -> StepProgress[P]:
+) -> StepProgress:
     """Solve one load step after the other, until one has no solution; collective.
 
     Args:
-        problem: at the first load step.
+        body: at the first load step.
         task: its contact problem.
         start: where the first load step starts.
         path: the places of the load steps.
         on_step: called after each load step with a solution.
         level_checkpoint: the checkpoint, which load steps are taken from and stored in; None: there is none.
     """
-    history, timings = task.history, problem.timings
-    progress = StepProgress(problem, task, start)
+    history, timings = task.history, body.timings
+    progress = StepProgress(body, task, start)
     begun, beginning = task.iterate.newton.checkpoint(), _marks(history)
     while not path.ended:
         marks, step = progress.unstored or _marks(history), None
@@ -110,7 +102,7 @@ def all_load_steps(
             history.add(f"{step}: {anew}")
             path.begin_again(step.result.status, history.linear_solves - beginning[0])
             task.iterate.newton.restore(begun)
-            progress = StepProgress(problem, task, start, unstored=beginning)
+            progress = StepProgress(body, task, start, unstored=beginning)
             if level_checkpoint is not None:
                 level_checkpoint.forget(0)
             continue
@@ -124,7 +116,7 @@ def all_load_steps(
             path.advance(step.result.linear_solves)
             if level_checkpoint is not None:
                 with timings.phase("checkpoint"):
-                    level_checkpoint.store(step.problem, step.task, step.start, step.outcome, step.result, path, marks)
+                    level_checkpoint.store(step.body, step.task, step.start, step.outcome, step.result, path, marks)
             progress.unstored = None
         if not path.ended:
             progress.go_on(step)
@@ -143,13 +135,13 @@ def _to_begin_again(path: Increments, result: StepResult) -> Attempt | None:
     return RAMP_WITHOUT_AUGMENTATION if result.status is not Status.CONVERGED and path.falls_short else None
 
 
-def _load_step(progress: StepProgress[P], path: Increments) -> LoadStep[P]:
+def _load_step(progress: StepProgress, path: Increments) -> LoadStep:
     """Solve the next load step, in a ramp for smaller and smaller increments until one of them has a solution."""
-    history, newton, steps = progress.task.history, progress.task.iterate.newton, progress.problem.path
+    history, newton, steps = progress.task.history, progress.task.iterate.newton, progress.body.path
     checkpoint = newton.checkpoint()
-    ended: list[LoadStep[P]] = []
+    ended: list[LoadStep] = []
 
-    def attempt() -> LoadStep[P]:
+    def attempt() -> LoadStep:
         solves_before = history.linear_solves
         path_step = path.next
         begun = progress.begun(path_step)
@@ -164,18 +156,18 @@ def _load_step(progress: StepProgress[P], path: Increments) -> LoadStep[P]:
         if steps.several:
             history.add(StepRecord(start.step + 1, steps.name_at(path_step), steps.time_at(path_step)))
         history.move(step=start.step + 1, steps=len(steps.times))
-        with begun.problem.timings.phase("iterate"):
-            solved = begun.problem.solved(replace(begun, start=start), path.allowed)
+        with begun.body.timings.phase("iterate"):
+            solved = begun.body.solved(replace(begun, start=start), path.allowed)
         begun, outcome, reason = solved.begun, solved.outcome, solved.reason
         if reason is None and history.linear_solves > solves_before:  # else it is proved of a body that ``check`` names
             when = f"load step {start.step + 1}: " if steps.several else ""
-            outcome, reason = explained(begun.problem.body, begun.task, begun.start, outcome, begun.problem.loads, when)
-        result = begun.problem.certified(begun, outcome, solved.joint)
+            outcome, reason = explained(begun.body.model, begun.task, begun.start, outcome, when)
+        result = begun.body.certified(begun, outcome, solved.joint)
         result = replace(result, linear_solves=history.linear_solves - solves_before, reason=reason)
         ended.append(LoadStep.of(begun, outcome, result))
         return ended[-1]
 
-    def increments() -> Iterator[tuple[object, Callable[[], LoadStep[P]]]]:
+    def increments() -> Iterator[tuple[object, Callable[[], LoadStep]]]:
         yield METHOD, attempt
         while _goes_on(path, ended[-1].result):
             yield HALF, attempt
@@ -188,24 +180,24 @@ def _load_step(progress: StepProgress[P], path: Increments) -> LoadStep[P]:
     )[-1]
 
 
-def _load_at(begun: BegunStep[P], path_step: float, path: Increments) -> Nodal:
+def _load_at(begun: BegunStep, path_step: float, path: Increments) -> Nodal:
     """The factors of the load cases at a place; where statics proves within a ramp that its load is the largest one, a
     little beyond: which loads a ramp tries is arbitrary, and at the limit itself round-off would decide; collective.
     """
-    problem, task, start = begun.problem, begun.task, begun.start
+    body, task, start = begun.body, begun.task, begun.start
     if not path.halves or task.motions.count == 0:
-        return problem.load(task.system, path_step)
+        return body.load(task.system, path_step)
 
     def proved(at: float) -> bool:
-        task.system.set_load(problem.load(task.system, at))
+        task.system.set_load(body.load(task.system, at))
         return no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant) is not None
 
     beyond = path_step + BEYOND_LIMIT * (path_step - floor(path_step))
     if proved(path_step) or not proved(beyond):
-        return problem.load(task.system, path_step)
-    time = problem.path.time_at(path_step)
+        return body.load(task.system, path_step)
+    time = body.path.time_at(path_step)
     task.history.add(f"statics: the load at time {time:.6g} is the largest that can be held")
-    return problem.load(task.system, beyond)
+    return body.load(task.system, beyond)
 
 
 def _goes_on(path: Increments, failed: StepResult) -> bool:
@@ -214,20 +206,20 @@ def _goes_on(path: Increments, failed: StepResult) -> bool:
     return not path.begins_again(status, solves) and path.shorten(status, solves)
 
 
-def _recalled_step(progress: StepProgress[P], level_checkpoint: MeshCheckpoint, path: Increments) -> LoadStep[P] | None:
+def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, path: Increments) -> LoadStep | None:
     """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
-    number, task, timings = progress.number, progress.task, progress.problem.timings
+    number, task, timings = progress.number, progress.task, progress.body.timings
     path_step = level_checkpoint.place(number)
     if path_step is None:
         return None
     checkpoint = task.iterate.newton.checkpoint()
     with timings.phase("restart"):
         begun = progress.begun(path_step)
-        recalled = level_checkpoint.recall(begun.problem, begun.task, begun.start)
+        recalled = level_checkpoint.recall(begun.body, begun.task, begun.start)
     if recalled is None:
         return None
-    begun = replace(begun, problem=recalled.problem, start=recalled.start)
-    result = begun.problem.certified(begun, recalled.outcome, recalled.joint)
+    begun = replace(begun, body=recalled.body, start=recalled.start)
+    result = begun.body.certified(begun, recalled.outcome, recalled.joint)
     if result.status is not Status.CONVERGED:
         task.history.add(f"restart: {result}: {result.status.value}: it is solved again")
         level_checkpoint.forget(number)
@@ -235,42 +227,3 @@ def _recalled_step(progress: StepProgress[P], level_checkpoint: MeshCheckpoint, 
         return None
     recalled.accept(task.history, timings, path)
     return LoadStep.of(begun, recalled.outcome, replace(result, linear_solves=path.at.last))
-
-
-def step_result(
-    path: LoadPath,
-    number: int,
-    path_step: float,
-    status: Status,
-    displacement: fem.Function,
-    contact: ContactState | None,
-    certificate: Certificate,
-    deformation: Deformation,
-    linear_solves: int = 0,
-) -> StepResult:
-    """The result of a load step; ``number``: of those before it."""
-    return StepResult(
-        step=number + 1,
-        place=path_step,
-        time=path.time_at(path_step),
-        name=path.name_at(path_step),
-        status=status,
-        displacement=displacement,
-        contact=contact,
-        certificate=certificate,
-        deformation=deformation,
-        strain_energy=certificate.strain_energy,
-        linear_solves=linear_solves,
-    )
-
-
-def judged(status: Status, certificate: Certificate, deformation: Deformation, settings: SolverSettings) -> Status:
-    """The status of an iteration after its result has been checked.
-
-    If the residual stagnates, the usual reason is a body that has moved far away: therefore this is checked first.
-    """
-    if status not in (Status.CONVERGED, Status.ROUND_OFF):
-        return status
-    if deformation.largest > settings.largest_deformation:
-        return Status.TOO_LARGE
-    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status

@@ -18,8 +18,8 @@ from signorini_fx.algebra.contact.laws import Nodal, RegularisedData, length
 from signorini_fx.algebra.contact.reactions import Reactions, reactions
 from signorini_fx.algebra.contact.statics import null_space, squeezed
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.motion_names import names_of
+from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
 from signorini_fx.tuned import CLOSED_GAP
 
@@ -36,17 +36,14 @@ _UNEXPLAINED = (
 )
 
 
-def explained(
-    body: ElasticBody, task: Task, start: Start, outcome: Outcome, loads: str, when: str
-) -> tuple[Outcome, Finding | None]:
+def explained(body: Model, task: Task, start: Start, outcome: Outcome, when: str) -> tuple[Outcome, Finding | None]:
     """The outcome of a load step, *opens* where a body lies loose, and which one does; collective.
 
     Args:
-        body: the elastic body.
+        body: the model.
         task: its contact problem.
         start: where the load step started.
         outcome: how it ended.
-        loads: the name of the forces that could press a body on.
         when: the name of the load step, with a colon; "": there is one.
     """
     understood = outcome.status not in _UNEXPLAINED
@@ -62,7 +59,7 @@ def explained(
         f"nothing presses on {names if members.size > 1 else f'the body in {names}'}, which the supports do not hold: "
         "it lies loose, and many positions are in equilibrium; press it on, or prescribe a displacement"
     )
-    return replace(outcome, status=Status.OPEN), Finding("warning", loads, f"{when}{message}")
+    return replace(outcome, status=Status.OPEN), Finding("warning", body.statement.forces_at, f"{when}{message}")
 
 
 def loose_assembly(task: Task, data: RegularisedData, law: PointFriction | None) -> int | None:

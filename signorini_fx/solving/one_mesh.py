@@ -44,17 +44,17 @@ from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
 from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_path import Increments
-from signorini_fx.solving.load_steps import all_load_steps, judged, step_result
+from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.restart import MeshCheckpoint
-from signorini_fx.solving.scene_steps import SceneSteps
-from signorini_fx.solving.stepped_problem import LoadStep
+from signorini_fx.solving.stated_places import stated_body
+from signorini_fx.solving.stepped_body import LoadStep, judged, step_result
 from signorini_fx.tuned import LAST_DIGITS, PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.
-AfterStep = Callable[[LoadStep[SceneSteps]], object]
+AfterStep = Callable[[LoadStep], object]
 
 
-def _nothing_more(step: LoadStep[SceneSteps]) -> None:
+def _nothing_more(step: LoadStep) -> None:
     """Does nothing after a load step."""
 
 
@@ -122,9 +122,9 @@ def solve_contact(
         with timings.phase("condense"):
             return contact_task(d, history)
 
-    steps = SceneSteps.of(model, timings, renew)
-    progress = all_load_steps(steps, task, start, _increments(statement), on_step, level_checkpoint)
-    model, task = progress.problem.body, progress.task
+    body = stated_body(model, timings, renew)
+    progress = all_load_steps(body, task, start, _increments(statement), on_step, level_checkpoint)
+    model, task = progress.body.model, progress.task
     assert progress.ended is not None
     found = _found(model, tuple(progress.results)) if with_findings else tuple
     solution = contact_solution(model, progress.results, task, progress.ended, timings, found)

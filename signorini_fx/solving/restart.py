@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Generic
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -26,15 +26,15 @@ from signorini_fx.records import History, IterationRecord, OuterRecord, Status, 
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
 from signorini_fx.solving.load_path import Increments
-from signorini_fx.solving.stepped_problem import P
+from signorini_fx.solving.stepped_body import SteppedBody
 
 
 @dataclass(frozen=True)
-class Recalled(Generic[P]):
+class Recalled:
     """A load step of an earlier run.
 
     Attributes:
-        problem: as it was at the load step.
+        body: as it was at the load step.
         outcome: how it ended, with the iterate in place.
         start: where it started, at its place.
         path: the way through the load steps after it.
@@ -45,7 +45,7 @@ class Recalled(Generic[P]):
         joint: the pressure of loads within the contact; None: none enters.
     """
 
-    problem: P
+    body: SteppedBody
     outcome: Outcome
     start: Start
     path: dict[str, float]
@@ -91,7 +91,7 @@ class MeshCheckpoint:
 
     def store(
         self,
-        steps: P,
+        stepped: SteppedBody,
         task: Task,
         start: Start,
         outcome: Outcome,
@@ -102,7 +102,7 @@ class MeshCheckpoint:
         """Store a load step that has a solution.
 
         Args:
-            steps: the problem, as it is at the load step.
+            stepped: the body, as it is at the load step.
             task: the contact problem.
             start: where the load step started.
             outcome: how it ended.
@@ -110,7 +110,7 @@ class MeshCheckpoint:
             path: the way through the load steps, after it.
             marks: numbers of linear solves, regularised problems and events before it.
         """
-        problem, history, body, boundary = outcome.problem, task.history, steps.body, steps.body.boundary
+        problem, history, body, boundary = outcome.problem, task.history, stepped.model, stepped.model.boundary
         assert boundary is not None
         tangents, cotangents, sets = boundary.tangents, boundary.cotangents, problem.sets
         nodal: dict[str, Nodal] = {
@@ -118,7 +118,7 @@ class MeshCheckpoint:
             "direction": _in_space(sets.direction, tangents),
             "turning": sets.turning,
         }
-        more_nodal, more_figures = steps.stored(start.place, result)
+        more_nodal, more_figures = stepped.stored(start.place, result)
         nodal |= more_nodal
         rest_t = 0.0 if task.rest is None else task.rest.u_t
         parameters = {}
@@ -145,34 +145,34 @@ class MeshCheckpoint:
             "iterations": as_rows(history.iterations[solves:]),
             "outer": as_rows(history.outer[problems:]),
             "events": history.events[events:],
-            "seconds": parallel.largest_timings(body.comm, steps.timings.total),
+            "seconds": parallel.largest_timings(body.comm, stepped.timings.total),
             **more_figures,
         }
         if boundary.moving is not None:
             figures["tools"] = body.driven(outcome.displacement(), task.rest).tolist()
         self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures)
 
-    def recall(self, steps: P, task: Task, start: Start) -> Recalled[P] | None:
+    def recall(self, stepped: SteppedBody, task: Task, start: Start) -> Recalled | None:
         """Rebuild a load step; None if it is not there, or does not fit.
 
         Args:
-            steps: the problem, as it is at the load step.
+            stepped: the body, as it is at the load step.
             task: the contact problem; its iterate becomes that of the load step.
             start: where the load step starts; its place is that of the earlier run.
         """
         figures = self.checkpoint.figures(self.level, start.step)
         if figures is None:
             return None
-        body, boundary = steps.body, steps.body.boundary
+        body, boundary = stepped.model, stepped.model.boundary
         assert boundary is not None
-        stored = self.checkpoint.read(self.level, start.step, body.space, boundary, steps.size)
+        stored = self.checkpoint.read(self.level, start.step, body.space, boundary, body.tagged.size)
         if stored is None:
             self.forget(start.step)
             return None
         displacement, nodal = stored
         path_step = float(figures["place"])
-        steps, joint = steps.recalled(task, path_step, nodal, figures)
-        start = replace(start, place=path_step, factors=steps.load(task.system, path_step))
+        stepped, joint = stepped.recalled(task, path_step, nodal, figures)
+        start = replace(start, place=path_step, factors=stepped.load(task.system, path_step))
         task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= body.motions.displacement(task.rest.motion).ravel()
@@ -204,7 +204,7 @@ class MeshCheckpoint:
             regularisation_error=figures["regularisation_error"],
         )
         return Recalled(
-            steps,
+            stepped,
             outcome,
             start,
             figures["path"],

@@ -37,7 +37,7 @@ from signorini_fx.solving.interfaces import protocol
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.restart import MeshCheckpoint
-from signorini_fx.solving.scene_steps import SceneSteps
+from signorini_fx.solving.stated_places import stated_body
 
 PUSHED = """
 title = "block, pressed and pushed"
@@ -467,7 +467,7 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     start = replace(task.start, place=0.5)
     stored = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
     path = Increments(given.statement.path, given.solver, has_coulomb=given.statement.has_coulomb)
-    steps = SceneSteps.of(d, Timings(), lambda d: tasks[1])
+    steps = stated_body(d, Timings(), lambda d: tasks[1])
     MeshCheckpoint(stored, 0).store(steps, task, start, outcome, result, path, (0, 0, 0))
     again = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
     found = MeshCheckpoint(again, 0).recall(steps, tasks[1], tasks[1].start)

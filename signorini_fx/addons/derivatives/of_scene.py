@@ -45,8 +45,7 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.one_mesh import solve_mesh
-from signorini_fx.solving.scene_steps import SceneSteps
-from signorini_fx.solving.stepped_problem import LoadStep
+from signorini_fx.solving.stepped_body import LoadStep
 
 Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.
@@ -138,7 +137,7 @@ def sensitivity(
     scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
     solved: list[_Step] = []
 
-    def keep(step: LoadStep[SceneSteps]) -> None:
+    def keep(step: LoadStep) -> None:
         if step.result.step == 1:  # a ramp may begin again
             solved.clear()
         solved.append(_Step.of(step))
@@ -177,9 +176,9 @@ class _Step:
         return ChangedStep(forms=(), boundary=d.boundary, gap=d.data.gap, law=d.law, **_loads(d, self.place))
 
     @classmethod
-    def of(cls, step: LoadStep[SceneSteps]) -> _Step:
+    def of(cls, step: LoadStep) -> _Step:
         """One that has just been solved; collective."""
-        d, state = step.problem.body, step.result.contact
+        d, state = step.body.model, step.result.contact
         assert state is not None
         of = d, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law
         return cls(d, step.result.place, SolvedStep.of(*of))

@@ -35,7 +35,6 @@ from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.body.supports import prescribed
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.records import Status
-from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
@@ -255,7 +254,7 @@ class LinearisedProblem(FormSolver):
         """See ``FormSolver``."""
         return self._spin_of(boundary)
 
-    def _judged(self, outcome: Outcome) -> Certificate | None:
+    def _judged(self, outcome: Outcome) -> None:
         """None: the solution of the nonlinear problem gets one."""
         return None
 

@@ -11,19 +11,19 @@ from dolfinx import fem
 from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given import GivenForms
-from signorini_fx.forms.named_parts import named_body
+from signorini_fx.forms.named_parts import named_parts
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.foundation import Foundation
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.solution import Solution, StepResult
-from signorini_fx.solving.load_steps import step_result
 from signorini_fx.solving.one_mesh import algorithm_name, used_parameters
+from signorini_fx.solving.stepped_body import step_result
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class SolvedBody:
         number, y = linear.begun.step, u.copy()
         y.name = u.name
         step = step_result(
-            _counted(number),
+            counted_path(number),
             number,
             number,
             Status.CONVERGED,
@@ -105,8 +105,9 @@ class SolvedBody:
             title: of the results.
         """
         names = tuple(step.name for step in steps) if any(step.name for step in steps) else ()
-        path = LoadPath(tuple(step.time for step in steps), names) if steps else _counted(self.step.step - 1)
-        model = named_body(self.elastic, self.forms, path, self.law, {}, rigid, arguments=("F",), title=title)
+        path = LoadPath(tuple(step.time for step in steps), names) if steps else counted_path(self.step.step - 1)
+        parts = named_parts(self.forms, self.elastic.settings, ("F",)).along(path, title)
+        model = parts.model(self.elastic, self.law, {}, rigid)
         parameters = used_parameters(self.outcome, self.outcome.problem.data, 0.0)
         parameters.pop("regularisation_error", None)  # it is relative to a strain energy, which nobody knows
         (status, found), (history, timings), shown = ended, spent, self.step
@@ -126,8 +127,3 @@ class SolvedBody:
             found=lambda: found,
             mechanics=self.mechanics,
         )
-
-
-def _counted(number: int) -> LoadPath:
-    """The load steps of a loop of the user's own, at the times 1, 2, 3 and so on; ``number``: of those before it."""
-    return LoadPath(tuple(map(float, range(1, number + 2))))

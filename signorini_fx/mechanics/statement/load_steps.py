@@ -110,3 +110,8 @@ class LoadPath:
     def name_at(self, step: float) -> str:
         """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""
         return self.names[ceil(step)] if self.names else ""
+
+
+def counted_path(number: int) -> LoadPath:
+    """The load steps of a loop of a user's own, at times 1, 2, 3 and so on; ``number``: of those before the last."""
+    return LoadPath(tuple(map(float, range(1, number + 2))))

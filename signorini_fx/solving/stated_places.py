@@ -1,0 +1,97 @@
+"""The places of a stated problem: foundations, friction and loads are what its statement says of their time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.mechanics.body.discretisation import moved_since, placed
+from signorini_fx.mechanics.model import Model
+from signorini_fx.records import Timings
+from signorini_fx.results.mechanics import StatedMechanics
+from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.promised_law import PreviousStep
+from signorini_fx.results.solution import StepResult
+from signorini_fx.results.step_frames import StepEnd, carried, from_rest
+from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
+
+
+@dataclass(frozen=True)
+class StatedPlaces:
+    """See ``Places``.
+
+    Attributes:
+        renew: makes the contact problem of a model whose foundations have moved.
+    """
+
+    renew: Callable[[Model], Task]
+
+    def at(self, body: SteppedBody, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
+        """See ``Places``."""
+        earlier, start, last = body.model, first, None
+        if end is not None:
+            start, last = end.start, end.before
+        moved = placed(earlier, path_step)
+        if moved is earlier:
+            return BegunStep(body, task, start, last)
+        stepped = replace(body, model=moved)
+        if moved.boundary is earlier.boundary:
+            assert moved.law is not None
+            bound = moved.law.given if start.multipliers is None else moved.law.bound(start.multipliers[0])
+            return BegunStep(stepped, task, replace(start, law=moved.law, data=replace(start.data, bound=bound)), last)
+        task = self.renew(moved)
+        return BegunStep(stepped, task, *on_moved_foundations(earlier, moved, task, start, end))
+
+    def load(self, model: Model, system: ElasticSystem, path_step: float) -> Nodal:
+        """See ``Model.load``."""
+        return model.load(system, path_step)
+
+    def show(self, outcome: Outcome, result: StepResult) -> None:
+        """Nobody looks from outside."""
+
+    def ended(self, end: StepEnd) -> StatedPlaces:
+        """The next load step begins as this one has ended."""
+        return self
+
+
+def stated_body(model: Model, timings: Timings, renew: Callable[[Model], Task]) -> SteppedBody:
+    """A model at its first load step.
+
+    Args:
+        model: with foundations, friction and shortenings of that load step.
+        timings: of the mesh.
+        renew: makes the contact problem of a model whose foundations have moved.
+    """
+    judge = StatedMechanics(NodalForces(model.statement, model.tagged, model.space))
+    return SteppedBody(model, model.statement.path, timings, StatedPlaces(renew), judge)
+
+
+def on_moved_foundations(
+    earlier: Model, moved: Model, task: Task, start: Start, end: StepEnd | None
+) -> tuple[Start, PreviousStep]:
+    """A load step on foundations that have moved: where it starts, and the end of the last one as it begins from it;
+    supports hold the body, see ``check.refusals``; collective.
+
+    Args:
+        earlier: the body at the end of the last load step.
+        moved: the body with its foundations where they are now.
+        task: its contact problem, which begins with the displacement of the last load step.
+        start: where the first load step starts on the foundations of ``earlier``.
+        end: that of the last load step; None: there is none.
+    """
+    assert earlier.boundary is not None
+    assert moved.boundary is not None
+    if end is None:
+        drift, begun = moved_since(moved, moved.statement.placed(-1)), task.start
+        if start.sets is not None and start.multipliers is not None:  # of a coarser mesh
+            carried_start, _, _ = carried(start, None, drift[:, 0], earlier.boundary, moved.boundary)
+            assert carried_start.multipliers is not None
+            begun = begun.begin_from(start.sets, carried_start.multipliers)
+        return from_rest(moved.space, moved.boundary, begun, drift)
+    x, free = moved.unknowns(end.before.displacement), ~moved.fixed
+    if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone
+        task.iterate.x.getArray()[free] = x.getArray(readonly=True)[free]
+    return end.begins_on(moved.boundary, task.start.data, moved.law, moved_since(moved, earlier.statement))

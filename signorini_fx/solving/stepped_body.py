@@ -1,0 +1,273 @@
+"""A body that load steps lead through: its model at a place, how a load step of it is solved, and how it is certified.
+
+Scenes and forms differ in one thing only: how the model of another place is made, see ``Places``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from dolfinx import fem
+
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
+from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.settings import SolverSettings
+from signorini_fx.records import Finding, Status, Timings
+from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.solution import StepResult
+from signorini_fx.results.step_frames import StepEnd
+from signorini_fx.solving.interfaces.protocol import LoadStepStart, solve_step
+
+
+class Places(Protocol):
+    """From a place in the load steps, see ``statement.load_steps``, to the model there; all methods are collective."""
+
+    def at(self, body: SteppedBody, path_step: float, task: Task, first: Start, end: StepEnd | None, /) -> BegunStep:
+        """The load step that begins at a place, with foundations and friction as they are there.
+
+        Args:
+            body: at the last load step.
+            path_step: the place.
+            task: the contact problem of the last load step.
+            first: where the first load step starts.
+            end: that of the last load step; None: there is none.
+        """
+        ...
+
+    def load(self, model: Model, system: ElasticSystem, path_step: float, /) -> Nodal:
+        """Give a system its loads at a place, and return their factors for ``system.set_load``."""
+        ...
+
+    def show(self, outcome: Outcome, result: StepResult, /) -> None:
+        """Show a result to whoever looks at the load steps from outside."""
+        ...
+
+    def ended(self, end: StepEnd, /) -> Places:
+        """Those of the next load step, which begins at the end of one with a solution."""
+        ...
+
+
+class Judge(Protocol):
+    """What certifies the results of a body; a part of ``results.mechanics.Mechanics``."""
+
+    def certified(
+        self,
+        model: Model,
+        displacement: fem.Function,
+        tractions: Tractions,
+        *,
+        law: Law,
+        step: float,
+        last: PreviousStep | None,
+        rigid: tuple[RigidBodyMotion, ...],
+    ) -> Certificate:
+        """The certificate of a result at a place; ``last``: the end of the last load step; for the other arguments see
+        ``results.certificate.certify``; collective.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class SteppedBody:
+    """A body that load steps lead through; all methods are collective.
+
+    Attributes:
+        model: of the present load step.
+        path: the load steps.
+        timings: of its mesh.
+        places: gives the model of the next one.
+        judge: certifies the results of the present one.
+    """
+
+    model: Model
+    path: LoadPath
+    timings: Timings
+    places: Places
+    judge: Judge
+
+    def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
+        """The load step that begins at a place, see ``Places``."""
+        return self.places.at(self, path_step, task, first, end)
+
+    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
+        """See ``Places``."""
+        return self.places.load(self.model, system, path_step)
+
+    def solved(self, begun: BegunStep, allowed: int) -> UncertifiedStep:
+        """Solve a load step with so many linear solves for each contact problem."""
+
+        def holds(model: Model, outcome: Outcome, joint: JointPressure) -> bool:
+            return replace(self, model=model).certified(begun, outcome, joint).status is Status.CONVERGED
+
+        earlier = None if begun.last is None else begun.last.tractions.joint
+        end = solve_step(LoadStepStart(self.model, begun.task, begun.start, allowed, earlier=earlier, holds=holds))
+        begun = replace(begun, body=replace(self, model=end.d), start=end.start)
+        return UncertifiedStep(begun, end.outcome, end.joint, end.reason)
+
+    def certified(self, begun: BegunStep, outcome: Outcome, joint: JointPressure | None = None) -> StepResult:
+        """The result of a load step, with the certificate's verdict; its linear solves are not counted yet.
+
+        Args:
+            begun: the load step.
+            outcome: how it ended.
+            joint: the pressure of loads within the contact; None: none enters.
+        """
+        with self.timings.phase("certify"):
+            result = certified_result(
+                self.model, self.judge, self.path, (begun.task, begun.start, begun.last), outcome, joint
+            )
+            self.places.show(outcome, result)
+        return result
+
+    def ended(self, end: StepEnd) -> SteppedBody:
+        """The body at the end of a load step with a solution, from which the next one begins."""
+        return replace(self, places=self.places.ended(end))
+
+    def stored(self, path_step: float, result: StepResult) -> tuple[dict[str, Nodal], dict[str, Any]]:
+        """What else a checkpoint needs of a load step: values at the contact points, and plain data."""
+        nodal, figures = dict[str, Nodal](), dict[str, Any]()
+        for interface in self.model.statement.interfaces:
+            further = interface.stored(self.model, path_step, result.contact)
+            nodal, figures = nodal | further[0], figures | further[1]
+        return nodal, figures
+
+    def recalled(
+        self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any]
+    ) -> tuple[SteppedBody, JointPressure | None]:
+        """Take back what ``stored`` has returned."""
+        model, joint = self.model, None
+        for interface in model.statement.interfaces:
+            model, pressure = interface.recalled(model, task, path_step, nodal, figures)
+            joint = joint or pressure
+        return replace(self, model=model), joint
+
+
+@dataclass(frozen=True)
+class BegunStep:
+    """A load step that begins.
+
+    Attributes:
+        body: with its foundations where they are in this step.
+        task: its contact problem.
+        start: of it.
+        last: the end of the load step before it; None: there is none.
+    """
+
+    body: SteppedBody
+    task: Task
+    start: Start
+    last: PreviousStep | None
+
+
+@dataclass(frozen=True)
+class UncertifiedStep:
+    """A load step that is not certified yet.
+
+    Attributes:
+        begun: the load step, with what the solve has found of its loads.
+        outcome: how it ended.
+        joint: the pressure of loads within the contact; None: none enters.
+        reason: why there is no solution; None: it is not known.
+    """
+
+    begun: BegunStep
+    outcome: Outcome
+    joint: JointPressure | None = None
+    reason: Finding | None = None
+
+
+@dataclass(frozen=True)
+class LoadStep(BegunStep):
+    """A load step with its result.
+
+    Attributes:
+        result: of it.
+        outcome: how it ended.
+    """
+
+    result: StepResult
+    outcome: Outcome
+
+    @classmethod
+    def of(cls, begun: BegunStep, outcome: Outcome, result: StepResult) -> LoadStep:
+        """The load step that has begun, with its result."""
+        return cls(begun.body, begun.task, begun.start, begun.last, result, outcome)
+
+    def __str__(self) -> str:
+        return f"{self.result}: {self.result.status.value}"
+
+
+def certified_result(
+    model: Model,
+    judge: Judge,
+    path: LoadPath,
+    begun: tuple[Task, Start, PreviousStep | None],
+    outcome: Outcome,
+    joint: JointPressure | None = None,
+) -> StepResult:
+    """See ``SteppedBody.certified``; ``begun``: its task, start and last step; collective."""
+    (task, start, last), unknowns = begun, outcome.displacement()
+    displacement = model.from_rest(task.rest, unknowns)
+    contact = replace(model.state(task, outcome, start), joint=joint)
+    rigid = model.rigid.moved(model.driven(unknowns, task.rest))
+    certificate = judge.certified(
+        model,
+        displacement,
+        Tractions.of(contact),
+        law=Law(*task.promised(outcome)),
+        step=start.place,
+        last=last,
+        rigid=rigid,
+    )
+    deformation = deformation_of(model, displacement, model.tagged.size)
+    status = judged(outcome.status, certificate, deformation, model.settings)
+    reached = status, displacement, contact, certificate, deformation
+    return replace(step_result(path, start.step, start.place, *reached), tools=rigid)
+
+
+def step_result(
+    path: LoadPath,
+    number: int,
+    path_step: float,
+    status: Status,
+    displacement: fem.Function,
+    contact: ContactState | None,
+    certificate: Certificate,
+    deformation: Deformation,
+    linear_solves: int = 0,
+) -> StepResult:
+    """The result of a load step; ``number``: of those before it."""
+    return StepResult(
+        step=number + 1,
+        place=path_step,
+        time=path.time_at(path_step),
+        name=path.name_at(path_step),
+        status=status,
+        displacement=displacement,
+        contact=contact,
+        certificate=certificate,
+        deformation=deformation,
+        strain_energy=certificate.strain_energy,
+        linear_solves=linear_solves,
+    )
+
+
+def judged(status: Status, certificate: Certificate, deformation: Deformation, settings: SolverSettings) -> Status:
+    """The status of an iteration after its result has been checked.
+
+    If the residual stagnates, the usual reason is a body that has moved far away: therefore this is checked first.
+    """
+    if status not in (Status.CONVERGED, Status.ROUND_OFF):
+        return status
+    if deformation.largest > settings.largest_deformation:
+        return Status.TOO_LARGE
+    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
