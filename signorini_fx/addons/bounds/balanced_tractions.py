@@ -58,6 +58,12 @@ class AdmissibleTractions:
         squares = (pressure - self.pressure) ** 2 + ((shear - self.shear) ** 2).sum(axis=2)
         return float((self.weight[:, None] * squares).sum()) / 2
 
+    @property
+    def resistance(self) -> float:
+        """The trace of ``slope`` where all vertices carry."""
+        unit = self.weight[:, None]
+        return float(((self.normal**2).sum(axis=2) / unit).sum() + ((self.across**2).sum(axis=(2, 3)) / unit).sum())
+
     def slope(self, y: Array) -> Array:
         """Minus the derivative of the work by the multipliers, shape (n, n)."""
         unit = self.weight[:, None, None]
@@ -88,6 +94,9 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
     """
     y: Array = np.zeros(len(loads))
 
+    def rest(unbalanced: Array) -> float:
+        return float((np.abs(unbalanced) - small).max())
+
     def tried(multipliers: Array) -> tuple[list[tuple[Array, Array]], Array, float]:
         tractions = [contact.at(multipliers) for contact in contacts]
         unbalanced = loads + sum(contact.work(*pair) for contact, pair in zip(contacts, tractions, strict=True))
@@ -96,17 +105,20 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
 
     tractions, unbalanced, value = tried(y)
     for _ in range(BALANCING_STEPS):
-        if (np.abs(unbalanced) <= small).all():
+        if (last := rest(unbalanced)) <= 0:
             return tractions
         slope = sum((contact.slope(y) for contact in contacts), np.zeros((len(y), len(y))))
-        step, length = np.linalg.lstsq(slope, unbalanced, rcond=SINGULAR)[0], 1.0
+        # Where the vertices that carry resist no motion that is not balanced, the step is along it, as far as others.
+        resisted = slope + SINGULAR * sum(contact.resistance for contact in contacts) * np.eye(len(y))
+        step, length = np.linalg.lstsq(resisted, unbalanced, rcond=None)[0], 1.0
         while True:
             tractions, unbalanced, reached = tried(y + length * step)
-            if reached >= value or length < SINGULAR or (np.abs(unbalanced) <= small).all():
+            # Near the maximum its change is round-off, which says nothing; what is not balanced does.
+            if reached >= value or length < SINGULAR or rest(unbalanced) < last:
                 break
             length /= 2
         y, value = y + length * step, reached
-    if (np.abs(unbalanced) <= small).all():
+    if rest(unbalanced) <= 0:
         return tractions
     raise Refused(UNBALANCED)
 
