@@ -42,6 +42,7 @@ LAYERS = (
     "solving.check",
     "solving.interfaces",
     "results",
+    "results.certificate",
     "quantities",
     "results.accuracy",
     "mechanics.body",

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from scipy.sparse.linalg import splu
 
 from signorini_fx.addons.judging.calculix_results import read_dat
-from signorini_fx.addons.judging.equilibrium import Equilibrium, best_fit
+from signorini_fx.addons.judging.foreign_equilibrium import Equilibrium, best_fit
 from signorini_fx.addons.judging.formulations import Formulation, stiffness_by_material
 from signorini_fx.addons.judging.judge import judge
 from signorini_fx.addons.judging.judgement import Judgement

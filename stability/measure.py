@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Timings

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.algebra.contact.laws import ActiveSets
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution

@@ -8,7 +8,7 @@ from functools import cache, partial
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.laws import ActiveSets
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.results.solution import Solution
 from stability.case import Case, Finding

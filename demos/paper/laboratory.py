@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import Scene, Status, solve
-from signorini_fx.algebra.contact.laws import project
+from signorini_fx.algebra.contact.complementarity import project
 from signorini_fx.mechanics.body.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Timings
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.solving.one_mesh import contact_task

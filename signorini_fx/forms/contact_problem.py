@@ -15,9 +15,9 @@ from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
-from signorini_fx.forms.front import ProblemOfForms
-from signorini_fx.forms.given import given_forms
+from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.mechanics import NO_STRESS
+from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import errors_of, findings_of_last, level_of, solution_of
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
@@ -31,7 +31,7 @@ from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, History, Status
 from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.accuracy.price_list import Price, price_list
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.results.stresses import RawStresses

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.forms.given import Facets, GivenForms
+from signorini_fx.forms.given_forms import Facets, GivenForms
 from signorini_fx.forms.resultants import FormResultants, integrals_of
 from signorini_fx.forms.stated_data import stated_body
 from signorini_fx.forms.stress import stresses_of
@@ -29,19 +29,19 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate import Certificate, judged
-from signorini_fx.results.contact_nodes import ContactSide
-from signorini_fx.results.equilibrium import Balance
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.certificate import Certificate, judged
+from signorini_fx.results.certificate.contact_nodes import ContactSide
+from signorini_fx.results.certificate.equilibrium import Balance
+from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.supports import PrescribedNodes
+from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.safety import Safety
 from signorini_fx.results.sections import SectionForce
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.results.supports import PrescribedNodes
-from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 
 if TYPE_CHECKING:
-    from signorini_fx.results.paired_claim import Claim
-    from signorini_fx.results.sliding_claim import SlidingClaim
+    from signorini_fx.results.certificate.paired_claim import Claim
+    from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 
 Nodal = npt.NDArray[np.float64]
 NO_STRESS = "only the form knows the stresses: give stress=, a function of the displacement"
@@ -108,7 +108,7 @@ class FormMechanics:
         last: PreviousStep | None,
         rigid: tuple[RigidBodyMotion, ...],
     ) -> Certificate:
-        """See ``results.certificate.judged``; of the values that the forms have now, wherever ``step`` is."""
+        """See ``results.certificate.certificate.judged``; of the present values of the forms, wherever ``step`` is."""
         balance, drives = self.balance(displacement), [*zip(rigid, model.rigid.drives(), strict=True)]
         return judged(displacement, balance, self.contact_sides, tractions, law=law, before=last, rigid=drives)
 
@@ -222,7 +222,7 @@ def _side(
     by_geometry = False
     factor, along, axes = data.shape.factor, data.shape.direction, data.shape.axes
     if isinstance(entry, Pair) and sliding is None:
-        from signorini_fx.results.paired_claim import claim_of
+        from signorini_fx.results.certificate.paired_claim import claim_of
 
         assert data.pair is not None
         assert master is not None

@@ -12,7 +12,7 @@ from dolfinx import mesh as dmesh
 from pydantic import BaseModel
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.forms.given import Facets, GivenForms
+from signorini_fx.forms.given_forms import Facets, GivenForms
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.foundation import Foundation, Pair

@@ -18,11 +18,11 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.assembly import action, assemble, facet_nodes
 from signorini_fx.mechanics.body.node_positions import node_positions
-from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
-from signorini_fx.results.equilibrium import Balance
-from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
+from signorini_fx.results.certificate.equilibrium import Balance
+from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.resultants import NodalForcesAt, Resultants
-from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 
 _ADD = la.InsertMode.add
 Array = npt.NDArray[np.float64]

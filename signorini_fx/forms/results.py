@@ -16,7 +16,7 @@ from signorini_fx.results.accuracy.data_error import DataError
 from signorini_fx.results.accuracy.error_estimates import Errors, combined
 from signorini_fx.results.accuracy.level_results import compliance_of, level_result
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.asked_law import asked_law
+from signorini_fx.results.requested_law import asked_law
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes

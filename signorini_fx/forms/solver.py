@@ -13,15 +13,16 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
-from signorini_fx.forms.given import GivenForms
+from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.mechanics import FormMechanics
 from signorini_fx.forms.named_parts import NamedParts, named_parts
 from signorini_fx.forms.stress import natural_modulus
@@ -43,9 +44,9 @@ from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
 from signorini_fx.results.accuracy.price_list import peak_memory
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.promised_law import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
-from signorini_fx.results.promised_law import PreviousStep
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
 from signorini_fx.solving.check.laws_in_results import laws_in_results

@@ -17,7 +17,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.corealg.traversal import unique_pre_traversal
 
-from signorini_fx.forms.given import Facets, GivenForms
+from signorini_fx.forms.given_forms import Facets, GivenForms
 from signorini_fx.forms.named_parts import tagged_mesh
 from signorini_fx.forms.stated_values import stated
 from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli

@@ -11,7 +11,7 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
@@ -25,7 +25,7 @@ from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.load_path import Increments
+from signorini_fx.solving.load_increments import Increments
 from signorini_fx.solving.load_steps import StepProgress, all_load_steps
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import RegularisedData
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.mechanics.body.cellwise_stiffness import CellwiseStiffness
 from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
-from signorini_fx.mechanics.body.shared_values import shared_in
+from signorini_fx.mechanics.body.shared_cache import shared_in
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.statement import Statement

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.mesh.points import cells_of_points

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from dolfinx import fem
 
-    from signorini_fx.algebra.contact.laws import Nodal
+    from signorini_fx.algebra.contact.nodal_vectors import Nodal
     from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 
     Array = npt.NDArray[np.float64]

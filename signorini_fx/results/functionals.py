@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signorini_fx.algebra.contact.laws import Nodal, RegularisedData, inner, length, project, trial_pressure
+from signorini_fx.algebra.contact.complementarity import RegularisedData, project, trial_pressure
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.machine import parallel
 

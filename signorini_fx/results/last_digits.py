@@ -12,8 +12,8 @@ from dolfinx import fem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.supports import PrescribedNodes
+from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import ROUNDINGS
 
 

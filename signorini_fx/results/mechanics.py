@@ -10,17 +10,17 @@ from dolfinx import fem
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate import Certificate, certify
-from signorini_fx.results.contact_nodes import ContactSide
-from signorini_fx.results.contact_sides import sides_of
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.certificate import Certificate, certify
+from signorini_fx.results.certificate.contact_nodes import ContactSide
+from signorini_fx.results.certificate.contact_sides import sides_of
+from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.resultants import Resultants, StatedResultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import RawStresses, Stresses
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.model import Model
-    from signorini_fx.results.nodal_forces import NodalForces
+    from signorini_fx.results.certificate.nodal_forces import NodalForces
     from signorini_fx.results.sections import SectionForce
 
 

@@ -20,12 +20,12 @@ from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.contact_nodes import ContactNodes
-from signorini_fx.results.contact_sides import sides_of
-from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.promised_law import Tractions
-from signorini_fx.results.supports import PrescribedNodes
-from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.results.certificate.contact_nodes import ContactNodes
+from signorini_fx.results.certificate.contact_sides import sides_of
+from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.supports import PrescribedNodes
+from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
@@ -293,7 +293,7 @@ class StatedResultants(Resultants):
             reached, forces, _ = nodes.forces()
             np.add.at(unbalanced, reached, forces)
             if tractions.joint is not None:
-                from signorini_fx.results.joint_loads import forces_of_joint_loads
+                from signorini_fx.results.certificate.joint_loads import forces_of_joint_loads
 
                 unbalanced -= forces_of_joint_loads(nodal, sides, tractions)
         return unbalanced

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.friction import as_given
-from signorini_fx.algebra.contact.laws import Nodal
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad, total_work
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import Reactions, reactions
 from signorini_fx.algebra.contact.resting_place import resting_place
 from signorini_fx.algebra.contact.statics import Limit, along_contact, largest_multiple, null_space
@@ -23,7 +23,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.stated import STRAIGHT_CELLS
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.tuned import ALONG_CONTACT, SAME_LENGTH, SAME_LIMIT
 
 

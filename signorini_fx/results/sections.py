@@ -17,7 +17,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 
 
 @dataclass(frozen=True)

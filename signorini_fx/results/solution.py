@@ -29,14 +29,14 @@ from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.next_digit import CostOfAccuracy, crowded_share, from_one_mesh, from_prices
 from signorini_fx.results.accuracy.price_list import Price
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.asked_law import AskedLaw, asked_law
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
-from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import NO_ESTIMATE, Mechanics, StatedMechanics
+from signorini_fx.results.requested_law import AskedLaw, asked_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety
 from signorini_fx.results.stresses import RawStresses

@@ -9,16 +9,18 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData, length, unit
-from signorini_fx.algebra.contact.laws import Nodal as Array
+from signorini_fx.algebra.contact.nodal_vectors import Nodal as Array
+from signorini_fx.algebra.contact.nodal_vectors import length, unit
 from signorini_fx.algebra.contact.resting_place import RestingMotion
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.tuned import SAME_DIRECTION
 
 

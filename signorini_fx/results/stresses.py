@@ -24,9 +24,9 @@ from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Inventory
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.interpolation import interpolated
-from signorini_fx.results.no_limit import why_no_limit
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.singularities import why_no_limit
 
 Nodal = npt.NDArray[np.float64]
 

@@ -31,7 +31,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, StepRecord, Timings
-from signorini_fx.results.nonlinear_forces import NonlinearForces
+from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene

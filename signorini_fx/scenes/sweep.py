@@ -35,9 +35,9 @@ from signorini_fx.mechanics.statement.effect import Force, InitialStrain
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.results.certificate import Certificate, certify
-from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.promised_law import Law, Tractions
+from signorini_fx.results.certificate.certificate import Certificate, certify
+from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.promised_law import Law, Tractions
 from signorini_fx.scenes.changes import changed
 from signorini_fx.scenes.hierarchy import coarser_scenes
 from signorini_fx.scenes.mesh import load_mesh

@@ -11,12 +11,13 @@ from math import floor
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.attempts import HALF, METHOD, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, Attempt, tried
-from signorini_fx.algebra.contact.laws import Nodal, RegularisedData
+from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.records import History, Status, StepRecord
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.load_path import Increments
+from signorini_fx.solving.load_increments import Increments
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody

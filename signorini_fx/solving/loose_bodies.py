@@ -13,8 +13,9 @@ import numpy as np
 
 from signorini_fx.algebra.algorithms.coulomb_statics import free_state
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import Nodal, RegularisedData, length
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.reactions import Reactions, reactions
 from signorini_fx.algebra.contact.statics import null_space, squeezed
 from signorini_fx.machine import parallel

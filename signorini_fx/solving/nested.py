@@ -14,7 +14,8 @@ import numpy as np
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, length, unit
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState

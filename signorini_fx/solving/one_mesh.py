@@ -14,7 +14,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.laws import RegularisedData
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.linalg import ElasticSystem, callbacks, finite, options
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity
@@ -31,7 +31,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate import Certificate, certify
+from signorini_fx.results.certificate.certificate import Certificate, certify
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.last_digits import left_by_last_digits
 from signorini_fx.results.solution import Solution, StepResult
@@ -43,7 +43,7 @@ from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
 from signorini_fx.solving.first_start import first_start
-from signorini_fx.solving.load_path import Increments
+from signorini_fx.solving.load_increments import Increments
 from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stated_places import stated_body

@@ -16,8 +16,10 @@ from mpi4py import MPI
 from pydantic import BaseModel
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.active_sets import ActiveSets, bound_of_sets, slope_of_bound
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData, bound_of_sets, slope_of_bound, unit
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
 from signorini_fx.algebra.problem.exact import ExactProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
@@ -25,7 +27,7 @@ from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
-from signorini_fx.solving.load_path import Increments
+from signorini_fx.solving.load_increments import Increments
 from signorini_fx.solving.stepped_body import SteppedBody
 
 

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.mechanics.body.discretisation import moved_since, placed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Timings
+from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.promised_law import PreviousStep
 from signorini_fx.results.mechanics import StatedMechanics
-from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.promised_law import PreviousStep
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd, carried, from_rest
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody

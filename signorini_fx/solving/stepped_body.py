@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
@@ -21,8 +21,8 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, Status, Timings
-from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.interfaces.protocol import LoadStepStart, solve_step
@@ -71,7 +71,7 @@ class Judge(Protocol):
         rigid: tuple[RigidBodyMotion, ...],
     ) -> Certificate:
         """The certificate of a result at a place; ``last``: the end of the last load step; for the other arguments see
-        ``results.certificate.certify``; collective.
+        ``results.certificate.certificate.certify``; collective.
         """
         ...
 

@@ -8,7 +8,7 @@ from spaces import block
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.strategy import solve_task
-from signorini_fx.algebra.contact.laws import ActiveSets
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings

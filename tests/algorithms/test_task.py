@@ -8,8 +8,8 @@ from mpi4py import MPI
 from test_load_steps import by_force
 
 from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets
 from signorini_fx.algebra.contact.reactions import reactions
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings

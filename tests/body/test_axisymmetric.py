@@ -16,9 +16,9 @@ from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate import certify
-from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

@@ -20,8 +20,8 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.mixed import MixedDisplacement
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.certificate import certify
-from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Discretised

@@ -11,7 +11,7 @@ from spaces import box
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Timings
-from signorini_fx.results.no_limit import why_no_limit
+from signorini_fx.results.singularities import why_no_limit
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

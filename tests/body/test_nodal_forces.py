@@ -13,7 +13,7 @@ from spaces import box
 from signorini_fx.mechanics.body.assembly import action, assemble
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 

@@ -19,7 +19,7 @@ from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

@@ -8,23 +8,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import (
+from signorini_fx.algebra.contact.active_sets import (
     ActiveSets,
-    RegularisedData,
     classify,
-    inner,
     law_residual,
-    length,
     multipliers,
     natural_sets,
     next_sets,
-    onto_disc,
     release,
     tangent,
     transmitting,
-    unit,
 )
+from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.nodal_vectors import inner, length, unit
 
 GAMMA_N, GAMMA_T = 16.0, 64.0
 STICK, PLUS, MINUS = 0, 1, -1

@@ -14,13 +14,14 @@ from spaces import block, box
 from test_space_statics import PRESS, brick
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
-from signorini_fx.algebra.contact.laws import RegularisedData, multipliers, natural_sets, tangent
+from signorini_fx.algebra.contact.active_sets import multipliers, natural_sets, tangent
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.records import Status
-from signorini_fx.results.certificate import certify
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.contact_boundaries import _largest_resultant
-from signorini_fx.results.promised_law import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

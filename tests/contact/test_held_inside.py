@@ -18,8 +18,8 @@ from scipy.optimize import lsq_linear
 from signorini_fx import ContactProblem, Foundation, NonlinearContactProblem, Pair, solve
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
-from signorini_fx.results.certificate import certify
-from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 

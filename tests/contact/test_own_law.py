@@ -22,7 +22,8 @@ from signorini_fx import (
     SceneError,
     sweep,
 )
-from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData, linearised, multipliers, tangent
+from signorini_fx.algebra.contact.active_sets import ActiveSets, linearised, multipliers, tangent
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.mechanics.body import foundations
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
 from signorini_fx.records import Status

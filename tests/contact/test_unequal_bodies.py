@@ -9,8 +9,8 @@ from mpi4py import MPI
 from scenes import alone
 
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups, shares
-from signorini_fx.results.certificate import certify
-from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 

@@ -126,7 +126,7 @@ def test_adjust(tmp_path, capsys, gap):
 
 def test_the_certificate_closes_gaps_itself(tmp_path, capsys, monkeypatch):
     """A solver that moves points where it should not is refused."""
-    from signorini_fx.mechanics.pairs.coupling import Coupling
+    from signorini_fx.mechanics.pairs.mortar_coupling import Coupling
 
     lines = stacked([], 0.008, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.005")
     scene, _, _ = drafted(tmp_path, lines, capsys)

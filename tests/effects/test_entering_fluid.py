@@ -16,10 +16,10 @@ from signorini_fx.machine.parallel import gather_rows
 from signorini_fx.mechanics.body.joint_loads import JointLoads
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.records import Status, StepRecord
-from signorini_fx.results.certificate import certify
-from signorini_fx.results.joint_loads import astray
-from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.promised_law import Law, Tractions
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.joint_loads import astray
+from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.promised_law import Law, Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

@@ -11,7 +11,7 @@ from test_springs import COMM, ELEMENTS, PLANE, POISSON, SIZE, YOUNG, body, scen
 
 from signorini_fx import SceneError
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.results.certificate import certify
+from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene

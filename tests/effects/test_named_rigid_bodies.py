@@ -12,8 +12,8 @@ from test_tools import on_named_posts
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.addons.derivatives.of_scene import sensitivity
 from signorini_fx.records import Status, StepRecord
-from signorini_fx.results.certificate import certify
-from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.short_answer import short_answer
 from signorini_fx.results.summary import summarise
 from signorini_fx.scenes.check_text import render

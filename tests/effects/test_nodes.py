@@ -8,7 +8,7 @@ from spaces import box
 
 from signorini_fx import ConvergenceError, SceneError
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.certificate import certify
+from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 

@@ -20,8 +20,8 @@ from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate import certify
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

@@ -19,8 +19,8 @@ from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody, RigidMotion
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.records import Status
-from signorini_fx.results.certificate import certify
-from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.scenes.check_text import render
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene, read_scene

@@ -33,7 +33,7 @@ from signorini_fx.forms.stress import exterior_facets
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.records import Status
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD

@@ -10,8 +10,9 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from scenes import on_mesh, rectangle
 
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData, trial_shear
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData, trial_shear
 from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.mechanics.body import forms

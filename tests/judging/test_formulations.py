@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from signorini_fx.addons.judging.equilibrium import Equilibrium, own_formulation
+from signorini_fx.addons.judging.foreign_equilibrium import Equilibrium, own_formulation
 from signorini_fx.addons.judging.foreign_result import read_result
 from signorini_fx.addons.judging.formulations import (
     FULL,

@@ -10,7 +10,7 @@ from spaces import block
 from test_krylov import dense
 from test_two_bodies import paraboloids
 
-from signorini_fx.algebra.contact.laws import ActiveSets
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.linalg import factorisation, krylov, multigrid
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Timings

@@ -10,9 +10,9 @@ from mpi4py import MPI
 from support.nonlinear_bodies import PLATE, held, rectangle, residual
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
-from signorini_fx.forms.nonlinear.certificate import certified, mechanics_at
+from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.tangent import round_off
-from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.certificate.promised_law import Tractions
 
 
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])

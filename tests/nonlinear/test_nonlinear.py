@@ -30,8 +30,8 @@ from signorini_fx import (
     Pair,
     Status,
 )
-from signorini_fx.forms.nonlinear.certificate import certified, mechanics_at
-from signorini_fx.results.promised_law import Law, Tractions
+from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.results.certificate.promised_law import Law, Tractions
 
 
 @pytest.mark.mpi

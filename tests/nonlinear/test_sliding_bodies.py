@@ -13,8 +13,8 @@ from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import SlidingBodies, blocks, bump, grid, roller
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Pair, Status, Tresca
-from signorini_fx.forms.nonlinear.certificate import certified, mechanics_at
-from signorini_fx.results.promised_law import Law, Tractions
+from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.results.certificate.promised_law import Law, Tractions
 
 PRESSED = ((0, -0.1), (0, -0.2))
 

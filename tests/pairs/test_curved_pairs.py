@@ -6,8 +6,8 @@ import scipy.sparse as sp
 from curved_pairs import figures, mirrored, press
 
 from signorini_fx import ContactProblem
-from signorini_fx.algebra.linalg.relative import of_all_ranks
-from signorini_fx.mechanics.pairs import coupling
+from signorini_fx.algebra.linalg.relative_displacements import of_all_ranks
+from signorini_fx.mechanics.pairs import mortar_coupling as coupling
 
 
 @pytest.mark.parametrize(

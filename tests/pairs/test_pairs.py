@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from surfaces import ELEMENTS, both, curve, sheet
 
-from signorini_fx.mechanics.pairs.coupling import PairingError, couple
-from signorini_fx.mechanics.pairs.functions import carried
+from signorini_fx.mechanics.pairs.dual_functions import carried
+from signorini_fx.mechanics.pairs.mortar_coupling import PairingError, couple
 from signorini_fx.mechanics.pairs.overlap_space import clip
 from signorini_fx.mechanics.pairs.surface import PairSurface
 
@@ -77,7 +77,7 @@ def test_linear_displacements_of_matching_planes(dimension, element, other):
 
 def test_functions_of_a_whole_facet():
     """Dual functions of P1 and P2 lines and P1 triangles, and the shares of quadratic triangles."""
-    from signorini_fx.mechanics.pairs.functions import dual_coefficients
+    from signorini_fx.mechanics.pairs.dual_functions import dual_coefficients
     from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap
     from signorini_fx.mechanics.pairs.overlap_space import space_overlap
 

@@ -110,8 +110,9 @@ def test_sets_that_hold_no_body_are_not_kept(friction):
     """The body may stay, but neither the next sets nor those before hold it, as where the friction bound was another
     one: then all points that can do.
     """
+    from signorini_fx.algebra.contact.active_sets import ActiveSets
+    from signorini_fx.algebra.contact.complementarity import RegularisedData
     from signorini_fx.algebra.contact.holding_sets import hold
-    from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData
     from signorini_fx.algebra.linalg.from_scipy import from_scipy
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()

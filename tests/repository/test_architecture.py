@@ -357,3 +357,13 @@ def test_every_tuned_constant_is_used_and_explained():
     assert imported - {"signorini_fx.tuned"} == {f"signorini_fx.tuned.{name}" for name in names}
     ends = ("# ", *names)
     assert not {line: lines[line - 1] for line in defined if not lines[line - 2].startswith(ends)}
+
+
+def test_the_certificate_stands_alone():
+    """It imports nothing that has solved the problem: neither algorithms, nor problems, nor linear algebra."""
+    solvers = [
+        f"signorini_fx.{layer}" for layer in ("algebra.algorithms", "algebra.problem", "algebra.linalg", "solving")
+    ]
+    files = sorted(architecture.folder_of("results.certificate").glob("*.py"))
+    assert len(files) > 10
+    assert {file.name: uses(file, *solvers) for file in files} == {file.name: set() for file in files}

@@ -59,7 +59,7 @@ from signorini_fx.mechanics.statement.load_steps import LoadSteps
 from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.quantities.table import markdown
 from signorini_fx.records import Status
-from signorini_fx.results.certificate import JUDGED, REPORTED
+from signorini_fx.results.certificate.certificate import JUDGED, REPORTED
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, scene
 from signorini_fx.scenes.checks import check_scene

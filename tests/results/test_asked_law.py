@@ -5,9 +5,9 @@ import pytest
 from scenes import alone, example1
 
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
-from signorini_fx.results.asked_law import asked_law
-from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.promised_law import Law
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.promised_law import Law
+from signorini_fx.results.requested_law import asked_law
 from signorini_fx.results.summary import summary_of
 
 LIMIT, REGULARISED = Law(), Law(1e8, 1e8)

@@ -20,8 +20,8 @@ from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
-from signorini_fx.results.certificate import certify
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving import one_mesh

@@ -17,7 +17,7 @@ from signorini_fx.mechanics.body import paired_points
 from signorini_fx.mechanics.body.foundation import Pair
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.mechanics.pairs import coupling
+from signorini_fx.mechanics.pairs import mortar_coupling as coupling
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scenes.reading import parse_scene
 

@@ -13,10 +13,10 @@ from spaces import block, box, friction_of
 
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
-from signorini_fx.results import surface_quadrature
+from signorini_fx.results.certificate import surface_quadrature
+from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.files import write_results
-from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 

@@ -20,8 +20,8 @@ from signorini_fx.machine.manifest import MANIFEST
 from signorini_fx.records import History
 from signorini_fx.results import files
 from signorini_fx.results.accuracy import level_results, stress_recovery
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.files import write_results
-from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scenes import cli, mesh_sequence, solver
 from signorini_fx.solving import one_mesh
 

@@ -18,8 +18,9 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms import strategy
 from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets, unit
+from signorini_fx.algebra.contact.nodal_vectors import unit
 from signorini_fx.errors import SceneError
 from signorini_fx.machine.manifest import MANIFEST
 from signorini_fx.mechanics.body.contact_table import contact_table
@@ -34,7 +35,7 @@ from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import first_start
 from signorini_fx.solving.interfaces import protocol
-from signorini_fx.solving.load_path import Increments
+from signorini_fx.solving.load_increments import Increments
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stated_places import stated_body

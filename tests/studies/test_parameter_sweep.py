@@ -9,7 +9,7 @@ from scenes import alone
 
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.sweep import sweep
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from signorini_fx.addons.judging.calculix_results import read_dat, read_frd
-from signorini_fx.addons.judging.equilibrium import Equilibrium, best_fit
+from signorini_fx.addons.judging.foreign_equilibrium import Equilibrium, best_fit
 from signorini_fx.addons.judging.formulations import stiffness_by_material
 from signorini_fx.addons.judging.problems import judged_problem
 from signorini_fx.addons.judging.touching_surface import touching_surface

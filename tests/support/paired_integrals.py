@@ -29,9 +29,9 @@ from paired_facets import Facet, OverlapPiece, PairFacets, mean_normals, pieces_
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.results import paired_sides
-from signorini_fx.results.paired_claim import Claim
-from signorini_fx.results.paired_sides import largest
+from signorini_fx.results.certificate import paired_sides
+from signorini_fx.results.certificate.paired_claim import Claim
+from signorini_fx.results.certificate.paired_sides import largest
 
 Array = npt.NDArray[np.float64]
 # A facet of the slave and the pieces of the other side over it.

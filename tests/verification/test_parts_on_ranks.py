@@ -10,7 +10,7 @@ from mpi4py import MPI
 from scenes import PATCH, example1, rectangle
 from test_ranks import agree, same_on_all_ranks
 
-from signorini_fx.algebra.contact.laws import natural_sets
+from signorini_fx.algebra.contact.active_sets import natural_sets
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.assembly import facet_vertices
 from signorini_fx.mechanics.body.discretisation import discretise
@@ -21,7 +21,7 @@ from signorini_fx.mechanics.mesh.refinement import cells_at, mark, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate import certify
+from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

@@ -8,7 +8,7 @@ from scenes import alone
 from spaces import box, disc, friction_of
 from torsion_oracle import torsion
 
-from signorini_fx.results.certificate import Tractions, certify
+from signorini_fx.results.certificate.certificate import Tractions, certify
 from signorini_fx.scenes.reading import parse_scene
 
 

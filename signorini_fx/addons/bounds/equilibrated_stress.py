@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array
-from signorini_fx.addons.bounds.carried import carried
+from signorini_fx.addons.bounds.carried_residuals import carried
 from signorini_fx.addons.bounds.factorised_system import FactorisedSystem
 from signorini_fx.addons.bounds.iterated_system import IteratedSystem, balanced
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress, reference

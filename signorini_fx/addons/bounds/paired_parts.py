@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import NEARLY_MET, REFUSES_OF_PAIRS
 from signorini_fx.addons.bounds.simplices import Simplices
-from signorini_fx.mechanics.pairs.coupling import Coupling
+from signorini_fx.mechanics.pairs.mortar_coupling import Coupling
 from signorini_fx.mechanics.pairs.overlap_plane import ends_in_plane
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.quantities.statements import Refused

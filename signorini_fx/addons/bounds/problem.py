@@ -35,7 +35,7 @@ from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.effects.contact import BondedContact, Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.pairs.coupling import closed_within
+from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.statements import Grounds, Refused
 from signorini_fx.tuned import SAME_DIRECTION, SAME_LENGTH, ZERO_IN_SOLUTION

@@ -15,7 +15,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.effect import Resistance
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.resultants import StatedResultants
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import DIGITS_OF_FILES

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import Nodal, inner, length, unit
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel

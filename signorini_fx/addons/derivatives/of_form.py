@@ -23,7 +23,7 @@ from signorini_fx.addons.derivatives.gradient import (
 )
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import Nodal, length
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.errors import FormError, SceneError, SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.addons.judging.equilibrium import BestFit, Equilibrium, Fit
+from signorini_fx.addons.judging.foreign_equilibrium import BestFit, Equilibrium, Fit
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import JUDGED_FACTOR_LEFT, JUDGED_FACTOR_RANGE, JUDGED_SAME_FACTOR
 

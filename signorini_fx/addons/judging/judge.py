@@ -16,8 +16,8 @@ import numpy as np
 from signorini_fx.addons.judging.contact_figures import JudgedContactFigures, contact_figures
 from signorini_fx.addons.judging.contact_findings import contact_findings, contact_lines, figures_of_contact, reactions
 from signorini_fx.addons.judging.distance import measured_distance
-from signorini_fx.addons.judging.equilibrium import BestFit, Equilibrium, best_fit, hourglass
 from signorini_fx.addons.judging.factors import FoundFactors, force_factor, found_factors
+from signorini_fx.addons.judging.foreign_equilibrium import BestFit, Equilibrium, best_fit, hourglass
 from signorini_fx.addons.judging.foreign_result import ForeignResult, read_result
 from signorini_fx.addons.judging.judgement import JudgedFinding, Judgement, sorted_findings
 from signorini_fx.addons.judging.problem_data import JudgedProblem

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg.blocks import by_entries
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.mechanics.model import Model

@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from signorini_fx.algebra.algorithms.augmentation import Augmentation
-from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.records import Status
 
 

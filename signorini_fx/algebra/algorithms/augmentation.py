@@ -18,8 +18,9 @@ from typing import TypeVar
 import numpy as np
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
-from signorini_fx.algebra.contact.laws import Nodal, RegularisedData, inner, slip_of, unit
-from signorini_fx.algebra.contact.laws import length as length_of
+from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, unit
+from signorini_fx.algebra.contact.nodal_vectors import length as length_of
 from signorini_fx.algebra.contact.points import shares
 from signorini_fx.tuned import ENOUGH_GAMMA, FAINT_DISPLACEMENT, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, SLOW_SHARE
 

@@ -10,8 +10,10 @@ from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, prove
 from signorini_fx.algebra.algorithms.fp import fixed_point
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.records import Status
 from signorini_fx.tuned import AUGMENTED_NEWTON_SHARE, AUGMENTED_SHARE, AUTOMATIC_GAMMA, START_GAMMA
 

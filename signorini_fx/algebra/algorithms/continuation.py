@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
-from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.records import Status
 
 

@@ -9,8 +9,10 @@ import numpy.typing as npt
 
 from signorini_fx.algebra.algorithms.fall_backs import touching_nodes
 from signorini_fx.algebra.algorithms.task import Task
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData, slip_of
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import reactions
 from signorini_fx.algebra.contact.statics import largest_multiple, no_balance
 from signorini_fx.algebra.problem.problem import Problem

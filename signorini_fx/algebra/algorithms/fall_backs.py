@@ -25,7 +25,8 @@ from signorini_fx.algebra.attempts import (
     for_problem,
     tried,
 )
-from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import CLOSED_GAP, FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH

@@ -10,8 +10,10 @@ import numpy as np
 
 from signorini_fx.algebra.algorithms.augmentation import Augmentation
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import shares
 from signorini_fx.machine import parallel
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status

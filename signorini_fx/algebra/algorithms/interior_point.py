@@ -34,18 +34,15 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
-from signorini_fx.algebra.contact.laws import (
-    ActiveSets,
-    Nodal,
+from signorini_fx.algebra.contact.active_sets import ActiveSets, natural_sets
+from signorini_fx.algebra.contact.complementarity import (
     RegularisedData,
-    inner,
-    length,
-    natural_sets,
     onto_disc,
     slip_of,
     trial_pressure,
     trial_shear,
 )
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.linalg import finite, options
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, unprinted
 from signorini_fx.algebra.problem.regularised import RegularisedProblem

@@ -24,7 +24,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData, length, tangent
+from signorini_fx.algebra.contact.active_sets import ActiveSets, tangent
+from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import callbacks
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status

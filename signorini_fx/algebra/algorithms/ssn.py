@@ -8,19 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.laws import (
-    ActiveSets,
-    Nodal,
-    RegularisedData,
-    length,
-    next_sets,
-    onto_disc,
-    project,
-    slip_multiplier,
-    slip_of,
-    transmitting,
-    unit,
-)
+from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier, transmitting
+from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc, project, slip_of
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.algebra.linalg import callbacks, finite, options
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted

@@ -43,8 +43,9 @@ from signorini_fx.algebra.attempts import (
     step_limit,
     tried,
 )
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status

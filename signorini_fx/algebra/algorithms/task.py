@@ -14,9 +14,11 @@ from petsc4py import PETSc
 from signorini_fx.algebra.algorithms.fall_backs import FallBacks
 from signorini_fx.algebra.algorithms.interior_point import proposed_sets
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.contact.active_sets import ActiveSets, slip_multiplier
+from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData, slip_multiplier, slip_of
 from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.resting_place import RestingMotion, resting_place
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem

@@ -14,8 +14,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, RegularisedData, length
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.points import ContactPoints
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status

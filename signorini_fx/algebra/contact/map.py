@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import SAME_TRACE

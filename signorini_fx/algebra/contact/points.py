@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.algebra.contact.laws import Nodal, length
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, SAME_LENGTH, ZERO_IN_SOLUTION
 

@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
-from signorini_fx.algebra.contact.laws import Nodal, length, unit
 from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import LARGEST_BALANCING_FORCE, NO_FORCE, NOTHING_LEFT, STATIONARY_WORK, UNLIMITED_FRICTION
 

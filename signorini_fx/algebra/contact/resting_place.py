@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog
 
-from signorini_fx.algebra.contact.laws import Nodal, RegularisedData
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import CLOSED_GAP, NOTHING_LEFT
 

@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.laws import ActiveSets, Nodal, inner
+from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner
 from signorini_fx.algebra.contact.points import ContactPoints
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import ZERO_IN_SOLUTION

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import Nodal
 from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import Reactions, combination, most_work, nearest, reactions
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status

@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg import row_by_row
 from signorini_fx.algebra.linalg.blocks import is_by_blocks
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
-from signorini_fx.algebra.linalg.plain import PlainSystem
+from signorini_fx.algebra.linalg.system_parts import PlainSystem
 
 
 @dataclass

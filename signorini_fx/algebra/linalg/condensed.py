@@ -21,9 +21,9 @@ from petsc4py import PETSc
 from signorini_fx.algebra.contact.motions import RigidLoad
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.algebra.linalg.factorisation import factor_type
-from signorini_fx.algebra.linalg.plain import PlainSystem
-from signorini_fx.algebra.linalg.relative import RelativeUnknowns
+from signorini_fx.algebra.linalg.relative_displacements import RelativeUnknowns
 from signorini_fx.algebra.linalg.schur import SchurComplement
+from signorini_fx.algebra.linalg.system_parts import PlainSystem
 from signorini_fx.machine import parallel
 
 

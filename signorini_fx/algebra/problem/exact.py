@@ -16,21 +16,17 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.laws import (
+from signorini_fx.algebra.contact.active_sets import (
     ActiveSets,
-    Nodal,
     bound_of_sets,
-    inner,
     keep_closed,
-    length,
     linearised,
-    onto_disc,
     sliding_shear,
-    slip_of,
     slope_of_bound,
-    unit,
 )
+from signorini_fx.algebra.contact.complementarity import onto_disc, slip_of
 from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.linalg import ElasticSystem, keep_diagonal
 from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.problem.problem import Problem

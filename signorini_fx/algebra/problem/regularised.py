@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.laws import (
+from signorini_fx.algebra.contact.active_sets import (
     ActiveSets,
-    Nodal,
     classify,
     law_residual,
     linearised,
     multipliers,
     tangent,
-    trial_pressure,
 )
+from signorini_fx.algebra.contact.complementarity import trial_pressure
 from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.problem.problem import NextSets, Problem

@@ -20,7 +20,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
-from signorini_fx.forms.given import given_forms
+from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness
 from signorini_fx.forms.nonlinear.moving_shapes import curvature_of, left_by_turning
 from signorini_fx.forms.nonlinear.residual import Residual
@@ -35,7 +35,7 @@ from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.body.supports import prescribed
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.records import Status
-from signorini_fx.results.promised_law import Law
+from signorini_fx.results.certificate.promised_law import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
 from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.forms.given import Facets
+from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.resultants import FormResultants
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.contact_nodes import ContactSide
-from signorini_fx.results.equilibrium import Balance
+from signorini_fx.results.certificate.contact_nodes import ContactSide
+from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.safety import Safety
 from signorini_fx.results.sections import SectionForce
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from signorini_fx.errors import FormError
 from signorini_fx.records import Status
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.certificate.certificate import Certificate
 
 # What the statics of linear bodies prove.
 OF_LINEAR_BODIES = (

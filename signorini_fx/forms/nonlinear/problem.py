@@ -22,22 +22,22 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault
-from signorini_fx.forms.front import ProblemOfForms
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.arguments import checked
-from signorini_fx.forms.nonlinear.certificate import certified, mechanics_at
+from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, place, spin_at
 from signorini_fx.forms.nonlinear.overlap import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
-from signorini_fx.forms.nonlinear.ramp import PathSizes, RampStep, StepEnds, StepSizes
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
+from signorini_fx.forms.nonlinear.step_sizes import PathSizes, RampStep, StepEnds, StepSizes
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
+from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import findings_of_last
 from signorini_fx.forms.steps import Clock
 from signorini_fx.machine import parallel
@@ -46,12 +46,12 @@ from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
-from signorini_fx.mechanics.pairs.coupling import PairingError
+from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Finding, History, Status, Timings
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.mechanics import NO_ESTIMATE
-from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.tuned import LEAST_INCREMENT, SMALL_INCREMENT, SMALLEST_STEP
 

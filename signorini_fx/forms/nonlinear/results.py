@@ -10,7 +10,7 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.forms.given import GivenForms
+from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.named_parts import named_parts
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
@@ -20,7 +20,7 @@ from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.foundation import Foundation
 from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.solving.one_mesh import algorithm_name, used_parameters
 from signorini_fx.solving.stepped_body import step_result

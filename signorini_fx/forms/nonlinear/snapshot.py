@@ -12,7 +12,7 @@ from dolfinx import fem
 
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, LinearSolution
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.certificate.certificate import Certificate
 
 Array = npt.NDArray[np.float64]
 Fields = tuple[fem.Function, ...]

@@ -21,7 +21,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel

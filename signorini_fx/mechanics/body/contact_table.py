@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.laws import length
+from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import clean, html_table
 from signorini_fx.mechanics.body.contact_boundary import chains, in_line

@@ -18,8 +18,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import RegularisedData
 from signorini_fx.algebra.contact.map import ContactMap
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.resting_place import RestingMotion
@@ -47,7 +47,7 @@ from signorini_fx.mechanics.body.rigid import (
     without_strain,
 )
 from signorini_fx.mechanics.body.rigid_bodies import Driven, with_more_unknowns, without_more
-from signorini_fx.mechanics.body.shared_values import shared_in
+from signorini_fx.mechanics.body.shared_cache import shared_in
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes, block_rotation
 from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.statement.settings import SolverSettings

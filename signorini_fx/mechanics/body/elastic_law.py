@@ -176,7 +176,7 @@ class ElasticLaw:
 class VolumeForces:
     """The second opinion on what a law has beside the displacement, here nothing, by NumPy alone.
 
-    Each method is given what integrates, ``results.nodal_forces.NodalForces``.
+    Each method is given what integrates, ``results.certificate.nodal_forces.NodalForces``.
     """
 
     pressed: ClassVar[bool] = False

@@ -12,8 +12,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
-from signorini_fx.algebra.contact.laws import RegularisedData
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import parallel

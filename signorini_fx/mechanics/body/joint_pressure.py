@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.laws import Nodal
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.machine import parallel
 
 Flags = npt.NDArray[np.bool_]

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from scipy.linalg import qr
 from scipy.optimize import linprog
 
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import Reactions, nearest
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.contact_boundary import tangents_of

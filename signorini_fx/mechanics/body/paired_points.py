@@ -22,7 +22,7 @@ from signorini_fx.mechanics.body.held_pairs import HeldPairs, held_along
 from signorini_fx.mechanics.body.mirrored_points import mirrored
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
-from signorini_fx.mechanics.pairs.coupling import Coupling, PairingError, couple
+from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, couple
 from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
 from signorini_fx.tuned import ZERO_SUM
 

@@ -13,7 +13,7 @@ with nu the normal of the facet of the master, N^ the direction across N, and dN
 slave.  The rows dgap_i of the map are zero on every joint rigid motion, so that pressures on both sides, their
 transpose, balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals
 of the slave are held: what these change of the gap is of second order where sides touch.  The map of friction is that
-of ``coupling``, with half of the rotations of both sides.
+of ``mortar_coupling``, with half of the rotations of both sides.
 
 Slips are chords.  With the functions D, M of the beginning of a step, marked by 0,
 
@@ -31,8 +31,8 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 
-from signorini_fx.mechanics.pairs.coupling import Tested, projected, sparse_sums, turning_of
-from signorini_fx.mechanics.pairs.functions import carried, dual_coefficients
+from signorini_fx.mechanics.pairs.dual_functions import carried, dual_coefficients
+from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, sparse_sums, turning_of
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import NO_PART

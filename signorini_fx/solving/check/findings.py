@@ -15,8 +15,8 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.laws import RegularisedData
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
@@ -28,7 +28,7 @@ from signorini_fx.mechanics.statement.expressions import Expression, in_space, s
 from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import SMALL_DEFORMATION, Finding
-from signorini_fx.solving.check.equilibrium import equilibrium
+from signorini_fx.solving.check.balanced_loads import equilibrium
 from signorini_fx.solving.check.jumping_loads import jumping_loads
 from signorini_fx.solving.check.one_step import one_step, tilted_frames
 from signorini_fx.tuned import (

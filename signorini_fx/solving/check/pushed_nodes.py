@@ -1,7 +1,7 @@
 """Supports that push the body into its foundation: contact nodes that cannot move along their normal, and lie inside.
 
 No displacement is admissible there, so that no contact pressure keeps the node outside: the supports take whatever it
-would be.  The node transmits nothing in contact (``contact.laws.trial_pressure``), and the scene must be told of it,
+would be.  The node transmits nothing in contact (``complementarity.trial_pressure``), and the scene must be told of it,
 before it is solved, too: supports alone decide how deep it is.  Of two bodies it is a node that supports hold on both
 sides, and that has no contact point (``body.held_pairs``).
 """

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Task
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary

@@ -20,7 +20,7 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
 from signorini_fx.algebra.algorithms.task import Start, Task
-from signorini_fx.algebra.contact.laws import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.assembly import facet_nodes

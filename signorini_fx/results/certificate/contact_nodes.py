@@ -12,14 +12,14 @@ import numpy.typing as npt
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
-from signorini_fx.results.promised_law import Tractions
-from signorini_fx.results.supports import PrescribedNodes
-from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.supports import PrescribedNodes
+from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.tuned import SAME_DIRECTION, SAME_PLACE_IN_CELL, ZERO_SUM
 
 if TYPE_CHECKING:
-    from signorini_fx.results.paired_claim import Claim
-    from signorini_fx.results.sliding_claim import SlidingClaim
+    from signorini_fx.results.certificate.paired_claim import Claim
+    from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 
 Nodal = npt.NDArray[np.float64]
 
@@ -324,8 +324,8 @@ class ContactNodes:
         """
         if self.claims is None:
             return 0.0
-        from signorini_fx.results.paired_sides import defect, not_held
-        from signorini_fx.results.sliding_claim import SlidingClaim
+        from signorini_fx.results.certificate.paired_sides import defect, not_held
+        from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 
         free = [supports.left(np.tile(axis, (len(y), 1))) for axis in np.eye(y.shape[1])]
         held = np.eye(y.shape[1]) - np.stack(free, axis=2)

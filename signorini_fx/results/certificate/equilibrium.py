@@ -12,10 +12,10 @@ from mpi4py import MPI
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import CERTIFICATE_TOLERANCE
-from signorini_fx.results.contact_nodes import ContactNodes
-from signorini_fx.results.rigid_part import RigidPart
-from signorini_fx.results.supports import PrescribedNodes
-from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.results.certificate.contact_nodes import ContactNodes
+from signorini_fx.results.certificate.rigid_part import RigidPart
+from signorini_fx.results.certificate.supports import PrescribedNodes
+from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.tuned import FAINT, LOST_UNITS, NO_FORCE
 
 Nodal = npt.NDArray[np.float64]

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
-from signorini_fx.results.paired_claim import Claim
+from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.tuned import PARTNERS_REACH
 
 Array = npt.NDArray[np.float64]

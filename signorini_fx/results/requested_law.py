@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding
-from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.promised_law import UNREGULARISED, Law
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.promised_law import UNREGULARISED, Law
 
 # The algorithms whose result is to have no regularisation.
 _UNREGULARISED = ("alm", "exact")

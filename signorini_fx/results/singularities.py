@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.model import Model
-from signorini_fx.results.near_place import BoundaryFacet, cells_near, facets_near
+from signorini_fx.results.near_singularity import BoundaryFacet, cells_near, facets_near
 from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, JUMP_OF_LOAD, SAME_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
 
 Array = npt.NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The facets of the boundary and the cells near a place, and what is prescribed and loaded there; for ``no_limit``."""
+"""The facets of the boundary and the cells near a place of ``singularities``, and what is prescribed and acts there."""
 
 from __future__ import annotations
 

@@ -14,9 +14,9 @@ from scipy.sparse.linalg import spsolve
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import facet_nodes
 from signorini_fx.mechanics.body.joint_pressure import Flags
-from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
-from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.promised_law import PreviousStep, Tractions
+from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
+from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.promised_law import PreviousStep, Tractions
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]

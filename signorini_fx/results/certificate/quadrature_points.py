@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.statement.effect import Effect
-from signorini_fx.results.surface_quadrature import QuadratureFacets
+from signorini_fx.results.certificate.surface_quadrature import QuadratureFacets
 
 Array = npt.NDArray[np.float64]
 

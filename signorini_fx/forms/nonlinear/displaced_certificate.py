@@ -20,11 +20,11 @@ from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import ShapeDistances
-from signorini_fx.results.certificate import Certificate, judged
-from signorini_fx.results.equilibrium import Balance
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
-from signorini_fx.results.sliding_claim import sliding_claim
-from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.results.certificate.certificate import Certificate, judged
+from signorini_fx.results.certificate.equilibrium import Balance
+from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.sliding_claim import sliding_claim
+from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 
 Array = npt.NDArray[np.float64]
 

@@ -31,7 +31,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.pairs.functions import carried, dual_coefficients, extended, hats
+from signorini_fx.mechanics.pairs.dual_functions import carried, dual_coefficients, extended, hats
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space

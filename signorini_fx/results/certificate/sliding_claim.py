@@ -25,7 +25,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
-from signorini_fx.mechanics.pairs.functions import carried, extended
+from signorini_fx.mechanics.pairs.dual_functions import carried, extended
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import FACING_SIDES
 

@@ -32,9 +32,9 @@ from signorini_fx.mechanics.statement.expressions import Expression, in_space, s
 from signorini_fx.mechanics.statement.nodal_table import NodalTable
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
-from signorini_fx.results.cut_entities import cut_rules
-from signorini_fx.results.quadrature_points import QuadraturePoints
-from signorini_fx.results.surface_quadrature import QuadratureFacets, SurfaceQuadrature
+from signorini_fx.results.certificate.cut_entities import cut_rules
+from signorini_fx.results.certificate.quadrature_points import QuadraturePoints
+from signorini_fx.results.certificate.surface_quadrature import QuadratureFacets, SurfaceQuadrature
 from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
 
 Array = npt.NDArray[np.float64]

@@ -16,7 +16,7 @@ from signorini_fx.mechanics.body.nonlinear_law import at_rest, cells_of, volume_
 from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent, deviator, inverse_transposed
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]

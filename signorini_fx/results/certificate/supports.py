@@ -11,7 +11,7 @@ from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.statement.expressions import sample
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.tuned import SAME_DIRECTION
 
 Nodal = npt.NDArray[np.float64]

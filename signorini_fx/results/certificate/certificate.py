@@ -33,18 +33,18 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.families.certificate import JUDGED, REPORTED
 from signorini_fx.records import CERTIFICATE_TOLERANCE
-from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
-from signorini_fx.results.contact_sides import sides_of
-from signorini_fx.results.equilibrium import (
+from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
+from signorini_fx.results.certificate.contact_sides import sides_of
+from signorini_fx.results.certificate.equilibrium import (
     Balance,
     PieceScales,
     change_of_volume,
     equilibrium,
     share,
 )
-from signorini_fx.results.nodal_forces import NodalForces, left_over
-from signorini_fx.results.promised_law import UNREGULARISED, Law, PreviousStep, Tractions
-from signorini_fx.results.supports import PrescribedNodes
+from signorini_fx.results.certificate.nodal_forces import NodalForces, left_over
+from signorini_fx.results.certificate.promised_law import UNREGULARISED, Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import ABOVE_THE_MEAN, FAINT, LOST_UNITS, NO_FORCE
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ def certify(
     )
     sides = sides_of(statement, tagged, space, pairs)
     if tractions is not None and tractions.joint is not None:
-        from signorini_fx.results.joint_loads import forces_entered
+        from signorini_fx.results.certificate.joint_loads import forces_entered
 
         within = scale * forces_entered(forces, sides, tractions, step, before)
         balance = replace(balance, external=balance.external + within)

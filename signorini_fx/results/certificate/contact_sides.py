@@ -14,11 +14,11 @@ from signorini_fx.mechanics.effects.contact import BilateralContact, BondedConta
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.contact_nodes import ContactSide
+from signorini_fx.results.certificate.contact_nodes import ContactSide
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.body.paired_points import PairedSides
-    from signorini_fx.results.paired_claim import Claim
+    from signorini_fx.results.certificate.paired_claim import Claim
 
 Nodal = npt.NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def sides_of(
     claims: dict[int, Claim] = {}
     if any(effect.against is not None for effect in statement.contact):
         from signorini_fx.mechanics.body.discretisation import pairs_of
-        from signorini_fx.results.paired_claim import claim_of
+        from signorini_fx.results.certificate.paired_claim import claim_of
 
         paired = pairs_of(statement, tagged, space) if pairs is None else pairs
         for part, pair in paired.items():

@@ -1,0 +1,136 @@
+"""The pointwise contact and friction laws in d dimensions, and their generalised derivatives.  No finite elements.
+
+Every array has one entry per contact point of this rank.  A tangential vector has d - 1 components in the tangent plane
+of its point, shape (n, d - 1): one in the plane, two in space.  Pressures and shears are stresses, lambda and mu of the
+paper: lambda >= 0 pushes the body off the foundation, mu = -sigma_T acts against tau_T y.
+
+The friction law is the projection onto the disc |mu| <= F g of R^(d - 1).  In R^1 the disc is an interval, a direction
+is a sign, and what follows is the paper's Algorithm (SSN).  In R^2 a slipping point carries the direction e of its
+shear, and its shear for fixed sets is
+
+    mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,    k = F g / max(e . s, F g / gamma_2),
+
+with e and k of the previous iterate: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual
+form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
+572-596, for the disc).  In R^1 the second term vanishes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
+from signorini_fx.algebra.method import Settings
+from signorini_fx.tuned import AUTOMATIC_GAMMA
+
+
+@dataclass(frozen=True)
+class RegularisedData:
+    """The data of the regularised problem (P_gamma) on the contact points: the only data that outer algorithms change.
+
+    Attributes:
+        gap: d, length, shape (n,).
+        gamma_n: gamma_1, stress per length.
+        gamma_t: gamma_2, stress per length.
+        sigma: sigma of (3.3c), length per stress; infinite: a point passes through stick between the slip sets.
+        lambda_hat: shift of the contact pressure, stress, shape (n,).
+        mu_hat: shift of the shear, stress, shape (n, d - 1).
+        bound: given friction bound F g, stress, shape (n,); None if there is no friction.
+        follows: the friction whose bound at the pressure lambda(y) of the iterate itself is the bound (monolithic
+            Coulomb friction), and ``bound`` its part without pressure; None where the bound is given.
+        bilateral: points whose contact cannot open, shape (n,); None: there are none.
+        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
+            with origin zero (None); with load steps it acts on the increment, with mu_hat the shear of the previous
+            step.
+        immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,): no pressure acts
+            there, because the supports take whatever it would be; None: there are none.
+    """
+
+    gap: Nodal
+    gamma_n: float
+    gamma_t: float
+    sigma: float
+    lambda_hat: Nodal
+    mu_hat: Nodal
+    bound: Nodal | None
+    follows: PointFriction | None = None
+    bilateral: npt.NDArray[np.bool_] | None = None
+    slip_origin: Nodal | None = None
+    immovable: npt.NDArray[np.bool_] | None = None
+
+    @classmethod
+    def unshifted(
+        cls,
+        gap: Nodal,
+        tangents: int,
+        settings: Settings,
+        natural_gamma: float,
+        law: PointFriction | None = None,
+        bilateral: npt.NDArray[np.bool_] | None = None,
+        immovable: npt.NDArray[np.bool_] | None = None,
+    ) -> RegularisedData:
+        """The problem without shifts, for points with d - 1 tangents, and with the given part of the friction bound.
+
+        Args:
+            gap: d, length, shape (n,).
+            tangents: d - 1.
+            settings: gamma and sigma.
+            natural_gamma: the unit of gamma where it is automatic, stress per length.
+            law: of friction; None: there is none.
+            bilateral: points whose contact cannot open, shape (n,); None: there are none.
+            immovable: points that cannot move along their normal, shape (n,); None: there are none.
+        """
+        automatic = AUTOMATIC_GAMMA * natural_gamma
+        return cls(
+            gap,
+            automatic if settings.gamma_n == "auto" else settings.gamma_n,
+            automatic if settings.gamma_t == "auto" else settings.gamma_t,
+            np.inf if settings.sigma == "auto" else settings.sigma,
+            np.zeros(gap.size),
+            np.zeros((gap.size, tangents)),
+            None if law is None else law.given,
+            bilateral=bilateral,
+            immovable=immovable,
+        )
+
+    def friction_bound(self, pressure: Nodal) -> Nodal:
+        """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without friction."""
+        if self.bound is None:
+            return np.zeros_like(pressure)
+        if self.follows is None:
+            return self.bound
+        pushing = np.maximum(pressure, 0.0)
+        return self.follows.bound(pushing if self.bilateral is None else np.where(self.bilateral, pressure, pushing))
+
+
+def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
+    """The tangential displacement that friction opposes, length, shape (n, d - 1)."""
+    return u_t if data.slip_origin is None else u_t - data.slip_origin
+
+
+def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
+    """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable points."""
+    trial = data.lambda_hat + data.gamma_n * (u_n - data.gap)
+    return trial if data.immovable is None else np.where(data.immovable, 0.0, trial)
+
+
+def trial_shear(u_t: Nodal, data: RegularisedData) -> Nodal:
+    """mu_hat + gamma_2 tau_T y, whose projection onto the disc |mu| <= F g is mu (3.4)."""
+    return data.mu_hat + data.gamma_t * slip_of(u_t, data)
+
+
+def onto_disc(shear: Nodal, bound: Nodal) -> Nodal:
+    """The projection of (3.4): the shear where |mu| <= F g, else F g mu / |mu|; the bound may be infinite."""
+    beyond = length(shear) > bound
+    return np.where(beyond[:, None], np.where(beyond, bound, 0.0)[:, None] * unit(shear), shear)
+
+
+def project(pressure: Nodal, shear: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
+    """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update of inexact ALM."""
+    pushing = np.maximum(pressure, 0.0)
+    pressure = pushing if data.bilateral is None else np.where(data.bilateral, pressure, pushing)
+    return pressure, onto_disc(shear, data.friction_bound(pressure))
