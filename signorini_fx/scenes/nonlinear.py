@@ -51,7 +51,7 @@ def solve_nonlinear(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> So
     Raises:
         SceneError: the scene is wrong, or does not fit its mesh.
         MeshError: the mesh cannot be read or generated.
-        ConvergenceError: the first load step has no solution.
+        ConvergenceError: the first load step has no solution, and the body before it cannot be evaluated.
     """
     timings = Timings()
     model = linear_body(scene, comm, timings)
@@ -155,13 +155,14 @@ class ProblemOfScene(NonlinearContactProblem):
         self._begins_at(statement.placed(-1))
 
     def solved(self, timings: Timings) -> Solution:
-        """The solution of all load steps, or of those before one that has none; collective.
+        """The solution of all load steps, or of those before one that has none: of the first one the body as it was
+        before; collective.
 
         Args:
             timings: of what was done so far.
 
         Raises:
-            ConvergenceError: the first one has none.
+            ConvergenceError: the first one has none, and its body cannot be evaluated.
             SceneError: a value cannot be evaluated.
         """
         path, steps, failures = self.statement.path, list[StepResult](), list[Finding]()
@@ -176,7 +177,7 @@ class ProblemOfScene(NonlinearContactProblem):
         try:
             self._run(path, begins, steps.append)
         except ConvergenceError as error:
-            if not steps:
+            if self._solved is None:  # not even the body before the first one can be shown
                 raise
             failures.append(Finding("warning", "load_steps", str(error)))
         except FormError as error:

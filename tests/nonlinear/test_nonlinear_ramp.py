@@ -206,3 +206,29 @@ def test_divergence_is_a_limit():
 
     assert ended(15, stability=False) is Status.LIMIT
     assert ended(1) is Status.MAX_ITERATIONS
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("by", ["ramp", "run"])
+def test_no_first_step(by):
+    """A block that is lifted off its ground: the problem shows the body before, and the next solution takes over."""
+    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_WORLD)
+    u, load = fem.Function(space), fem.Constant(space.mesh, 0.0)
+    F = residual(u, neo_hooke) - load * ufl.TestFunction(space)[1] * ufl.dx
+    walls = [fem.dirichletbc(0.0, fem.locate_dofs_topological(space.sub(0), 1, side(0, 0.0)), space.sub(0))]
+    problem = NonlinearContactProblem(F, u, bcs=walls, contact=Foundation(side(1, 0.0)))
+
+    def lift(time):
+        load.value = time
+
+    with pytest.raises(ConvergenceError, match="there is no solution before it") as error:
+        problem.ramp(lift) if by == "ramp" else problem.run([1.0], lift)
+    assert error.value.solution.status is problem.solution.status is Status.LIMIT
+    assert 0.0 < problem.solution.last_step.time < 0.01
+    assert not problem.solution.certificate.holds
+    assert not problem.solution.displacement.x.array.any()
+    assert load.value == 0.0
+    lift(-1.0)
+    problem.solve()
+    assert problem.solution.converged
+    assert problem.solution.certificate.holds

@@ -12,7 +12,16 @@ from scipy.optimize import brentq
 from support.nonlinear_bodies import held, rectangle
 from support.nonlinear_scenes import LAWS, block, flattened_disk, force, indented, material
 
-from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, SceneError, Status, solve
+from signorini_fx import (
+    ConvergenceError,
+    Coulomb,
+    Foundation,
+    NonlinearContactProblem,
+    SceneError,
+    Status,
+    solve,
+    write_results,
+)
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.scenes.reading import parse_scene
@@ -324,7 +333,7 @@ def test_a_confined_block_yields_and_unloads():
 
 @pytest.mark.slow
 def test_a_path_that_ends():
-    """The load steps with a solution are there, with how the path ended; with none of them there is an error alone."""
+    """The load steps with a solution are there, with how the path ended."""
     scene = block(material("neo-hooke"), "0.4*t", load_steps={"times": [1.0, 2.0, 3.0]})
     solution = solve(scene, MPI.COMM_SELF, check=False)
     assert solution.status is not Status.CONVERGED
@@ -333,3 +342,32 @@ def test_a_path_that_ends():
     assert any(finding.path == "load_steps" for finding in solution.findings)
     with pytest.raises(ConvergenceError, match="there is a solution at time"):
         solve(scene, MPI.COMM_SELF)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("law", ["neo-hooke", "j2"])
+def test_a_path_without_a_first_step(law, tmp_path):
+    """Its outcome has a name, and the body is shown as it was before, under the load that it does not carry."""
+    scene = block(
+        material(law),
+        "0",
+        displacement={"boundary": "left", "x": 0.0},
+        traction={"boundary": "top", "y": 1.0, "factors": [1.0, 2.0]},
+        contact={"boundary": "bottom"},
+        load_steps={"names": ["lift", "lift on"], "times": [1.0, 2.0]},
+    )
+    solution = solve(scene, check=False)
+    assert solution.status is Status.LIMIT
+    assert [step.status for step in solution.steps] == [Status.LIMIT]
+    assert 0.0 < solution.last_step.time < 0.01
+    assert not solution.displacement.x.array.any()
+    assert not solution.certificate.holds
+    load = solution.resultants.of("top").force
+    assert load == pytest.approx([0.0, solution.last_step.time], rel=1e-9)
+    findings = [finding.message for finding in solution.findings if finding.path == "load_steps"]
+    assert "there is no solution before it; a step to" in findings[0]
+    folder = MPI.COMM_WORLD.bcast(str(tmp_path))
+    assert write_results(solution, folder, pictures=False)["status"] == Status.LIMIT.value
+    with pytest.raises(ConvergenceError, match=r"(?s)step 1 \(lift, time 0.0039.*contact opens") as error:
+        solve(scene)
+    assert error.value.solution.status is Status.LIMIT

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
@@ -313,6 +314,24 @@ class LinearisedProblem(FormSolver):
         self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
         if why := self.attempt():
             raise ConvergenceError(self, why)
+
+    def leave_open(self, status: Status) -> None:
+        """Make the displacement of now, without any contact, the last result; collective.
+
+        Args:
+            status: how the solve has ended that it is the result of.
+        """
+        begun = self.begun = self.begin_step()
+        nowhere = np.zeros(self.boundary.size)
+        sets = ActiveSets.of(nowhere > 0, np.zeros_like(begun.data.mu_hat), nowhere)
+        newton = self.task.iterate.newton
+        self.task.iterate.begin_step(begun)
+        newton.pose(begun.data, sets)
+        place = self._at.copy()
+        if (resting := self.task.rest) is not None:
+            place.x.array[:] -= self.elastic.motions.displacement(resting.motion).ravel()
+        newton.restore((self.task.system.unknowns(self.elastic.unknowns(place)), sets, newton.problem.data))
+        self.take(Outcome(status, newton, begun.data))
 
     def internal(self, displacement: fem.Function) -> tuple[Array, Array]:
         """What a(d, .) and the curvature alone are, shapes (owned dofs,); collective."""

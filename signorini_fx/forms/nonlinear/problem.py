@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -205,7 +206,8 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def solution(self) -> Solution:
         """The last solution with all that results are made of; after a ramp with all of its steps, whose times are the
-        sizes of their loads; collective.
+        sizes of their loads.  Where the first step of a ramp has no solution it is the body as it was before, under the
+        load of this step, and converged it is not; collective.
 
         Of what needs a strain energy (estimates of errors, bounds, uniqueness) it says that a nonlinear body has none.
 
@@ -219,14 +221,16 @@ class NonlinearContactProblem(ProblemOfForms):
         if self._solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
         ended = self.status or Status.CONVERGED, self.findings
-        spent = self.history, self._timings
-        solution = self._solved.solution(self.linear.rigid, self._ramped, ended, spent, title)
+        spent, steps = (self.history, self._timings), self._ramped
+        if self._solved.step.status is not Status.CONVERGED:
+            steps = [self._solved.step]
+        solution = self._solved.solution(self.linear.rigid, steps, ended, spent, title)
         return replace(solution, mechanics=replace(self._solved.mechanics, steps=tuple(self._mechanics_of_steps)))
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        return findings_of_last(self.linear)
+        return () if self.linear.solved.state is None else findings_of_last(self.linear)
 
     @property
     def _places(self) -> Array:
@@ -287,9 +291,15 @@ class NonlinearContactProblem(ProblemOfForms):
             ConvergenceError: no solution was reached; ``status`` says why, and all else is as the last solution was.
             FormError: a value is not finite, cannot be evaluated, or ``update`` raised an exception.
         """
-        self._ramped, self._mechanics_of_steps, self._timings = [], [], Timings()
+        self._forget_steps()
         self._attempt()
         return self.u
+
+    def _forget_steps(self) -> None:
+        """Those of the last ramp, and what was shown of one whose first step had no solution."""
+        self._ramped, self._mechanics_of_steps, self._timings = [], [], Timings()
+        if self._solved is not None and self._solved.step.status is not Status.CONVERGED:
+            self._solved = None
 
     def _attempt(self, *, damps: bool = True) -> None:
         """``solve``; collective.
@@ -584,19 +594,23 @@ class NonlinearContactProblem(ProblemOfForms):
             last_words: up to where there is a solution, in words; None: nowhere.
             shown: a load or time for messages, from where a step ends.
         """
-        self._ramped, self._mechanics_of_steps, self._timings = [], [], Timings()
+        self._forget_steps()
+        solves = len(self.history.iterations)
         while not sizes.done:
             begun, end = self._snapshot(), sizes.next
             try:
                 apply(end)
                 self._attempt(damps=not sizes.may_halve)
             except Exception as error:
+                final = not sizes.may_halve or self.status in outcomes.FINAL
+                if final and isinstance(error, ConvergenceError) and self._solved is None:
+                    self._solved = self._before_the_first(partial(solved, end), len(self.history.iterations) - solves)
                 self._begin_again(begun, lambda: apply(sizes.reached))
                 load, reached = shown(end), shown(sizes.reached)
                 self.history.add(f"load {load:g} is given up, back at {reached:g}: {error}")
                 if not isinstance(error, ConvergenceError | FormError):
                     raise
-                if sizes.may_halve and self.status not in outcomes.FINAL:
+                if not final:
                     sizes.halve()
                     continue
                 last = last_words(sizes.reached if self._ramped else None)
@@ -609,6 +623,31 @@ class NonlinearContactProblem(ProblemOfForms):
             self.advance()
             sizes.accept(self.iterations)
             on_step(step)
+
+    def _before_the_first(self, named: Callable[[StepResult], StepResult], solves: int) -> SolvedBody | None:
+        """The body as it is before the first step, under the load of that step, which has no solution; None: its
+        residual or tangent cannot be evaluated there; collective.
+
+        Args:
+            named: gives the result its place and time.
+            solves: linear solves that were tried.
+        """
+        assert self.status is not None
+        status, linear, foundations = Status.LIMIT if self._says_no else self.status, self.linear, self.shapes
+        try:
+            residual = self._forces_at(self.u.x.array.copy())
+            if residual is None:
+                return None
+            linear.slide()
+            linear.leave_open(status)
+            mechanics = mechanics_at(self.u, self._seen_anew(residual), linear, self.contact, foundations)
+        except (FormError, MatrixError, PairingError):
+            return None
+        tractions = Tractions.of(self.state)
+        certificate = certified(self.u, mechanics, foundations, tractions, linear.law, linear.previous_step)
+        loaded, parts = self._loaded(mechanics), (self.contact, foundations)
+        body = SolvedBody.of(linear, self.u, certificate, loaded, parts, solves, status)
+        return replace(body, step=named(body.step))
 
     def _begin_again(self, begun: Snapshot, load: Callable[[], object]) -> None:
         """Go back to where a step has begun, with its load and its shapes; collective."""

@@ -17,7 +17,7 @@ from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic import ElasticBody
-from signorini_fx.mechanics.body.foundation import Foundation
+from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
@@ -55,8 +55,9 @@ class SolvedBody:
         u: fem.Function,
         certificate: Certificate,
         mechanics: ResidualMechanics,
-        foundations: tuple[Sequence[Foundation], Mapping[int, MovingShape]],
+        foundations: tuple[Sequence[Foundation | Pair], Mapping[int, MovingShape]],
         solves: int,
+        status: Status = Status.CONVERGED,
     ) -> SolvedBody:
         """What there is after a solve; collective.
 
@@ -67,6 +68,7 @@ class SolvedBody:
             mechanics: its forces and contact sides.
             foundations: as the user gave them, and the shapes of those that have one, by their numbers.
             solves: linear solves.
+            status: how it has ended.
         """
         assert linear.outcome is not None
         contact, shapes = foundations
@@ -77,7 +79,7 @@ class SolvedBody:
             counted_path(number),
             number,
             number,
-            Status.CONVERGED,
+            status,
             y,
             linear.state,
             certificate,
