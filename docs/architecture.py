@@ -42,7 +42,7 @@ LAYERS = (
     "solving.check",
     "solving.interfaces",
     "results",
-    "results.certificate.certificate",
+    "results.certificate",
     "quantities",
     "results.accuracy",
     "mechanics.body",

@@ -117,6 +117,22 @@ class Checkpoint:
             return None
         return displacement, contact_values
 
+    def read_beside(self, level: int, step: int, space: fem.FunctionSpace, name: str) -> fem.Function | None:
+        """A further displacement of a load step; None: it cannot be read.
+
+        Args:
+            level: number of the mesh.
+            step: number of the load step, from 0.
+            space: of the displacement, see ``read``.
+            name: that it was stored under.
+        """
+        function, failed = fem.Function(space), False
+        try:
+            _read_field(self._folder(level, step) / f"{name}.bin", function)
+        except (MPI.Exception, OSError):
+            failed = True
+        return None if parallel.any_rank(self._comm, failed) else function
+
     def write(
         self,
         level: int,
@@ -125,6 +141,7 @@ class Checkpoint:
         boundary: ContactBoundary,
         nodal: Mapping[str, Nodal],
         figures: Figures,
+        beside: Mapping[str, fem.Function] | None = None,
     ) -> None:
         """Store a load step.
 
@@ -135,16 +152,19 @@ class Checkpoint:
             boundary: the contact nodes.
             nodal: values at those of this rank, shape (n,) or (n, k); vectors in the axes of space.
             figures: plain data for JSON.
+            beside: further displacements in the same space, by their names; None: there are none.
 
         Raises:
             OutputError: it cannot be written.
         """
-        part = self.path / manifest.PART
+        part, functions = self.path / manifest.PART, {_FIELD: displacement}
+        functions |= {f"{name}.bin": function for name, function in (beside or {}).items()}
         self._begin()
-        reserve(self._comm, part, _size_of(displacement))
+        reserve(self._comm, part, len(functions) * _size_of(displacement))
         error = None
         try:
-            _write_field(part / _FIELD, displacement)
+            for name, function in functions.items():
+                _write_field(part / name, function)
         except MPI.Exception as reason:
             error = cannot_be_written(self.path, reason)
         parallel.raise_together(self._comm, error)

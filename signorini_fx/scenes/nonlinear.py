@@ -36,6 +36,7 @@ from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.refusals import refuse_beforehand
+from signorini_fx.solving.restart import MeshCheckpoint
 
 Array = npt.NDArray[np.float64]
 
@@ -45,8 +46,16 @@ RESIDUAL_FORMS = ("residual", "tangent")
 _LEFT_OUT = {"levels": 1, "initial_contact": "auto", "uniqueness": False, "error_bound": False}
 
 
-def solve_nonlinear(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> Solution:
+def solve_nonlinear(
+    scene: Scene, comm: mpi4py.MPI.Comm, history: History, stored: MeshCheckpoint | None = None
+) -> Solution:
     """The solution, or the load steps up to one that has none; collective.
+
+    Args:
+        scene: with a nonlinear material.
+        comm: the ranks that share the work.
+        history: takes every linear solve.
+        stored: the checkpoint that load steps are taken from and stored in; None: there is none.
 
     Raises:
         SceneError: the scene is wrong, or does not fit its mesh.
@@ -58,7 +67,7 @@ def solve_nonlinear(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> So
     with timings.phase("compile"):
         problem = ProblemOfScene.of(scene.statement, model, history)
     history.move(dofs=model.dofs)
-    return problem.solved(timings)
+    return problem.solved(timings, stored)
 
 
 def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
@@ -154,12 +163,13 @@ class ProblemOfScene(NonlinearContactProblem):
         self._anew = NonlinearForces(statement, model.tagged, model.space)
         self._begins_at(statement.placed(-1))
 
-    def solved(self, timings: Timings) -> Solution:
+    def solved(self, timings: Timings, stored: MeshCheckpoint | None = None) -> Solution:
         """The solution of all load steps, or of those before one that has none: of the first one the body as it was
         before; collective.
 
         Args:
             timings: of what was done so far.
+            stored: the checkpoint that load steps are taken from and stored in; None: there is none.
 
         Raises:
             ConvergenceError: the first one has none, and its body cannot be evaluated.
@@ -168,14 +178,12 @@ class ProblemOfScene(NonlinearContactProblem):
         path, steps, failures = self.statement.path, list[StepResult](), list[Finding]()
         several = self.statement.several_steps
 
-        def begins(end: float) -> None:
-            if several and end > self._path_step:
-                record = StepRecord(len(steps) + 1, path.name_at(end), path.time_at(end))
-                self.history.add(record)
-            self.go_to(end)
+        def announce(end: float) -> None:
+            if several:
+                self.history.add(StepRecord(len(steps) + 1, path.name_at(end), path.time_at(end)))
 
         try:
-            self._run(path, begins, steps.append)
+            self._run(path, self.go_to, steps.append, announce, stored)
         except ConvergenceError as error:
             if self._solved is None:  # not even the body before the first one can be shown
                 raise
@@ -183,6 +191,7 @@ class ProblemOfScene(NonlinearContactProblem):
         except FormError as error:
             raise _of_scene(error, self.statement) from None
         timings.seconds.update(self._timings.seconds)
+        timings.earlier.update(self._timings.earlier)
         solution = self.titled(self.statement.title)
         forms = Inventory([*compiled_forms(self.model)])
         model = replace(solution.model, statement=self.statement, tagged=self.model.tagged, inventory=forms)

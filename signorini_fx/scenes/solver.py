@@ -97,10 +97,10 @@ def _solved(
     restart: bool,
 ) -> Solution:
     """The solution, or the last iterate; arguments as for ``solve``."""
-    if scene.statement.nonlinear:
-        return _solved_by_newton(scene, comm, history, restart=restart)
-    coarse = coarser_scenes(scene, scene.solver.levels)
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
+    if scene.statement.nonlinear:
+        return _solved_by_newton(scene, comm, history, stored)
+    coarse = coarser_scenes(scene, scene.solver.levels)
     if (goal := scene.accuracy) is not None:
         budget = Budget.begins(goal, comm, history)
         return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level or _nobody)
@@ -109,13 +109,11 @@ def _solved(
     return _solve_nested([*coarse, scene], comm, history, on_level, stored)
 
 
-def _solved_by_newton(scene: Scene, comm: MPI.Comm, history: History, *, restart: bool) -> Solution:
+def _solved_by_newton(scene: Scene, comm: MPI.Comm, history: History, stored: Checkpoint | None) -> Solution:
     """That of a scene with nonlinear materials, whose forms are imported for it alone."""
-    if restart:
-        raise SceneError([("restart", "is not possible yet with a nonlinear material: solve it without restart")])
     from signorini_fx.scenes.nonlinear import solve_nonlinear
 
-    return solve_nonlinear(scene, comm, history)
+    return solve_nonlinear(scene, comm, history, None if stored is None else MeshCheckpoint(stored, 0))
 
 
 def _checkpoint(
@@ -129,7 +127,7 @@ def _checkpoint(
         without = "a run with a requested accuracy"
     elif not scene.contact:
         without = "a scene without contact"
-    elif not scene.statement.several_steps and scene.solver.levels == 1:
+    elif not (scene.statement.several_steps or scene.statement.nonlinear) and scene.solver.levels == 1:
         without = "a scene with one load step on one mesh"
     elif any(effect.friction.timed for effect in scene.contact):  # nor is the law of a load step
         without = "a scene with friction that depends on the time"
@@ -139,7 +137,8 @@ def _checkpoint(
         if restart:
             raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])
         return None
-    return open_checkpoint(comm, folder, scene, history, restart=restart, several_steps=scene.statement.several_steps)
+    by_steps = scene.statement.several_steps or scene.statement.nonlinear  # which are halved, a single one, too
+    return open_checkpoint(comm, folder, scene, history, restart=restart, several_steps=by_steps)
 
 
 def refuse_other_than_comm(comm: object) -> None:

@@ -6,12 +6,13 @@ are evaluated again on restart, and a step whose certificate does not hold is so
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 from pydantic import BaseModel
 
@@ -20,19 +21,64 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets, bound_of_sets, 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
+from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.problem.exact import ExactProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
-from signorini_fx.solving.load_increments import Increments
-from signorini_fx.solving.stepped_body import SteppedBody
+
+K = TypeVar("K", bound="StoredBody")
+
+
+class StoredBody(Protocol):
+    """A body whose load steps a checkpoint takes; places as in ``statement.load_steps``; all methods are collective."""
+
+    @property
+    def timings(self) -> Timings:
+        """Of its mesh."""
+        ...
+
+    @property
+    def model(self) -> ElasticBody:
+        """The elastic body, with contact points."""
+        ...
+
+    @property
+    def size(self) -> float:
+        """Of the body, length."""
+        ...
+
+    def load(self, system: ElasticSystem, path_step: float, /) -> Nodal:
+        """Give a system its loads at a place, and return their factors for ``system.set_load``."""
+        ...
+
+    def stored(self, path_step: float, result: StepResult, /) -> tuple[dict[str, Nodal], dict[str, Any]]:
+        """What else a checkpoint needs of a load step: values at the contact points, and plain data."""
+        ...
+
+    def recalled(
+        self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any], /
+    ) -> tuple[Self, JointPressure | None]:
+        """Take back what ``stored`` has returned."""
+        ...
+
+
+class Resumed(Protocol):
+    """The way through the load steps."""
+
+    def stored(self) -> dict[str, float]:
+        """What ``resume`` needs, as plain data."""
+
+    def resume(self, position: dict[str, float]) -> None:
+        """Go on from where an earlier run has come to."""
 
 
 @dataclass(frozen=True)
-class Recalled:
+class Recalled(Generic[K]):
     """A load step of an earlier run.
 
     Attributes:
@@ -47,7 +93,7 @@ class Recalled:
         joint: the pressure of loads within the contact; None: none enters.
     """
 
-    body: SteppedBody
+    body: K
     outcome: Outcome
     start: Start
     path: dict[str, float]
@@ -57,7 +103,7 @@ class Recalled:
     seconds: dict[str, float]
     joint: JointPressure | None = None
 
-    def accept(self, history: History, timings: Timings, path: Increments) -> None:
+    def accept(self, history: History, timings: Timings, path: Resumed) -> None:
         """Take it for a load step of this run."""
         history.recall(self.iterations, self.outer, self.events)
         # The seconds of the earlier run are counted once, with the last step that was recalled from it.
@@ -87,19 +133,31 @@ class MeshCheckpoint:
         figures = self.checkpoint.figures(self.level, step)
         return None if figures is None else float(figures["place"])
 
+    def beside(self, step: int, space: fem.FunctionSpace, names: Sequence[str]) -> list[fem.Function] | None:
+        """Further displacements of a load step, from 0, by their names; None: they cannot be read."""
+        functions = [self.checkpoint.read_beside(self.level, step, space, name) for name in names]
+        return None if any(function is None for function in functions) else [f for f in functions if f is not None]
+
+    def figure(self, step: int, name: str) -> Any:
+        """One of the plain data of a load step, from 0, which is there."""
+        figures = self.checkpoint.figures(self.level, step)
+        assert figures is not None
+        return figures[name]
+
     def forget(self, step: int) -> None:
         """Remove a load step, from 0, that turned out to be no solution, and all later ones."""
         self.checkpoint.forget(self.level, step)
 
     def store(
         self,
-        stepped: SteppedBody,
+        stepped: K,
         task: Task,
         start: Start,
         outcome: Outcome,
         result: StepResult,
-        path: Increments,
+        path: Resumed,
         marks: tuple[int, int, int],
+        beside: Mapping[str, fem.Function] | None = None,
     ) -> None:
         """Store a load step that has a solution.
 
@@ -111,6 +169,7 @@ class MeshCheckpoint:
             result: its result.
             path: the way through the load steps, after it.
             marks: numbers of linear solves, regularised problems and events before it.
+            beside: further displacements, see ``Checkpoint.write``.
         """
         problem, history, body, boundary = outcome.problem, task.history, stepped.model, stepped.model.boundary
         assert boundary is not None
@@ -152,9 +211,9 @@ class MeshCheckpoint:
         }
         if boundary.moving is not None:
             figures["tools"] = body.driven(outcome.displacement(), task.rest).tolist()
-        self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures)
+        self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures, beside)
 
-    def recall(self, stepped: SteppedBody, task: Task, start: Start) -> Recalled | None:
+    def recall(self, stepped: K, task: Task, start: Start) -> Recalled[K] | None:
         """Rebuild a load step; None if it is not there, or does not fit.
 
         Args:
@@ -167,7 +226,7 @@ class MeshCheckpoint:
             return None
         body, boundary = stepped.model, stepped.model.boundary
         assert boundary is not None
-        stored = self.checkpoint.read(self.level, start.step, body.space, boundary, body.tagged.size)
+        stored = self.checkpoint.read(self.level, start.step, body.space, boundary, stepped.size)
         if stored is None:
             self.forget(start.step)
             return None

@@ -94,6 +94,11 @@ class SteppedBody:
     places: Places
     judge: Judge
 
+    @property
+    def size(self) -> float:
+        """Of the body, length."""
+        return self.model.tagged.size
+
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
         """The load step that begins at a place, see ``Places``."""
         return self.places.at(self, path_step, task, first, end)

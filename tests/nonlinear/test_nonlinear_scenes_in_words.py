@@ -116,12 +116,6 @@ def test_what_else_scenes_are_used_for():
         sensitivity(scene, "force(top, y)", comm=MPI.COMM_SELF)
 
 
-def test_restart_is_refused():
-    """There is no checkpoint of it."""
-    with pytest.raises(SceneError, match="restart: is not possible yet with a nonlinear material"):
-        solve(indented(RUBBER), MPI.COMM_SELF, checkpoint="nowhere", restart=True)
-
-
 def test_check():
     """It says what will be solved: Newton's method, the material, and what each load step may take."""
     checked = check_scene(indented(material("j2", yield_stress=5.0)), MPI.COMM_SELF)

@@ -15,7 +15,7 @@ from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.mechanics.body.foundation import Pair
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.pairs.surface import PairSurface
-from signorini_fx.results.certificate.certificate import paired_sides
+from signorini_fx.results.certificate import paired_sides
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD

@@ -13,7 +13,7 @@ from spaces import block, box, friction_of
 
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
-from signorini_fx.results.certificate.certificate import surface_quadrature
+from signorini_fx.results.certificate import surface_quadrature
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.files import write_results

@@ -29,7 +29,7 @@ from paired_facets import Facet, OverlapPiece, PairFacets, mean_normals, pieces_
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.results.certificate.certificate import paired_sides
+from signorini_fx.results.certificate import paired_sides
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.paired_sides import largest
 

@@ -19,6 +19,7 @@ from dolfinx import fem
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
+from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.forms.given_forms import given_forms
@@ -321,7 +322,8 @@ class LinearisedProblem(FormSolver):
         Args:
             status: how the solve has ended that it is the result of.
         """
-        begun = self.begun = self.begin_step()
+        with options.applied(*self.options):
+            begun = self.begun = self.begin_step()
         nowhere = np.zeros(self.boundary.size)
         sets = ActiveSets.of(nowhere > 0, np.zeros_like(begun.data.mu_hat), nowhere)
         newton = self.task.iterate.newton
@@ -331,7 +333,42 @@ class LinearisedProblem(FormSolver):
         if (resting := self.task.rest) is not None:
             place.x.array[:] -= self.elastic.motions.displacement(resting.motion).ravel()
         newton.restore((self.task.system.unknowns(self.elastic.unknowns(place)), sets, newton.problem.data))
-        self.take(Outcome(status, newton, begun.data))
+        self.show(Outcome(status, newton, begun.data), None)
+
+    @property
+    def step(self) -> int:
+        """How many steps have ended."""
+        return 0 if self._last is None else self._last.start.step
+
+    @property
+    def definite(self) -> bool:
+        """Whether the tangent is taken to be positive definite."""
+        return self._definite
+
+    def begin_at_tangent(self, *, definite: bool) -> None:
+        """Assemble the contact problem at the displacement of now, as in the last iteration of an earlier run;
+        collective.
+
+        Args:
+            definite: see ``definite``, in that run.
+
+        Raises:
+            MatrixError: see ``solve``.
+            PairingError: see ``slide``.
+            FormError: a value is not finite.
+        """
+        self.begin_anew()
+        self._definite = definite
+        self.slide()
+        self._last_pattern = None
+        with options.applied(*self.options):
+            self.begun = self.begin_step()
+
+    def accept(self, outcome: Outcome) -> None:
+        """Take an outcome of an earlier run for that of the contact problem of now; collective."""
+        origin = outcome.data.slip_origin
+        self.begun = replace(self.begun, data=replace(self.begun.data, slip_origin=origin))
+        self.show(outcome, None)
 
     def internal(self, displacement: fem.Function) -> tuple[Array, Array]:
         """What a(d, .) and the curvature alone are, shapes (owned dofs,); collective."""

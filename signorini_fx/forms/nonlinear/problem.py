@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, fitting, hes
 from signorini_fx.forms.nonlinear.overlap import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
+from signorini_fx.forms.nonlinear.restart import StepsOnDisk
 from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
@@ -40,7 +42,7 @@ from signorini_fx.forms.nonlinear.step_sizes import PathSizes, RampStep, StepEnd
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import findings_of_last
-from signorini_fx.forms.steps import Clock
+from signorini_fx.forms.steps import Clock, checkpoint_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.contact_state import ContactState
@@ -54,6 +56,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
+from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.tuned import LEAST_INCREMENT, SMALL_INCREMENT, SMALLEST_STEP
 
 Array = npt.NDArray[np.float64]
@@ -173,6 +176,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self._cells = BodyCells.of(space, space.mesh.geometry.dim)
         self._overlap = ""  # where a shape was inside the body in the last solve
         self._failure = ""  # how the last solve failed that did
+        self._tangent_at = u.x.array.copy()  # the displacement of the last iteration
         self._inner = ""  # how the last contact problem of a tangent ended that had no solution
         self._solved: SolvedBody | None = None  # the last solution
         self._ramped: list[StepResult] = []  # the steps of the last ramp, until the next solve
@@ -360,7 +364,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.linear.begin_anew()
         for iteration in range(1, self._max_newton + 1):
             self.iterations = iteration
-            old = u.x.array.copy()
+            old = self._tangent_at = u.x.array.copy()
             residual = self._forces_at(old)
             if residual is None:
                 return Status.INVERTED
@@ -541,6 +545,8 @@ class NonlinearContactProblem(ProblemOfForms):
         path: LoadPath | Sequence[float],
         at: Callable[[float], object] | fem.Constant,
         *,
+        folder: str | Path | None = None,
+        restart: bool = False,
         on_step: Callable[[StepResult], object] = lambda step: None,
     ) -> Solution:
         """Solve load steps, with ``advance`` between them; collective.
@@ -553,19 +559,34 @@ class NonlinearContactProblem(ProblemOfForms):
             path: the times, one load step each, or a ``LoadPath``, whose ramp takes the steps that it asks for.
             at: changes the problem to what it is at a time, which may also be an earlier one than the last; or a
                 Constant that takes the time.
+            folder: in which every load step is stored as soon as it is complete; None: nowhere.
+            restart: go on from what an earlier run of the same program has stored there, on any number of ranks;
+                ``commit`` is called at the end of each of its load steps again.
             on_step: called with the result of each load step.
 
         Raises:
             ConvergenceError: see ``ramp``; the ``solution`` of this problem has the load steps before.
-            FormError: see ``ramp``.
+            FormError: see ``ramp``; or the folder is that of another problem.
         """
         path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
-        clock = Clock(at)
-        self._run(path, lambda step: clock.turn(path.time_at(step)), on_step)
+        clock, stored = Clock(at), None
+        if restart and folder is None:
+            raise FormError([("restart", "needs the folder of the checkpoint")])
+        if folder is not None:
+            clock.turn(path.time_at(0))  # the checkpoint is that of the Constants at this time
+            stored = MeshCheckpoint(checkpoint_of(self.linear, folder, path, restart=restart), 0)
+        self._run(path, lambda step: clock.turn(path.time_at(step)), on_step, stored=stored)
         return self.solution
 
-    def _run(self, path: LoadPath, apply: Callable[[float], object], on_step: Callable[[StepResult], object]) -> None:
-        """``run`` by places instead of times; collective."""
+    def _run(
+        self,
+        path: LoadPath,
+        apply: Callable[[float], object],
+        on_step: Callable[[StepResult], object],
+        announce: Callable[[float], object] = lambda end: None,
+        stored: MeshCheckpoint | None = None,
+    ) -> None:
+        """``run`` by places instead of times; for the arguments see ``_follow``; collective."""
 
         def solved(end: float, step: StepResult) -> StepResult:
             return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
@@ -573,7 +594,9 @@ class NonlinearContactProblem(ProblemOfForms):
         def last_words(reached: float | None) -> str:
             return outcomes.last_solution(None if reached is None else path.time_at(reached), None)
 
-        self._follow(PathSizes(path), apply, solved, on_step, last_words, path.time_at)
+        sizes = PathSizes(path)
+        kept = None if stored is None else StepsOnDisk(stored, sizes)
+        self._follow(sizes, apply, solved, on_step, last_words, path.time_at, announce, kept)
 
     def _follow(
         self,
@@ -583,6 +606,8 @@ class NonlinearContactProblem(ProblemOfForms):
         on_step: Callable[[StepResult], object],
         last_words: Callable[[float | None], str],
         shown: Callable[[float], float] = float,
+        announce: Callable[[float], object] = lambda end: None,
+        stored: StepsOnDisk | None = None,
     ) -> None:
         """One step after the other; collective.
 
@@ -593,18 +618,30 @@ class NonlinearContactProblem(ProblemOfForms):
             on_step: called after each step.
             last_words: up to where there is a solution, in words; None: nowhere.
             shown: a load or time for messages, from where a step ends.
+            announce: called before a step is solved with where it ends.
+            stored: the checkpoint that steps are taken from and stored in; None: there is none.
         """
         self._forget_steps()
         solves = len(self.history.iterations)
+        if stored is not None:
+            stored.begin(self.linear)
         while not sizes.done:
+            if stored is not None and (place := stored.place(self.linear.step)) is not None:
+                count = self._recall(stored, place, apply, sizes)
+                if count is not None:
+                    self._end_step(place, solved, on_step, count)
+                    stored.begin(self.linear)
+                    continue
             begun, end = self._snapshot(), sizes.next
             try:
+                announce(end)
                 apply(end)
                 self._attempt(damps=not sizes.may_halve)
             except Exception as error:
                 final = not sizes.may_halve or self.status in outcomes.FINAL
                 if final and isinstance(error, ConvergenceError) and self._solved is None:
-                    self._solved = self._before_the_first(partial(solved, end), len(self.history.iterations) - solves)
+                    tried = len(self.history.iterations) - solves
+                    self._solved = self._before_the_first(partial(solved, end), tried)
                 self._begin_again(begun, lambda: apply(sizes.reached))
                 load, reached = shown(end), shown(sizes.reached)
                 self.history.add(f"load {load:g} is given up, back at {reached:g}: {error}")
@@ -615,14 +652,71 @@ class NonlinearContactProblem(ProblemOfForms):
                     continue
                 last = last_words(sizes.reached if self._ramped else None)
                 raise self._ended(error, load, last) from error.__cause__
-            assert self._solved is not None
-            step = solved(end, replace(self._solved.step, step=len(self._ramped) + 1))
-            self._solved = replace(self._solved, step=step)
-            self._ramped.append(step)
-            self._mechanics_of_steps.append((step.displacement, self._solved.mechanics))
-            self.advance()
             sizes.accept(self.iterations)
-            on_step(step)
+            step = self._end_step(end, solved, on_step)
+            if stored is not None:
+                with self._timings.phase("checkpoint"):
+                    stored.store(self.linear, step, self._tangent_at, self.iterations, self._timings)
+                stored.begin(self.linear)
+
+    def _end_step(
+        self,
+        end: float,
+        solved: Callable[[float, StepResult], StepResult],
+        on_step: Callable[[StepResult], object],
+        linear_solves: int | None = None,
+    ) -> StepResult:
+        """Take the last solution for a step, and begin the next one; collective.
+
+        Args:
+            end: where it ends.
+            solved: see ``_follow``.
+            on_step: see ``_follow``.
+            linear_solves: of an earlier run; None: those of this one.
+        """
+        assert self._solved is not None
+        step = solved(end, replace(self._solved.step, step=len(self._ramped) + 1))
+        if linear_solves is not None:
+            step = replace(step, linear_solves=linear_solves)
+        self._solved = replace(self._solved, step=step)
+        self._ramped.append(step)
+        self._mechanics_of_steps.append((step.displacement, self._solved.mechanics))
+        self.advance()
+        on_step(step)
+        return step
+
+    def _recall(
+        self, stored: StepsOnDisk, place: float, apply: Callable[[float], object], sizes: StepEnds
+    ) -> int | None:
+        """Go to a step of an earlier run, certify it anew, and return its linear solves; None: it is solved again;
+        collective.
+
+        Args:
+            stored: the checkpoint.
+            place: where the step ends.
+            apply: see ``_follow``.
+            sizes: see ``_follow``.
+        """
+        begun, number = self._snapshot(), self.linear.step
+        self._good = self._good or begun
+        with self._timings.phase("restart"):
+            apply(place)
+            recalled = stored.recall(self.linear, self._residual, self._timings)
+        if recalled is not None:
+            with self._timings.phase("certify"):
+                status = self._judge()
+            if status is Status.CONVERGED:
+                self.status, self.iterations = status, stored.figure(number, "newton")
+                self._good, foundations = self._snapshot(), (self.contact, self.shapes)
+                assert self.certificate is not None
+                arguments = self.linear, self.u, self.certificate, self._mechanics, foundations
+                self._solved = SolvedBody.of(*arguments, stored.figure(number, "linear_solves"))
+                recalled.accept(self.history, self._timings, stored.sizes)
+                return stored.figure(number, "linear_solves")
+            self.history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
+            stored.forget(number)
+        self._begin_again(begun, lambda: apply(sizes.reached))
+        return None
 
     def _before_the_first(self, named: Callable[[StepResult], StepResult], solves: int) -> SolvedBody | None:
         """The body as it is before the first step, under the load of that step, which has no solution; None: its

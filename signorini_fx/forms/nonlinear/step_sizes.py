@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
 from typing import Protocol
@@ -71,6 +72,14 @@ class PathSizes:
     def __init__(self, path: LoadPath) -> None:
         self._last, self._whole = len(path.times) - 1, 1.0 / (path.steps or 1)
         self.reached, self._step = -1.0, self._whole if path.from_nothing else 1.0
+
+    def stored(self) -> dict[str, float]:
+        """What ``resume`` needs, as plain data."""
+        return {"reached": self.reached, "step": self._step}
+
+    def resume(self, position: Mapping[str, float]) -> None:
+        """Go on from where an earlier run has come to, see ``stored``."""
+        self.reached, self._step = position["reached"], position["step"]
 
     @property
     def done(self) -> bool:
