@@ -17,7 +17,7 @@ from mpi4py import MPI
 from pydantic import BaseModel
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.active_sets import ActiveSets, bound_of_sets, slope_of_bound
+from signorini_fx.algebra.contact.active_sets import ActiveSets, bound_of_sets, release, slope_of_bound
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
@@ -248,6 +248,7 @@ class MeshCheckpoint:
         posed, solved = (
             _data(task, start, name, nodal, figures["parameters"][name], boundary) for name in ("given", "solved")
         )
+        sets = release(sets, solved)  # in space points without a bound slip in no direction
         newton = task.iterate.newton
         # The regularised problem is where the next load step begins, also where this one has no regularisation.
         newton.pose(posed if figures["exact"] else solved, sets)

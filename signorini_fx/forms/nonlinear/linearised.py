@@ -332,7 +332,8 @@ class LinearisedProblem(FormSolver):
         place = self._at.copy()
         if (resting := self.task.rest) is not None:
             place.x.array[:] -= self.elastic.motions.displacement(resting.motion).ravel()
-        newton.restore((self.task.system.unknowns(self.elastic.unknowns(place)), sets, newton.problem.data))
+        x = self.task.system.unknowns(self.elastic.unknowns(place))
+        newton.restore((x, newton.problem.sets, newton.problem.data))
         self.show(Outcome(status, newton, begun.data), None)
 
     @property
