@@ -285,7 +285,7 @@ def _contacts(d: Model) -> list[ListedEffect]:
     for index, effect in enumerate(scene.contact):
         count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
         name, total = f"contact {effect.boundary}", linear_solves(scene, "none", nodes)
-        forms: tuple[str, ...] = (name,)
+        forms = tuple(form for form in d.inventory.forms if form in (name, f"{name}, averages"))
         description = f"{effect.kind}, {count} nodes"
         if effect.against is not None:
             forms, description = (), f"{effect.kind}, against {effect.against}, {count} nodes"
