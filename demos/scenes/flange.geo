@@ -1,0 +1,23 @@
+// Half a pitch of a flange with eight bolts, above its joint, and half a bolt whose head is of one piece with it.
+SetFactory("OpenCASCADE");
+pitch = Pi / 8; inner = 40; wall = 48; outer = 90; circle = 70; thick = 14; up = 50;
+shank = 6; hole = 7; head = 11; high = 8;
+Cylinder(1) = {0, 0, 0, 0, 0, thick, outer, pitch};
+Cylinder(2) = {0, 0, 0, 0, 0, up, wall, pitch};
+Cylinder(3) = {0, 0, -1, 0, 0, up + 2, inner, 2 * Pi};
+BooleanUnion(4) = {Volume{1}; Delete;}{Volume{2}; Delete;};
+BooleanDifference(5) = {Volume{4}; Delete;}{Volume{3}; Delete;};
+Cylinder(6) = {circle, 0, 0, 0, 0, thick, hole, 2 * Pi};
+BooleanDifference(7) = {Volume{5}; Delete;}{Volume{6}; Delete;};
+Cylinder(8) = {circle, 0, 0, 0, 0, thick, shank, Pi};
+Cylinder(9) = {circle, 0, thick, 0, 0, high, head, Pi};
+BooleanUnion(10) = {Volume{8}; Delete;}{Volume{9}; Delete;};
+v() = BooleanFragments{Volume{7, 10}; Delete;}{};
+MeshSize{ : } = 7;
+Physical Surface("joint") = {5};
+Physical Surface("sides") = {4};
+Physical Surface("front") = {6, 8, 14};
+Physical Surface("end") = {11};
+Physical Surface("middle") = {15};
+Physical Volume("flange") = {7};
+Physical Volume("bolt") = {10};
