@@ -3360,9 +3360,9 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/price_list",
-        "not uniform or _few_nodes(levels[: index + 1]) or grows_for_ever(levels[: index + 1])",
-        "_few_nodes(levels[: index + 1]) or grows_for_ever(levels[: index + 1])",
-        "largest pressure of adaptive meshes with the change from mesh to mesh for its error",
+        "longer >= FINER_FACTOR * spacing",
+        "longer < FINER_FACTOR * spacing",
+        "largest pressure of adaptive meshes by changes between meshes that are alike where it is",
         tests=("price_list::test_meshes_divided_in_some_places",),
     ),
     Mutant(

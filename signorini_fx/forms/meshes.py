@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dolfinx import mesh as dmesh
 
-from signorini_fx.errors import FormError, SceneError
+from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.forms.results import solution_of
 from signorini_fx.forms.solver import FormSolver
@@ -25,7 +25,6 @@ from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.accuracy.error_estimates import Errors
-from signorini_fx.results.accuracy.local_estimates import refuse_adaptive_peak
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.checkpoint import Checkpoint
@@ -268,10 +267,6 @@ def solve_to_accuracy(
         wrong.append(("accuracy.refinement", "two bodies show their error on one side only: use 'uniform'"))
     if wrong:
         raise FormError(wrong, "solve_to_accuracy")
-    try:
-        refuse_adaptive_peak(accuracy)
-    except SceneError as error:
-        raise FormError(error.problems, "solve_to_accuracy") from None
     budget = to_accuracy.Budget.begins(accuracy, comm, first.history)
     meshes = Meshes(first, accuracy, comm, adaptive=adaptive, made=made, any_jump=made)
     solution = to_accuracy.solve_to_accuracy(meshes, budget, first.history, on_level)

@@ -26,7 +26,7 @@ from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
 from signorini_fx.mechanics.statement.features import refusals
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.results.accuracy.local_estimates import LOCAL, refuse_adaptive_peak
+from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import SAME_LENGTH
@@ -66,7 +66,6 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
             has no estimate on the meshes that are asked for.
         MeshError: the mesh cannot be refined.
     """
-    refuse_adaptive_peak(goal)
     requested = goal
     if goal.refinement == "adaptive" and (plan := _remade(scene, comm)) is not None:
         return plan

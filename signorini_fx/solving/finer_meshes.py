@@ -20,7 +20,7 @@ from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, shorter_leng
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import FEW_NODES, Status
-from signorini_fx.results.accuracy.local_estimates import LOCAL
+from signorini_fx.results.accuracy.local_estimates import DIVIDED_FOR
 from signorini_fx.results.accuracy.pressure_error import corners_of_error
 from signorini_fx.results.accuracy.price_list import fineness_of
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
@@ -53,7 +53,8 @@ class Meshes:
         problem: on the mesh that is to be solved next.
         adaptive: see above.
         any_jump: see above.
-        seconds: time of the last refinement; 0 where the mesh is made with the solve.
+        remade: whether gmsh makes other cells anew, where the error is large.
+        seconds: time of the last refinements; 0 where the mesh is made with the solve.
         finer: how many times finer, on average over the body, the last division of some cells has made the mesh.
     """
 
@@ -69,9 +70,10 @@ class Meshes:
         remake: Callable[[Any, TaggedMesh, npt.NDArray[np.float64]], tuple[Any, int]] | None = None,
     ) -> None:
         self._comm, self._made, self._remake = comm, made, remake
-        self._of: str = goal.of if goal.of in LOCAL else "force"  # the quantity for which cells are marked
+        self._of: str = DIVIDED_FOR.get(goal.of, goal.of)  # the quantity for which cells are marked
         self.adaptive: bool = adaptive
         self.any_jump: bool = any_jump
+        self.remade: bool = remake is not None
         settings = problem.settings
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
         self._regularised: SolverSettings | None = None  # where nothing else works
@@ -131,7 +133,7 @@ class Meshes:
         because of the nodes ``touching``, so many times that they are enough.
         """
         if not self.any_jump:
-            return fineness_of(2.0, dimension) if self.adaptive else 2.0
+            return fineness_of(2.0, dimension) if self.adaptive and self._remake is None else 2.0
         if excess == inf:
             resolving = (FEW_NODES / max(touching, 1)) ** (1 / (dimension - 1))
             return float(np.clip(resolving, 2.0, LARGEST_JUMP[dimension]))
@@ -147,14 +149,14 @@ class Meshes:
         return max(ceil(self._divisions * jump - 1e-9), self._divisions + 1) / self._divisions
 
     def refine(self, solved: SolvedMesh, excess: float, jump: float) -> None:
-        """Make the next mesh."""
+        """Make the next mesh, of cells made anew at most ``jump`` times finer on average over the body."""
         begin = parallel.clock(self._comm)
         if self._remake is not None:
             assert solved.errors is not None
             last, dim = solved.tagged, solved.tagged.dimension
             squares, lengths = solved.errors.squares[self._of], lengths_of_cells(last)
             factor = float(np.clip(excess, *FALL_OF_ERROR))
-            lengths = shorter_lengths(self._comm, squares, lengths, factor, self.problem.degree, dim)
+            lengths = shorter_lengths(self._comm, squares, lengths, factor, self.problem.degree, dim, jump)
             self.problem, count = self._remake(self.problem, last, lengths)
             self.finer = fineness_of(count / last.mesh.topology.index_map(dim).size_global, dim)
         elif self._made:
@@ -173,7 +175,7 @@ class Meshes:
             counts = [mesh.mesh.topology.index_map(mesh.dimension).size_global for mesh in (tagged, solved.tagged)]
             self.finer = fineness_of(counts[0] / counts[1], tagged.dimension)
             self.problem = self.problem.on(tagged)
-        self.seconds = parallel.clock(self._comm) - begin
+        self.seconds += parallel.clock(self._comm) - begin
 
     def _divide_corners(self, tagged: TaggedMesh, solved: SolvedMesh, excess: float) -> TaggedMesh:
         """Divide the cells at corners in contact several times, if they contain the error of the pressure.

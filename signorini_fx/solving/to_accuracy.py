@@ -47,6 +47,7 @@ from signorini_fx.tuned import (
     MOST_MESHES,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
+    SMALLEST_REMADE_JUMP,
     TINY_CELL,
 )
 
@@ -147,10 +148,14 @@ def solve_to_accuracy(
             if beyond is None:
                 try:
                     meshes.refine(solved, excess, jump)
+                    while enough and meshes.adaptive:  # how much larger it is shows once it is made
+                        beyond = budget.exceeded(rows, meshes.finer, level)
+                        jump = float(np.sqrt(jump))
+                        if beyond is None or not meshes.remade or jump < SMALLEST_REMADE_JUMP:
+                            break
+                        meshes.refine(solved, excess, jump)
                 except Exception as failure:
                     return Unsolved.by_error(failure, "to make the next mesh", comm).leaves(solution, history)
-                if enough and meshes.adaptive:  # how much larger it is shows once it is made
-                    beyond = budget.exceeded(rows, meshes.finer, level)
             if beyond is not None:
                 notify(f"accuracy: the next mesh would take {beyond.reason}")
                 return replace(solution, status=beyond.status)

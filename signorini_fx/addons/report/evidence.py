@@ -181,7 +181,7 @@ def price_list(rows: list[dict[str, Any]]) -> Markup:
     note = (
         "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones, "
         "in space the contact area; peak: largest pressure, without an estimate where it has no limit "
-        "or the meshes are divided in some places only; the parts of the energy error due to regularisation and "
+        "or the meshes are no finer where it is; the parts of the energy error due to regularisation and "
         "iteration. Memory in MB."
     )
     note = tag("p", note, class_="note")

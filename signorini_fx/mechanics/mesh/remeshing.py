@@ -34,9 +34,11 @@ _CORNERS = {
 
 
 def shorter_lengths(
-    comm: MPI.Comm, squares: Floats, lengths: Floats, factor: float, degree: int, dimension: int
+    comm: MPI.Comm, squares: Floats, lengths: Floats, factor: float, degree: int, dimension: int, finer: float
 ) -> Floats:
     """The lengths of cells for an error ``factor`` times as small, with the fewest cells; collective.
+
+    Those that this takes may be too many: then the error becomes as small as the allowed number of cells can make it.
 
     Args:
         comm: the ranks that share the mesh.
@@ -45,6 +47,8 @@ def shorter_lengths(
         factor: by which the error is to fall.
         degree: power of its length with which the error of a cell falls.
         dimension: of the mesh.
+        finer: how many times finer, on average over the body, the mesh may become: with 2 it has as many cells as one
+            all of whose cells are halved.
     """
     errors = np.sqrt(squares)
     total, largest = float(parallel.global_sum(comm, squares.sum())), parallel.largest(comm, errors)
@@ -56,11 +60,14 @@ def shorter_lengths(
             wanted = (level / errors) ** (1 / (degree + dimension / 2))
         return np.asarray(np.clip(wanted, SHORTEST_CHILD, 1.0))
 
+    allowed = finer**dimension * float(parallel.global_sum(comm, np.array(len(lengths))))
     low, high = np.log(largest) - 60.0, np.log(largest)
     for _ in range(60):
         middle = (low + high) / 2
-        left_over = float(parallel.global_sum(comm, (squares * shares(np.exp(middle)) ** (2 * degree)).sum()))
-        low, high = (low, middle) if left_over > total / factor**2 else (middle, high)
+        share = shares(np.exp(middle))
+        left_over = float(parallel.global_sum(comm, (squares * share ** (2 * degree)).sum()))
+        cells = float(parallel.global_sum(comm, (share**-dimension).sum()))
+        low, high = (low, middle) if left_over > total / factor**2 and cells < allowed else (middle, high)
     return lengths * shares(np.exp(low))
 
 

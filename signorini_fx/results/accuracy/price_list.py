@@ -86,10 +86,10 @@ def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
 def grows_for_ever(levels: Sequence[LevelResult]) -> bool:
     """Whether the largest pressure has no limit: it grew by about as much each time the mesh was made finer.
 
-    Where the nodes in contact are few and become more, it may only not have been resolved so far.
+    Where the nodes in contact were few and became more, it may only not have been resolved so far.
     """
     touching = [level.table.touching for level in levels[-1 - GROWING_MESHES :]]
-    if touching[0] < touching[-1] < FEW_NODES:
+    if touching[0] < touching[-1] and min(touching[-2:]) < FEW_NODES:
         return False
     seen = [peak_of(level.table) for level in levels]
     steps = [
@@ -133,7 +133,7 @@ def price_list(
         rates: how the errors are expected to decrease with h.
         uniform: whether each mesh is finer than the previous one everywhere, and by about the same factor.  Otherwise
             the change from mesh to mesh is no error: where nothing was divided nothing changes.  Then the ends of the
-            zones are told to one interval, and the largest pressure has no estimate.
+            zones are told to one interval, and the largest pressure by the spacing of the nodes at it.
     """
     changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
     rows = []
@@ -150,6 +150,8 @@ def price_list(
             # In space and between two bodies a single change was seen to mislead.
             enough = index > 1 or not (level.dimension == 3 or level.paired)
             errors["force"] = force_error(levels[: index + 1]) if enough else None
+            if not uniform:
+                errors["peak"] = _error_at_peak(levels[: index + 1], rates["peak"])
             if errors["peak"] is not None:
                 missed = MISSED_TOP / max(level.table.touching, 1) ** 2
                 least = roughness_at_peak(level.table) if level.dimension == 3 else missed
@@ -159,7 +161,7 @@ def price_list(
             errors["zone"] = border_of(level.table)
         elif not uniform:
             errors["zone"] = max(errors["zone"] or 0.0, ends_of_zones(level.table) or 0.0) or None
-        if not uniform or _few_nodes(levels[: index + 1]) or grows_for_ever(levels[: index + 1]):
+        if _few_nodes(levels[: index + 1]) or grows_for_ever(levels[: index + 1]):
             errors["peak"] = None
         errors["pressure"] = level.pressure
         change = changes[index - 1]["pressure"] if index > 0 else None
@@ -191,6 +193,26 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
         return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / fine.dimension) - 1)))
     times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
     return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
+
+
+def _error_at_peak(levels: Sequence[LevelResult], rate: float) -> float | None:
+    """The error of the largest pressure on the last mesh, of meshes that are fine in some places only.
+
+    It is told by the changes from earlier meshes that were coarser at the place of the largest pressure, and by what an
+    error elsewhere in the body adds; None: no mesh was coarser there.
+    """
+    peaks = [peak_of(level.table) for level in levels]
+    peak, spacing = peaks[-1]
+    if not peak > 0:
+        return None
+    estimates = [
+        abs(earlier - peak) / peak / ((longer / spacing) ** rate - 1)
+        for earlier, longer in peaks[:-1]
+        if longer >= FINER_FACTOR * spacing
+    ]
+    if not estimates:
+        return None
+    return float(np.hypot(_root_mean_square(estimates[-CHANGES_USED:]), POLLUTION * levels[-1].energy ** 2))
 
 
 def _few_nodes(levels: Sequence[LevelResult]) -> bool:
@@ -389,6 +411,6 @@ def render(rows: list[Price]) -> str:
     if any(row.peak is None for row in rows[1:] if not row.predicted):
         lines.append(
             f"   -: the largest pressure has no limit, or no estimate on meshes with fewer than {FEW_NODES} nodes in "
-            "contact, or that are divided in some places only"
+            "contact, or that are no finer where it is"
         )
     return "\n".join(lines)
