@@ -156,13 +156,16 @@ def _parallelograms(corners: Array) -> bool:
 
 def _projected(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
     """The places on curved facets whose projections are the points p of the planes, by Newton's method from ``at``."""
+    nodes = (side.corners[facets] - centre[:, None]) @ axes.transpose(0, 2, 1)
+    at, moving = at.copy(), np.arange(len(at))
     for _ in range(_STEPS):
-        residual = p - np.einsum("mqd,mkd->mqk", side.positions(facets, at) - centre[:, None], axes)
-        along = np.einsum("smqk,mkd->smqd", side.functions.slopes(at), side.corners[facets])
-        first, second = np.einsum("smqd,mkd->smqk", along, axes)
+        place, flat = at[moving], nodes[moving]
+        residual = p[moving] - side.functions.values(place) @ flat
+        first, second = side.functions.slopes(place) @ flat
         step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / _cross(first, second)[..., None]
-        at = at + step
-        if np.abs(step).max(initial=0.0) < LAST_STEP_IN_FACET:
+        at[moving] = place + step
+        moving = moving[np.abs(step).max(axis=(1, 2)) >= LAST_STEP_IN_FACET]
+        if not moving.size:
             break
     return at
 
