@@ -143,6 +143,16 @@ class CellAtVertex(NamedTuple):
     length: float
 
 
+def size_of_cells(body: Model, point: Array) -> float:
+    """The largest diagonal of the cells with a vertex within theirs from a place, length; collective."""
+    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
+    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
+    vertices = x[compat.geometry_cells(mesh)[: mesh.topology.index_map(dim).size_local, :corners]]
+    size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
+    return parallel.largest(body.comm, size[np.linalg.norm(vertices - point, axis=2).min(axis=1) <= size])
+
+
 def cells_near(body: Model, point: Array) -> list[CellAtVertex]:
     """The cells of all ranks at each vertex near a place, which is within an edge of it; collective."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension

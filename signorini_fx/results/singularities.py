@@ -7,6 +7,9 @@ Where a load along the boundary jumps it grows like a logarithm (Timoshenko and 
 38), and where materials meet at the boundary, or their interface has a corner, like a power again (Bogy, J. Appl. Mech.
 38 (1971) 377-386): for most pairs of materials, a few are bounded and named all the same.
 
+At a node that is held, loaded or linked alone it grows like the inverse of the distance, in space of its square (the
+solutions of Flamant and Boussinesq).
+
 Bodies that touch are judged one by one.  Where the edge of one of them, of 90 degrees or more, presses on another one
 the stress has no limit in both, though materials decide how fast it grows (Dundurs and Lee, J. Elasticity 2 (1972)
 109-112); where they are bonded the corner of both together decides.
@@ -15,12 +18,14 @@ the stress has no limit in both, though materials decide how fast it grows (Dund
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.model import Model
-from signorini_fx.results.near_singularity import BoundaryFacet, cells_near, facets_near
+from signorini_fx.mechanics.statement.effect import Force, Resistance
+from signorini_fx.results.near_singularity import BoundaryFacet, cells_near, facets_near, size_of_cells
 from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, JUMP_OF_LOAD, SAME_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
 
 Array = npt.NDArray[np.float64]
@@ -54,7 +59,7 @@ def why_no_limit(body: Model, point: tuple[float, ...], step: float = 0.0) -> st
         for local_facets in body.comm.allgather(facets_near(body, np.array(point), step))
         for facet in local_facets
     ]
-    reasons = [_where_materials_meet(body, np.array(point), facets)]
+    reasons = [_where_materials_meet(body, np.array(point), facets), _at_a_single_node(body, np.array(point), step)]
     for facet_a, facet_b in combinations(facets, 2):
         if facet_a.piece != facet_b.piece:
             continue
@@ -143,6 +148,27 @@ def _where_loads_jump(
     if not (np.linalg.norm(along, axis=1) > JUMP_OF_LOAD * size).all():
         return None
     return f"it is where the load along the {_boundaries({*facet_a.loaded, *facet_b.loaded})} jumps"
+
+
+def _at_a_single_node(body: Model, point: Array, step: float) -> str | None:
+    """Whether a node within a cell from a place is held, loaded or linked alone; collective."""
+    statement, dim = body.statement, body.tagged.dimension
+    held = [np.array([support.at]) for support in statement.displacement if support.at is not None]
+    loads: list[Any] = [effect for effect in statement.of(Force) if effect.nodal and effect.acts]
+    links: list[Any] = [effect for effect in statement.of(Resistance) if effect.nodal and effect.acts]
+    acting = [load.table(load.label, dim) for factor, load in (statement.now(load, step) for load in loads) if factor]
+    nodes = {
+        "held alone": held,
+        "loaded alone": [table.points[np.any(table.vectors, axis=1)] for table in acting],
+        "linked to others": [effect.table(effect.label, dim).points for effect in links],
+    }
+    if not any(nodes.values()):
+        return None
+    reach = BESIDE_VERTEX * size_of_cells(body, point)
+    for how, places in nodes.items():
+        if any((np.linalg.norm(at[:, :dim] - point, axis=1) <= reach).any() for at in places):
+            return f"it is at a node that is {how}"
+    return None
 
 
 def _where_materials_meet(body: Model, point: Array, boundary: list[BoundaryFacet]) -> str | None:

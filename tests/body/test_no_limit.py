@@ -279,3 +279,28 @@ def test_more_of_bodies_that_touch():
     above = bodies(True)
     lifted = above.body[0].model_copy(update={"shift": (0.0, 1.2)})
     assert said(above.model_copy(update={"body": (lifted, above.body[1])}), (2.0, 1.2)) is None
+
+
+SINGLE = {
+    "loaded alone": {"point_force": {"at": [1.0, 1.0], "y": -1.0}},
+    "held alone": {"displacement": [*CLAMPED, {"at": [1.0, 1.0], "y": 0.0}]},
+    None: {"point_force": [{"at": [1.0, 1.0], "y": -1.0, "factors": [0.0]}, {"at": [1.0, 1.0]}]},
+}
+
+
+@pytest.mark.parametrize("how", SINGLE)
+def test_single_nodes(how):
+    """The stress beside a node that a force acts at, or that is held, is infinite; one without force says nothing."""
+    more = SINGLE[how]
+    scene = block(more.get("displacement", CLAMPED), 4, **{key: more[key] for key in more if key != "displacement"})
+    reason = how and f"it is at a node that is {how}"
+    assert [said(scene, place) for place in ((1.0, 1.0), (1.25, 1.0))] == [reason] * 2
+    assert said(scene, (1.5, 0.75)) is None
+
+
+def test_linked_nodes(tmp_path):
+    """Links act at single nodes, too."""
+    (tmp_path / "links.csv").write_text("link,x,y,cx,cy\n1,1.0,1.0,1.0,0.0\n1,1.0,0.0,-1.0,0.0\n")
+    scene = block(CLAMPED, 4, links={"file": str(tmp_path / "links.csv"), "stiffness": 1e3})
+    assert {said(scene, (1.0, y)) for y in (0.0, 1.0)} == {"it is at a node that is linked to others"}
+    assert said(scene, (1.0, 0.5)) is None
