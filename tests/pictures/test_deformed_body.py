@@ -67,6 +67,12 @@ def test_a_gap_that_hardly_varies_is_magnified_like_the_displacement(monkeypatch
     np.testing.assert_allclose(line.get_xydata(), BOTTOM + factor * gap[:, None] * DOWN)
 
 
+def test_round_off_is_not_magnified():
+    """A body that is back where it began is drawn as it is, and not 1e15 times as deformed."""
+    assert magnification(POINTS, sinking(1e-17)) == 1
+    assert magnification(POINTS, sinking(1e-12)) > 1e10
+
+
 @pytest.mark.parametrize("gap", [0.3 * (X - 1.5) ** 2, np.where(X < 2, 0.0, 0.1 * (X - 2)), np.full(13, 0.2)])
 def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(monkeypatch, gap):
     """Two panels: all as it is; and the displacement magnified, with the contact zone and no foundation."""

@@ -48,11 +48,11 @@ def magnification(points: Floats, displacement: Floats, parted: float = 0.0) -> 
             not magnified, length: at most 0.3 % of the diagonal in the picture.
 
     Returns:
-        1, 2 or 5 times a power of ten, 1 or more; 1 for a body that does not move, or whose displacement is seen as it
-        is, above 3 % of the diagonal.
+        1, 2 or 5 times a power of ten, 1 or more; 1 for a body that does not move but for round-off of its size, or
+        whose displacement is seen as it is, above 3 % of the diagonal.
     """
     largest = float(np.hypot.reduce(np.asarray(displacement, dtype=np.float64), axis=1).max(initial=0.0))
-    if not (math.isfinite(largest) and largest > 0):
+    if not (math.isfinite(largest) and largest > np.finfo(np.float64).eps * _diagonal(points)):
         return 1.0
     ideal = 0.08 * _diagonal(points) / largest
     if parted > 0:
