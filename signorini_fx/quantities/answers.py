@@ -157,6 +157,8 @@ class Strength:
         value, no_limit = largest.get("value"), bool(largest.get("no_limit"))
         materials = (summary.get("scene") or {}).get("material") or []
         if value is None:
+            if _of_a_nonlinear_scene(summary):
+                return cls("strength is not judged: stresses of a nonlinear material are not computed yet")
             if any(material.get("yield_stress") for material in materials):
                 return cls("strength is not judged: no fields were written, leave --no-fields out")
             if materials and not any("yield_stress" in material for material in materials):
@@ -254,6 +256,8 @@ def _stress(summary: dict[str, Any]) -> Answer:
         if arguments and "stress" not in arguments:
             alone = "the residual alone knows" if "F" in arguments else "forms alone do not say: give stress="
             return Answer("", "not known", (f"it is what {alone}", *details))
+        if _of_a_nonlinear_scene(summary):
+            return Answer("", "not known", ("stresses of a nonlinear material are not computed yet", *details))
         return Answer("", "not computed", ("no stress was written: leave --no-fields out", *details))
     if why := stress.get("no_limit"):
         details.insert(0, f"no limit as the mesh is refined: {why}")
@@ -266,6 +270,11 @@ def _stress(summary: dict[str, Any]) -> Answer:
 def _arguments(summary: dict[str, Any]) -> list[str]:
     """Of a problem of forms what it was stated by; of a scene nothing."""
     return list((summary.get("scene") or {}).get("forms") or [])
+
+
+def _of_a_nonlinear_scene(summary: dict[str, Any]) -> bool:
+    """Whether Newton's method of nonlinear bodies has solved a scene."""
+    return not _arguments(summary) and str(summary.get("algorithm", "")).startswith("newton, ")
 
 
 def _sure(summary: dict[str, Any]) -> Answer:

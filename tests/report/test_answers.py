@@ -244,3 +244,15 @@ def test_loads_that_pressures_balance_use_no_share_of_the_friction():
     assert "the live loads need no friction" in told(summary)[1][1]
     assert any("safety" in line and "the live loads need no friction" in line for line in lines)
     assert not any(" 0 %" in line for line in [*lines, told(summary)[1][1]])
+
+
+@pytest.mark.parametrize("yields", [True, False])
+def test_stresses_of_nonlinear_scenes_are_not_said_to_lack_fields(yields):
+    """Whatever is written, none are computed: advice that does not help is not given."""
+    changes = {"algorithm": "newton, ssn", "utilisation": None, "stress": None}
+    summary = page.known(**changes)
+    summary["scene"] = {"material": [{"law": "j2", "yield_stress": 300.0} if yields else {"law": "neo-hooke"}]}
+    said = [why for _, why in told(summary)]
+    assert not any("--no-fields" in why for why in said)
+    assert "stresses of a nonlinear material are not computed yet" in said[0]
+    assert "stresses of a nonlinear material are not computed yet" in said[2]
