@@ -371,3 +371,10 @@ def test_a_path_without_a_first_step(law, tmp_path):
     with pytest.raises(ConvergenceError, match=r"(?s)step 1 \(lift, time 0.0039.*contact opens") as error:
         solve(scene)
     assert error.value.solution.status is Status.LIMIT
+
+
+@pytest.mark.parametrize("young", [1e-6, 100.0, 300.0, 2.1e11])
+def test_a_ratio_at_the_threshold_is_reduced_in_all_units(young):
+    """nu = .45 follows from moduli here, with round-off: the unit of stress must not decide about the element."""
+    scene = block(material("neo-hooke", young=young, poisson=0.45), "0.1*t", element={"volumetric": "auto"})
+    assert scene.statement.material[0].at_rest.locks

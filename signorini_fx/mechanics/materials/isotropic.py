@@ -14,7 +14,7 @@ from signorini_fx.mechanics.materials.protocol import Array, Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features
 from signorini_fx.mechanics.statement.values import Positive, SampledValue
 from signorini_fx.mechanics.statement.volumetric import treatment_of
-from signorini_fx.tuned import LOCKING_POISSON
+from signorini_fx.tuned import LOCKING_POISSON, SAME_NUMBER
 
 
 class LinearElastic(Material):
@@ -128,8 +128,8 @@ class LinearElastic(Material):
 
     @property
     def locks(self) -> bool:
-        """See ``Material``."""
-        return self.poisson >= LOCKING_POISSON and self.hypothesis != "plane stress"
+        """See ``Material``; of nonlinear materials the ratio follows from moduli, with round-off."""
+        return self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER) and self.hypothesis != "plane stress"
 
     @property
     def friction_indication(self) -> float:
