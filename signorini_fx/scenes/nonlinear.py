@@ -20,6 +20,7 @@ from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, prepare
 from signorini_fx.mechanics.body.foundation import Foundation
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
@@ -30,7 +31,7 @@ from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding, History, Inventory, StepRecord, Timings
+from signorini_fx.records import Finding, History, Inventory, Status, StepRecord, Timings
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scenes.mesh import load_mesh
@@ -222,6 +223,15 @@ class ProblemOfScene(NonlinearContactProblem):
         for number, moving in self.shapes.items():
             if (entry := statement.contact[number]) is not self.statement.contact[number]:
                 moving.put(fitting(number, entry.foundation, dimension))
+
+    def _judge(self) -> Status:
+        """See ``NonlinearContactProblem``: where all strains are small ones, so must the deformation be."""
+        if not any(getattr(material, "finite", False) for material in self.statement.material):
+            found = deformation_of(self.linear.elastic, self.u, self.linear.scales.size).largest
+            if not found <= (limit := self.statement.solver.largest_deformation):
+                self._overlap = f"it is {found:.3g}, of small strains at most {limit:g}"
+                return Status.TOO_LARGE
+        return super()._judge()
 
     def _seen_anew(self, residual: Array) -> Array:
         """See ``NonlinearContactProblem``: by the second opinion of materials and loads; collective."""

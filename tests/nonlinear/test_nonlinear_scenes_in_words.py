@@ -12,6 +12,7 @@ from support.nonlinear_scenes import LAWS, block, indented, material
 from signorini_fx import SceneError, extensions, read_results, sensitivity, solve, sweep, write_results
 from signorini_fx.extensions import KINEMATICS
 from signorini_fx.mechanics.kinematics import PLANE_STRAIN
+from signorini_fx.records import Status
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.template import summary_schema
 
@@ -192,3 +193,22 @@ def test_the_certificate_is_of_numpy(name, monkeypatch):
     monkeypatch.setattr(kind, said, lambda self, *arguments: 1.001 * right(self, *arguments))
     with pytest.raises(Exception, match="certificate does not hold"):
         solve(scene, MPI.COMM_SELF)
+
+
+def drawn_out(law, **further):
+    """A block that is drawn out to three times its length, away from its foundation."""
+    held = [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": "t"}, {"boundary": "bottom", "y": 0.0}]
+    further = {"displacement": held, "load_steps": {"times": [0.2, 2.0]}} | further
+    return solve(block(material(law), "0", cells=(3, 3), **further), MPI.COMM_SELF, check=False)
+
+
+def test_small_strains_that_are_not_small_are_no_solution():
+    """A metal at small strains says so, as a linear body does; rubber may be drawn out, and so may who wants it."""
+    solution = drawn_out("j2")
+    assert solution.status is Status.TOO_LARGE
+    assert all(step.deformation.largest <= 0.5 for step in solution.steps)
+    assert "of small strains at most 0.5" in solution.findings[0].message
+    for law, further in (("neo-hooke", {}), ("j2", {"solver": {"largest_deformation": 3.0}})):
+        reached = drawn_out(law, **further)
+        assert reached.status is Status.CONVERGED
+        assert reached.steps[-1].deformation.largest > 1

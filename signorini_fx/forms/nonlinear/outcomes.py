@@ -21,7 +21,7 @@ DAMPED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, St
 # How a solve ends because of where two bodies, or a body and a shape, are.
 BETWEEN_BODIES = (Status.PASSED, Status.FOLDED, Status.AT_END)
 # How a solve ends that says nothing of the stiffness.
-NOT_BY_STIFFNESS = (*BETWEEN_BODIES, Status.INSIDE, Status.NOT_CERTIFIED, Status.NO_MEMORY)
+NOT_BY_STIFFNESS = (*BETWEEN_BODIES, Status.INSIDE, Status.TOO_LARGE, Status.NOT_CERTIFIED, Status.NO_MEMORY)
 # What smaller steps do not change.
 FINAL = (Status.STABILITY_UNKNOWN, Status.NO_MEMORY)
 
@@ -34,10 +34,11 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, inner
         certificate: of its last iterate; None: that has none.
         says_no: why there may be no solution; empty: nothing says so.
         inner: how the last contact problem of a tangent ended that had no solution.
-        overlap: where a shape is inside the body, or what is wrong between two bodies.
+        overlap: where a shape is inside the body, what is wrong between two bodies, or by how much a deformation is
+            too large.
     """
     reason = says_no
-    if status in (Status.INSIDE, *BETWEEN_BODIES):
+    if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES):
         reason = overlap
     elif status is Status.NOT_SOLVED:
         reason = says_no or inner
