@@ -224,9 +224,14 @@ class ProblemOfScene(NonlinearContactProblem):
             if (entry := statement.contact[number]) is not self.statement.contact[number]:
                 moving.put(fitting(number, entry.foundation, dimension))
 
+    @property
+    def _finite(self) -> bool:
+        """Whether some material knows strains that are not small."""
+        return any(getattr(material, "finite", False) for material in self.statement.material)
+
     def _judge(self) -> Status:
         """See ``NonlinearContactProblem``: where all strains are small ones, so must the deformation be."""
-        if not any(getattr(material, "finite", False) for material in self.statement.material):
+        if not self._finite:
             found = deformation_of(self.linear.elastic, self.u, self.linear.scales.size).largest
             if not found <= (limit := self.statement.solver.largest_deformation):
                 self._overlap = f"it is {found:.3g}, of small strains at most {limit:g}"
@@ -252,7 +257,7 @@ class ProblemOfScene(NonlinearContactProblem):
             acting = [load for load in anew.statement.of(Force) if load.acts]
             return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting]
 
-        return replace(mechanics, loads=loads)
+        return replace(mechanics, loads=loads, displaced=self._finite)
 
 
 def _conditions(model: Model) -> tuple[list[Any], list[fem.DirichletBC]]:

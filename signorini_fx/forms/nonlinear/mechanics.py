@@ -33,6 +33,7 @@ class ResidualMechanics:
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
         loads: gives the loads beside the residual at a place in the lists of factors, see ``FormResultants``.
         steps: the same of each load step, by its displacement; none: there is this one alone.
+        displaced: whether moments balance at the displaced points: at small strains they do at the undeformed ones.
     """
 
     balance: Balance
@@ -41,6 +42,7 @@ class ResidualMechanics:
     fixed: npt.NDArray[np.bool_]
     loads: Callable[[float], Sequence[tuple[str | None, str, npt.NDArray[np.float64]]]] = lambda step: ()
     steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
+    displaced: bool = True
     has_stress: bool = False
     linear: bool = False
 
@@ -62,8 +64,9 @@ class ResidualMechanics:
         statement, tagged, sides = model.statement, model.tagged, at_step.contact_sides
         named, held = at_step.boundaries, at_step.fixed
         loads, balance = at_step.loads(step), at_step.balance
+        displaced = at_step.displaced
         return FormResultants(
-            statement, tagged, y, contact, balance, sides, [], named, held, displaced=True, loads=loads
+            statement, tagged, y, contact, balance, sides, [], named, held, displaced=displaced, loads=loads
         )
 
     def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
