@@ -201,6 +201,17 @@ def test_the_certificate_is_of_numpy(name, monkeypatch):
         solve(scene, MPI.COMM_SELF)
 
 
+def test_pictures_of_a_stress_that_is_not_known(tmp_path, capsys):
+    """They are left out with a word, and all others are drawn."""
+    solution = solve(block(RUBBER, "0.1*t", cells=(2, 2)), MPI.COMM_SELF)
+    summary = write_results(solution, tmp_path, fields=False, pictures=["pressure", "principal", "displacement"])
+    assert {path.name for path in tmp_path.glob("*.png")} >= {"deformed.png", "profiles.png", "history.png"}
+    assert not list(tmp_path.glob("field_*.png"))
+    said = "not drawn, as the stress of this body is not known: pressure, principal\n"
+    assert capsys.readouterr().out == said
+    assert not [row for row in summary["findings"] if row["path"] == "pictures"]
+
+
 def drawn_out(law, **further):
     """A block that is drawn out to three times its length, away from its foundation."""
     held = [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": "t"}, {"boundary": "bottom", "y": 0.0}]

@@ -6,8 +6,10 @@ from collections.abc import Callable, Sequence
 
 from signorini_fx.addons.picture_data.rigid_shapes import drawn_shapes
 from signorini_fx.addons.pictures.body import DrawnBody, Moment, Volume
+from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.result_pictures import MOST_FACETS, ResultPictures
 from signorini_fx.machine import parallel
+from signorini_fx.machine.terminal import say
 from signorini_fx.records import as_rows
 from signorini_fx.results.solution import Solution
 
@@ -16,13 +18,16 @@ MOST_CELLS = 200_000  # of a section: they take seconds, and 100 MB on the first
 
 def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False) -> ResultPictures:
     """Of a solution, with fields beside the von Mises stress, or the displacement where that is not known, and out of
-    a section ``around``; collective.
+    a section ``around``; collective.  Fields that follow from a stress that is not known are left out, which is said.
     """
     if solution.history.linear_solves == 0 and not solution.certified:
         return _of_setup(solution, pdf=pdf)
     usual: tuple[str, ...] = ("von_mises",) if solution.has_stress else ("displacement",)
     usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
-    fields = tuple(dict.fromkeys((*usual, *asked)))
+    unknown = [name for name in asked if FIELDS[name].of_stress and not solution.has_stress]
+    if unknown and solution.comm.rank == 0:
+        say(f"not drawn, as the stress of this body is not known: {', '.join(unknown)}")
+    fields = tuple(name for name in dict.fromkeys((*usual, *asked)) if name not in unknown)
     dimension = solution.model.tagged.dimension
     gather, contacts = _gatherer(solution), solution.statement.contact
     return ResultPictures(
