@@ -59,9 +59,22 @@ def test_forces_with_a_moment(tmp_path, capsys):
     forces, arms = np.array([1.0, 2.5, 2.5, 2.5, 1.25]), np.linspace(3.0, 5.0, 5)
     assert feet.force == pytest.approx([0.0, forces.sum()], abs=1e-9)
     assert feet.moment_about((0.0, 0.0)) == pytest.approx(forces @ arms, rel=1e-9)
-    lines = ["125, 2, -1.0" if line.startswith("125, 2,") else line for line in lines]
-    _, data, said = drafted(tmp_path, lines, capsys)
-    assert "on 'B_HEAD' evenly" in said
+
+
+def test_forces_that_are_not_the_same(tmp_path, capsys):
+    """An even traction with their sum and their moment bends the head otherwise: they act one by one, unless all are
+    the same.
+    """
+    for ends, spread in (("-0.5", False), ("-2.0", True)):
+        towers, at_ends = two_towers((3.0, 8.0)), ("121, 2,", "125, 2,")
+        lines = [f"{line[:3]}, 2, {ends}" if line.startswith(at_ends) else line for line in towers]
+        scene, data, said = drafted(tmp_path, lines, capsys)
+        assert ("on 'B_HEAD' evenly" in said) == spread
+        assert len(data.get("point_force", ())) == (0 if spread else 5)
+        total = 6.0 - 2 * float(ends)
+        feet = solve(read_scene(scene), MPI.COMM_SELF).resultants.of("B_FEET")
+        assert feet.force == pytest.approx([0.0, total], abs=1e-9)
+        assert feet.moment_about((0.0, 0.0)) == pytest.approx(4.0 * total, rel=1e-9)
 
 
 # Of a block in plane strain under pressure on top, free at its sides, per length.

@@ -276,8 +276,8 @@ def _on_the_whole_body(deck: Deck, block: DeckBlock) -> set[tuple[str, ...]]:
 
 
 def read_forces(deck: Deck, block: DeckBlock) -> None:
-    """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or evenly, if they have the
-    moment of their sum; else one by one.
+    """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or evenly, if all are the same
+    and have the moment of their sum; else one by one.
     """
     _forget(deck, block)
     factor = share_of(deck, block)
@@ -320,7 +320,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         where = deck.boundary(group.name)
         turned = not deck.turned.keys().isdisjoint(map(int, rows))
         evenly = not single_forces and where is not None and not turned and total and len(rows) == len(group.nodes)
-        if evenly and where is not None and _same_moment(deck, group, where, axis):
+        if evenly and where is not None and _like_an_even_one(deck, group, where, axis):
             _set_load(deck, DeckLoad("force", where, (axis,), block), total / deck.thickness)
             deck.note(block, f"forces at nodes, {total:g} along {axis} in all ({len(rows)} nodes): on {where!r} evenly")
             continue
@@ -365,9 +365,11 @@ def _areas(deck: Deck, where: str) -> Floats:
     return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
 
 
-def _same_moment(deck: Deck, group: Group, where: str, axis: str) -> bool:
-    """Whether forces at nodes along an axis have the moment of an even traction on a boundary."""
+def _like_an_even_one(deck: Deck, group: Group, where: str, axis: str) -> bool:
+    """Whether forces at nodes along an axis are all the same, and have the moment of an even traction on a boundary."""
     areas, values = _areas(deck, where), np.array(group.values)
+    if np.ptp(values) > ALIKE_IN_DECK * np.abs(values).max():
+        return False
     at = [deck.position(deck.model.places[node]) for node in group.nodes]
     apart = values @ np.array(at) / values.sum() - areas @ deck.mesh.points / areas.sum()
     apart[deck.axes.index(axis)] = 0.0
