@@ -378,3 +378,39 @@ def test_a_ratio_at_the_threshold_is_reduced_in_all_units(young):
     """nu = .45 follows from moduli here, with round-off: the unit of stress must not decide about the element."""
     scene = block(material("neo-hooke", young=young, poisson=0.45), "0.1*t", element={"volumetric": "auto"})
     assert scene.statement.material[0].at_rest.locks
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_path_may_begin_at_rest(name):
+    """A plate that touches an unloaded body is a solution, of which all figures are round-off of positions; the next
+    step is pressed as without it.
+    """
+    further = {"displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0}, "solver": {}}
+    begun = further | {"load_steps": {"times": [0.0, 1.0]}}
+    solution = solve(block(material(name), "0.05*t", cells=(8, 8), **begun), MPI.COMM_SELF)
+    assert [step.status for step in solution.steps] == [Status.CONVERGED] * 2
+    assert np.abs(force(solution.steps[0])).max() < 1e-10
+    at_once = solve(block(material(name), "0.05*t", cells=(8, 8), **further), MPI.COMM_SELF)
+    np.testing.assert_allclose(force(solution.steps[1]), force(at_once.steps[0]), rtol=2e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("far", [1e3, 1e6])
+def test_a_body_with_a_mesh_of_its_own(far):
+    """One [[body]] is a body as [mesh] is one, wherever it is."""
+    plate = {"shape": "plane", "point": [far, far + 1], "normal": [0.0, -1.0], "shift": [0.0, "-0.1*t"]}
+    contact = {"boundary": "top", "foundation": plate}
+    further, size = {"load_steps": {"times": [0.0, 1.0]}}, {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}
+    own = {"name": "rubber", "shift": [far, far], "mesh": {"generator": "rectangle", "parameters": size}}
+    scene = block(material("neo-hooke"), "0.1*t", **further)
+    moved = parse_scene(
+        {
+            "body": own,
+            "material": material("neo-hooke"),
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+            "contact": contact,
+            "solver": {"algorithm": "alm"},
+            **further,
+        }
+    )
+    forces = [force(solve(one, MPI.COMM_SELF).steps[-1]) for one in (scene, moved)]
+    np.testing.assert_allclose(forces[1], forces[0], rtol=1e-6, atol=1e-9)
