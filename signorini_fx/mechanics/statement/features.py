@@ -21,6 +21,7 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
         "local refinement": "is not possible for several [[body]], each of which is made anew with smaller cells: use "
         "'uniform'"
     },
+    "one [[body]]": {"local refinement": "is not possible for a [[body]]: use 'uniform', or give [mesh]"},
     "mesh that no generator makes": {
         "nested iteration": "needs a mesh from a generator, which can make the coarser ones"
     },
@@ -41,7 +42,8 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
         ("statement of uniqueness", ("solver", "uniqueness"), solver.uniqueness),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
-        ("several bodies", ("body",), bool(statement.bodies)),
+        ("several bodies", ("body",), len(statement.bodies) > 1),
+        ("one [[body]]", ("body",), len(statement.bodies) == 1),
         ("mesh that no generator makes", ("mesh",), not statement.generated),
         ("several load steps", ("load_steps",), statement.several_steps),
         ("load in time", ("load_steps", "times"), any(load.timed for load in statement.loads)),
