@@ -173,7 +173,10 @@ def scales_of(
     """
     if modulus is not None:
         return Scales(body.space.mesh.topology.dim, modulus, diameter_of(body.space.mesh))
-    space, stiffness = body.space, body.contact.stiffness(body.stiffness.getDiagonal())
+    space, diagonal = body.space, body.stiffness.getDiagonal()
+    if body.relative is not None:  # what turning normals do to rigid bodies is no stiffness of the body
+        diagonal.getArray()[body.fixed.size :] = 0.0
+    stiffness = body.contact.stiffness(diagonal)
     mesh = space.mesh
     dim, listed = mesh.topology.dim, np.concatenate(list(facets))
     across = 2 * (

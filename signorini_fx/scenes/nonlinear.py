@@ -17,7 +17,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
-from signorini_fx.forms.nonlinear.moving_shapes import fitting
+from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
@@ -30,6 +30,7 @@ from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, StepRecord, Timings
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
@@ -121,7 +122,13 @@ class ProblemOfScene(NonlinearContactProblem):
         space, tagged = model.space, model.tagged
         facets = boundary_facets(statement, tagged)
         on = [facets[entry.boundary] for entry in statement.contact]
-        contact = [entry for entry in foundations_of(statement.placed(0), on, {}) if isinstance(entry, Foundation)]
+        _refuse_turning(statement, tagged.dimension)
+        drives = _drives_at(statement, tagged.dimension, -1.0)
+        contact = [
+            replace(entry, shape=drives[k]) if k in drives else entry
+            for k, entry in enumerate(foundations_of(statement.placed(0), on, {}))
+            if isinstance(entry, Foundation)
+        ]
         u = fem.Function(space, name="displacement")
         body = body_residual(statement, tagged, u)
         held, bcs = _conditions(model)
@@ -196,8 +203,13 @@ class ProblemOfScene(NonlinearContactProblem):
         solution = self.titled(self.statement.title)
         forms = Inventory([*compiled_forms(self.model)])
         model = replace(solution.model, statement=self.statement, tagged=self.model.tagged, inventory=forms)
-        findings = (*failures, *self.findings)
-        return replace(solution, model=model, timings=timings, found=lambda: findings)
+        findings, named = (*failures, *self.findings), tuple(map(self._named, solution.steps))
+        return replace(solution, model=model, steps=named, timings=timings, found=lambda: findings)
+
+    def _named(self, step: StepResult) -> StepResult:
+        """A load step whose tools have the names of the scene."""
+        tools = zip(step.tools, self.statement.rigid_bodies, strict=True)
+        return replace(step, tools=tuple(replace(tool, body=body) for tool, body in tools))
 
     def go_to(self, path_step: float) -> None:
         """Loads, supports and foundations of a place in the lists of factors; collective."""
@@ -210,6 +222,9 @@ class ProblemOfScene(NonlinearContactProblem):
         for function, dofs in self._held:
             function.x.array[:] = values[dofs]
         self._move(self.statement.placed(path_step))
+        for number, shape in _drives_at(self.statement, self.model.tagged.dimension, path_step).items():
+            moving = self.shapes[number]
+            moving.put(shape.model_copy(update={"shift": moving.shape.shift}))
 
     def _begins_at(self, statement: Statement) -> None:
         """Slip counts from where foundations are at time 0."""
@@ -220,7 +235,8 @@ class ProblemOfScene(NonlinearContactProblem):
     def _move(self, statement: Statement) -> None:
         """Put the foundations where they are in a statement."""
         dimension = self.model.tagged.dimension
-        for number, moving in self.shapes.items():
+        placed = {number: moving for number, moving in self.shapes.items() if not moving.driven}
+        for number, moving in placed.items():
             if (entry := statement.contact[number]) is not self.statement.contact[number]:
                 moving.put(fitting(number, entry.foundation, dimension))
 
@@ -260,6 +276,38 @@ class ProblemOfScene(NonlinearContactProblem):
         return replace(mechanics, loads=loads, displaced=self._finite)
 
 
+def _refuse_turning(statement: Statement, dimension: int) -> None:
+    """Refuse tools that turn.
+
+    Raises:
+        SceneError: there is one.
+    """
+    turns = ~statement.kinematics_in(dimension).unbalanced  # what these are is zero
+    for number, contact in enumerate(statement.contact):
+        if (shape := contact.tool) is None or not shape.drives:
+            continue
+        held = {name: 0.0 for name, zero in zip(COMPONENTS[dimension], turns, strict=True) if zero}
+        given = {} if shape.prescribed is None else {key: value for key, value in shape.prescribed if value is not None}
+        if wrong := not_driven(shape.model_copy(update={"prescribed": Prescribed(**(held | given))}), dimension):
+            raise SceneError([(f"contact[{number}].foundation.{wrong[0]}", wrong[1])])
+
+
+def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[int, Any]:
+    """The shapes that forces move with what drives them at a place in the lists of factors, as numbers, by the numbers
+    of their contacts.
+    """
+    shapes = dict[int, Any]()
+    drives = statement.drives(dimension, path_step, 1.0)
+    for body, (load, motion) in zip(statement.rigid_bodies, drives, strict=True):
+        named = zip(COMPONENTS[dimension], motion.tolist(), strict=True)
+        held = Prescribed(**{name: value for name, value in named if not np.isnan(value)})
+        for part in body.parts:
+            shape = statement.contact[part].tool
+            driven = {"force": tuple(load[:dimension].tolist()), "moment": None, "prescribed": held}
+            shapes[part] = shape.model_copy(update=driven) if shape.drives else shape
+    return shapes
+
+
 def _conditions(model: Model) -> tuple[list[Any], list[fem.DirichletBC]]:
     """The supports of a body as conditions whose values change: the Functions of the values with the unknowns of the
     body that they are of, and the conditions; collective.
@@ -285,7 +333,12 @@ def _of_scene(error: FormError, statement: Statement) -> SceneError:
     settings = type(statement.solver).model_fields
     return SceneError(
         [
-            (f"solver.{key}" if key in settings else key.replace("].shape", "].foundation"), reason)
+            (
+                f"solver.{key}"
+                if key in settings
+                else key.replace("].shape", "].foundation").replace("].bonded", "].kind"),
+                reason,
+            )
             for key, reason in error.problems
         ]
     )

@@ -373,7 +373,11 @@ def test_wrong_arguments():
     top = side(1, 1.0)
     for form, contact, wrong in (
         (ufl.TrialFunction(space)[0] * ufl.TestFunction(space)[0] * ufl.dx, Foundation(top), "one test function"),
-        (residual(u), Foundation(top, shape=PLATE | {"force": (0.0, -1.0), "pivot": (0.5, 1.0)}), "place"),
+        (
+            residual(u),
+            Foundation(top, shape=PLATE | {"force": (0.0, -1.0), "pivot": (0.5, 1.0)}),
+            "a tool that forces turn",
+        ),
         (residual(u), Foundation(top, shape=PLATE | {"shape": "cube"}), "shape"),
     ):
         with pytest.raises(FormError, match=wrong):

@@ -42,8 +42,16 @@ REFUSED = {
     "solver.regularisation_error: must be a number": {"solver": {"algorithm": "path-following"}},
     "accuracy: a nonlinear body has no estimate of its error": {"accuracy": {"target": 0.05}},
     "material.grading: is not possible yet": {"material": RUBBER | {"grading": "1/(1+x[0])"}},
-    "contact.foundation: a foundation that forces move": {
-        "contact": contact(foundation=CIRCLE | {"shift": [0.0, 0.0], "force": [0.0, -1.0]}),
+    "contact[0].foundation.prescribed: a tool that forces turn": {
+        "contact": contact(foundation=CIRCLE | {"shift": [0.0, 0.0], "force": [0.0, -1.0], "pivot": [0.8, 1.5]}),
+        "load_steps": {},
+    },
+    "contact[0].kind: is not possible yet: nonlinear bodies are not tied": {
+        "contact": {
+            "boundary": "top",
+            "kind": "bonded",
+            "foundation": CIRCLE | {"shift": [0.0, 0.0], "force": [0.0, -1.0], "prescribed": {"rotation": 0.0}},
+        },
         "load_steps": {},
     },
     "contact.friction: friction that depends on the time": {

@@ -48,6 +48,11 @@ def checked(
         if function is not None and not callable(function)
     ]
     problems += [fault for k, entry in enumerate(contact) if isinstance(entry, Pair) for fault in _faults(k, entry)]
+    problems += [
+        (f"contact[{k}].bonded", "is not possible yet: nonlinear bodies are not tied to tools")
+        for k, entry in enumerate(contact)
+        if isinstance(entry, Foundation) and entry.bonded
+    ]
     if not isinstance(u, fem.Function):
         problems.append(("u", f"must be a Function, not {kind_of(u)}"))
     if not isinstance(F, ufl.Form) or F.empty() or len(F.arguments()) != 1:

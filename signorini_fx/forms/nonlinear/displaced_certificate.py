@@ -20,6 +20,7 @@ from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import ShapeDistances
+from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
@@ -82,6 +83,7 @@ def certified(
     tractions: Tractions,
     law: Law,
     before: PreviousStep | None,
+    rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
     """Check equilibrium and contact conditions at a displacement; collective.
 
@@ -92,11 +94,12 @@ def certified(
         tractions: what the solver claims, per area of the undeformed boundary.
         law: that the method promises.
         before: the end of the last step; None: there is none.
+        rigid: where tools are that forces move, and what drives them.
     """
     places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
     if before is not None:
         before = replace(before, moved=_motion(shapes, places, before.tractions))
-    return judged(u, mechanics.balance, mechanics.contact_sides, tractions, law=law, before=before)
+    return judged(u, mechanics.balance, mechanics.contact_sides, tractions, law=law, before=before, rigid=rigid)
 
 
 def _motion(shapes: Mapping[int, MovingShape], places: Array, points: Tractions) -> Array:

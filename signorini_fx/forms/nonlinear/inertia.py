@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +13,68 @@ from petsc4py import PETSc
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
+from signorini_fx.mechanics.body.rigid_bodies import with_more_unknowns
 from signorini_fx.tuned import HOLDING_STIFFNESS
 
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ToolsAtPoints:
+    """Tools whose translations are unknowns, as the contact points see them.
+
+    Attributes:
+        tool: of each contact point, -1: none, shape (n,).
+        blocks: forces of displacements relative to it, force per length, shape (n, d, d).
+        fixed: which translations are prescribed, shape (t, d).
+        stiffness: of springs to the ground, force per length, shape (t, d).
+    """
+
+    tool: npt.NDArray[np.int64]
+    blocks: Array
+    fixed: npt.NDArray[np.bool_]
+    stiffness: Array
+
+    def added_to(
+        self,
+        matrix: PETSc.Mat,
+        fixed: npt.NDArray[np.bool_],
+        nodes: npt.NDArray[np.int32],
+        held: Array,
+        penalty: float,
+    ) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
+        """A matrix of the body with what its points hold in it, and the translations of tools as further unknowns, the
+        last ones of the last rank; and which unknowns of this rank are prescribed; collective.
+
+        Args:
+            matrix: of the body, which has what the points do to each other.
+            fixed: see ``negative_directions``.
+            nodes: see ``negative_directions``.
+            held: see ``negative_directions``.
+            penalty: stiffness of what is held.
+        """
+        dim, first = held.shape[2], matrix.getOwnershipRange()[0]
+        last = matrix.comm.rank == matrix.comm.size - 1
+        tools = matrix.getSize()[0] + np.arange(self.fixed.size).reshape(self.fixed.shape)
+        wider = with_more_unknowns(matrix, self.stiffness.ravel() if last else np.zeros(0))
+        touched = self.tool >= 0
+        of, at = self.tool[touched], nodes[touched]
+        free = ~fixed.reshape(-1, dim)[at]
+        moved = held[touched] * ~self.fixed[of][:, None, :]
+        both = self.blocks[touched]
+        across = penalty * np.einsum("nki,nkj->nij", held[touched] * free[:, None, :], moved)
+        across += both * free[:, :, None] * ~self.fixed[of][:, None, :]
+        along = penalty * np.einsum("nki,nkj->nij", moved, moved)
+        along += both * ~self.fixed[of][:, :, None] * ~self.fixed[of][:, None, :]
+        rows, columns = (first + at[:, None] * dim + np.arange(dim)), tools[of]
+        wider.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        for row, column, coupling, block in zip(rows, columns, across, along, strict=True):
+            row, column = row.astype(PETSc.IntType), column.astype(PETSc.IntType)
+            wider.setValues(row, column, -coupling, addv=PETSc.InsertMode.ADD_VALUES)
+            wider.setValues(column, row, -coupling.T, addv=PETSc.InsertMode.ADD_VALUES)
+            wider.setValues(column, column, block, addv=PETSc.InsertMode.ADD_VALUES)
+        wider.assemble()
+        return wider, np.concatenate((fixed, self.fixed.ravel())) if last else fixed
 
 
 def negative_directions(
@@ -25,6 +85,7 @@ def negative_directions(
     nodes: npt.NDArray[np.int32],
     held: Array,
     joint: Sequence[JointStiffness] = (),
+    tools: ToolsAtPoints | None = None,
 ) -> int:
     """The number of negative eigenvalues of the tangent where contact points stay in contact; collective.
 
@@ -40,6 +101,7 @@ def negative_directions(
         nodes: of the contact points, local numbers of owned nodes, shape (n,).
         held: directions that contact holds at each of them, zero where it holds none, shape (n, directions, d).
         joint: what contact holds between nodes, products of the rows of relative displacements that do not change.
+        tools: those that forces move, which contact points keep their distance from; None: there are none.
     """
     matrix = fem_petsc.assemble_matrix(tangent, list(bcs), 0.0)
     matrix.assemble()
@@ -53,6 +115,8 @@ def negative_directions(
     NodalStiffness.summed(nodes, holding).add_to(matrix)
     for rows in joint:
         rows.scaled(HOLDING_STIFFNESS * largest).add_to(matrix, held.shape[2], fixed)
+    if tools is not None:
+        matrix, fixed = tools.added_to(matrix, fixed, nodes, held, HOLDING_STIFFNESS * largest)
     diagonal = matrix.getDiagonal()
     diagonal.getArray()[fixed] = largest
     matrix.setDiagonal(diagonal)

@@ -75,7 +75,7 @@ def length_of_increment(
     moved = fem.Function(linear.u.function_space)
     moved.x.array[:] = increment
     comm, owned = moved.function_space.mesh.comm, len(residual)
-    internal, turning = linear.internal(moved)
+    internal, turning, on_tools = linear.internal(moved)
     ahead = np.where(linear.prescribed[0][:owned], 0.0, increment[:owned])
     # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn with the normals.
     contact = -internal - residual
@@ -89,9 +89,10 @@ def length_of_increment(
             forces, failed = None, error
         if forces is None:
             return np.inf
-        return float(parallel.global_sum(comm, np.array(ahead @ (forces + contact + share * turning))))
+        along = float(parallel.global_sum(comm, np.array(ahead @ (forces + contact + share * turning))))
+        return along - (1.0 - share) * on_tools
 
-    first = -float(parallel.global_sum(comm, np.array(ahead @ internal)))
+    first = -float(parallel.global_sum(comm, np.array(ahead @ internal))) - on_tools
     size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
     search = search and change > NO_LINE_SEARCH * size
     share = share_of_increment(slope, first, search=search)

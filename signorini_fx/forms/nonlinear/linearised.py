@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,21 +19,24 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness
-from signorini_fx.forms.nonlinear.moving_shapes import curvature_of, left_by_turning
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, curvature_of, left_by_turning
+from signorini_fx.forms.nonlinear.moving_tools import RelativeStiffness, Tools
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
-from signorini_fx.mechanics.body.foundations import Foundations
+from signorini_fx.mechanics.body.foundations import Foundations, ShapeDistances
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
+from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.body.supports import prescribed
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
@@ -50,14 +54,27 @@ class MovingFoundations(Foundations):
 
     Attributes:
         motion: how far the shapes have moved at the contact points.
+        sliding: the pairs, by their numbers.
+        shapes_of_tools: of the foundations, where they are, by their numbers.
     """
 
     motion: Callable[[ContactBoundary], Array | None]
     sliding: Mapping[int, MovingPair]
+    shapes_of_tools: Mapping[int, MovingShape] = MappingProxyType({})
+
+    @property
+    def driven(self) -> list[Any]:
+        """See ``Foundations``."""
+        shapes = {k: moving.shape for k, moving in self.shapes_of_tools.items() if moving.driven}
+        return [shapes.get(k) for k in range(len(self._contact))]
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """See ``Foundations``."""
         return self.motion(boundary)
+
+    def measured(self, shape: Any) -> bool:
+        """See ``Foundations``: along the axis of a body of revolution alone, as forces around it cancel."""
+        return bool(getattr(shape.prescribed, "x", None) == 0.0)
 
     def sides_of(self, number: int, fixed: npt.NDArray[np.bool_], at_rest: npt.NDArray[np.bool_]) -> SlidingSides:
         """Both sides of a pair, for the arguments see ``boundary``; collective.
@@ -159,19 +176,44 @@ class LinearisedProblem(FormSolver):
         self._at, self._evaluated, self._definite = at, evaluated, True
         dim = at.function_space.mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
+        self.relative: RelativeStiffness | None = None
 
     def begin(
         self,
         motion: Callable[[ContactBoundary], Array | None],
         spin: Callable[[ContactBoundary], Array | None],
+        shapes: Mapping[int, MovingShape],
     ) -> None:
-        """Take the motion of shapes from here, and their rotations."""
+        """Take the motion of shapes from here, and their rotations.
+
+        Raises:
+            FormError: a tool is not possible.
+        """
         self.foundations.motion, self._spin_of, self.foundations.sliding = motion, spin, {}
+        self.foundations.shapes_of_tools = shapes
+        self.foundations.check_driven(self.settings.algorithm)
+
+    @property
+    def moving_tools(self) -> Tools:
+        """The tools where they are."""
+        return Tools(self.foundations.rigid_bodies, self.foundations.shapes_of_tools)
 
     @property
     def pairs(self) -> Mapping[int, MovingPair]:
         """The sides that slide on each other by the numbers of their contacts, once a solve has begun."""
         return self.foundations.sliding
+
+    @property
+    def reached(self) -> Array:
+        """The translations of tools in the last outcome, length, shape (t, d)."""
+        motions = [tool.translation for tool in self.tools]
+        return np.array(motions, dtype=np.float64).reshape(-1, self._at.function_space.mesh.geometry.dim)
+
+    @property
+    def driven_tools(self) -> list[tuple[RigidBodyMotion, Drive]]:
+        """Where tools are, and what drives them."""
+        tools = self.moving_tools
+        return [*zip(tools.motions, tools.bodies.drives(), strict=True)]
 
     def slide(self) -> None:
         """Renew the maps of pairs at the displacement of now; collective.
@@ -196,8 +238,15 @@ class LinearisedProblem(FormSolver):
         Args:
             hessians: see ``hessians_at``, at the displacement of now.
         """
-        self._hessians, curvature = hessians, curvature_of(hessians, self.state)
-        self.curvature = replace(curvature, joint=joint_stiffness(self.pairs, self.state))
+        state, blocks = self.state, curvature_of(hessians, self.state)
+        self._hessians, tools, self.relative = hessians, self.moving_tools, None
+        nodal = blocks
+        if tools.there:
+            tool = tools.touching(state.boundary)
+            self.relative = RelativeStiffness(state.boundary, tool, np.where((tool >= 0)[:, None, None], blocks, 0.0))
+            nodal = blocks - self.relative.blocks
+        joint = joint_stiffness(self.pairs, state)
+        self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
 
     # --- what a FormSolver asks for ---
 
@@ -210,9 +259,13 @@ class LinearisedProblem(FormSolver):
             return begun
         origin = np.zeros_like(begun.data.mu_hat) if begun.data.slip_origin is None else begun.data.slip_origin
         dim, nodes = boundary.x.shape[1], boundary.nodes
-        way = places = self._at.x.array.reshape(-1, dim)[nodes]
+        tools = self.moving_tools
+        way = places = self._at.x.array.reshape(-1, dim)[nodes] - tools.at_points(boundary)
         if previous is not None:
             earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
+            if tools.there:
+                motions = np.array([tool.translation for tool in previous.rigid]).reshape(-1, dim)
+                earlier = earlier - (tools.at_points(boundary, motions) if motions.size else 0.0)
             way = places - earlier - (0.0 if previous.moved is None else previous.moved)
         slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
         slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
@@ -239,18 +292,53 @@ class LinearisedProblem(FormSolver):
         settings = self.settings if self._definite else self.settings.model_copy(update=indefinite)
         if self._damping > 0.0:  # what has failed without it is not tried by all methods again
             settings = settings.model_copy(update={"fallbacks": False})
-        beside = {"beside": self._added, "definite": self._definite}
+        beside: dict[str, Any] = {"beside": self._added, "definite": self._definite}
+        if self.relative is not None and len(self.relative.blocks) == boundary.size:
+            beside["relative"] = self.relative.blocks
         return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, settings, **beside)
 
     def _forces(self) -> Array:
         """See ``FormSolver``."""
         return self.elastic.forces_of(self._at) - self._evaluated.assembled()
 
+    def _set_up(self, shapes: Sequence[ShapeDistances]) -> None:
+        """See ``FormSolver``; unknowns of tools are counted from where these are given, whatever holds them."""
+        super()._set_up(shapes)
+        if self.rigid.bodies:
+            self.task, self._fallen = replace(self.task, rest=None), np.zeros(0)
+
+    def _case(self, values: Array) -> LoadCase:
+        """See ``FormSolver``: with what relative displacements meet."""
+        case, elastic = super()._case(values), self.elastic
+        if elastic.relative is None or self.relative is None:
+            return case
+        dim, fixed = self.boundary.x.shape[1], self.prescribed[0]
+        units = len(self.rigid.kinematics.rotations) + dim
+        moved = np.zeros((len(self.rigid.bodies), units))
+        moved[:, :dim] = self.moving_tools.translations
+        driven = self.rigid.driven_together
+        assert driven is not None
+        free_tools = ~self.rigid.fixed.reshape(moved.shape)
+        held_at = np.where(free_tools, 0.0, driven.motion.reshape(moved.shape))
+        away = self._at.x.array - np.where(fixed, values, 0.0)
+        forces, on_tools, _ = self.relative.forces(away.reshape(-1, dim), (moved - held_at)[:, :dim])
+        at_nodes = np.zeros((elastic.fixed.size // dim, dim))
+        np.add.at(at_nodes, self.boundary.nodes, forces)
+        added, load = np.where(elastic.fixed, 0.0, at_nodes.ravel()), case.load.getArray()
+        load[: added.size] += added
+        if elastic.comm.rank == elastic.comm.size - 1:
+            both = np.zeros(moved.shape)
+            both[:, :dim] = on_tools
+            load[added.size : added.size + moved.size] += np.where(free_tools, both, 0.0).ravel()
+        return case
+
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         """See ``FormSolver``."""
         pairs = [values for pair in self.pairs.values() for values in pair.fingerprint]
         joint = [part.matrix.data for part in self.curvature.joint]
-        return self._added.nodes, self._added.blocks, np.asarray(self._evaluated.loads), *pairs, *joint
+        tools = [] if self.relative is None else [self.relative.blocks]
+        tools += [self.moving_tools.translations] if self.rigid.bodies else []
+        return self._added.nodes, self._added.blocks, np.asarray(self._evaluated.loads), *pairs, *joint, *tools
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         """See ``FormSolver``."""
@@ -329,10 +417,10 @@ class LinearisedProblem(FormSolver):
         newton = self.task.iterate.newton
         self.task.iterate.begin_step(begun)
         newton.pose(begun.data, sets)
-        place = self._at.copy()
+        counted = self._at.copy()
         if (resting := self.task.rest) is not None:
-            place.x.array[:] -= self.elastic.motions.displacement(resting.motion).ravel()
-        x = self.task.system.unknowns(self.elastic.unknowns(place))
+            counted.x.array[:] -= self.elastic.motions.displacement(resting.motion).ravel()
+        x = self.task.system.unknowns(self.elastic.unknowns(counted))
         newton.restore((x, newton.problem.sets, newton.problem.data))
         self.show(Outcome(status, newton, begun.data), None)
 
@@ -371,9 +459,15 @@ class LinearisedProblem(FormSolver):
         self.begun = replace(self.begun, data=replace(self.begun.data, slip_origin=origin))
         self.show(outcome, None)
 
-    def internal(self, displacement: fem.Function) -> tuple[Array, Array]:
-        """What a(d, .) and the curvature alone are, shapes (owned dofs,); collective."""
-        return self.elastic.forces_of(displacement), self.curvature.times(displacement)
+    def internal(self, displacement: fem.Function) -> tuple[Array, Array, float]:
+        """What a(d, .) and the curvature alone are, shapes (owned dofs,), and the work of the forces that normals which
+        turn relative to tools exert on increments of both; collective.
+        """
+        work = 0.0
+        if self.relative is not None and self.rigid.bodies:
+            nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
+            _, _, work = self.relative.forces(nodal, self.reached - self.moving_tools.translations)
+        return self.elastic.forces_of(displacement), self.curvature.times(displacement), work
 
     @property
     def solved(self) -> LinearSolution:
@@ -385,6 +479,7 @@ class LinearisedProblem(FormSolver):
         self._state, self.outcome, self._solution = solution.state, solution.outcome, solution.begins
         dim = self._at.function_space.mesh.geometry.dim
         self._last_pattern, self.curvature, self._hessians = None, NodalStiffness.none(dim), np.zeros((0, dim, dim))
+        self.relative = None
 
     # --- what the certificate and the verdict on stability ask for ---
 

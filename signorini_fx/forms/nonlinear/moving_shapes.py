@@ -20,7 +20,7 @@ from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion
 from signorini_fx.mechanics.statement.rigid_shape import Shape, distance_from
 from signorini_fx.tuned import ALONG_SLIP, MOST_TURNED, NORMAL_DIFFERENCE
 
@@ -37,6 +37,7 @@ class MovingShape:
         added: what is added to its distance at the nodes, length, shape (n,).
         nodes: of the foundation, local numbers, ghosts included, shape (n,).
         x: their initial positions, length, shape (n, d).
+        translation: by which forces have moved it from where it is given, length, shape (d,).
     """
 
     shape: Any
@@ -44,10 +45,28 @@ class MovingShape:
     added: Array
     nodes: npt.NDArray[np.int64]
     x: Array
+    translation: Array = field(init=False)
     _given: Array = field(init=False)  # the distances of a shape of a user's own when it was placed
+    _home: Any = field(init=False)  # where it is without what forces have moved it by
 
     def __post_init__(self) -> None:
-        self._given = self._distances()
+        self._given, self.translation, self._home = self._distances(), np.zeros(self.x.shape[1]), self.shape
+
+    @property
+    def driven(self) -> bool:
+        """Whether its motion is an unknown."""
+        return bool(getattr(self.shape, "driven", False))
+
+    @property
+    def as_given(self) -> Any:
+        """The shape without what forces have moved it by."""
+        return self.shape.model_copy(update={"shift": self._home.shift}) if self.driven else self.shape
+
+    def carry_to(self, translation: Array) -> None:
+        """Put a shape that forces move this far from where it is given."""
+        home = np.zeros(translation.size) if self._home.shift is None else np.array(self._home.shift, dtype=np.float64)
+        self.shape = self.shape.model_copy(update={"shift": tuple(map(float, home + translation))})
+        self.translation = translation
 
     def put(self, shape: Any) -> None:
         """Take the same shape elsewhere."""
@@ -77,7 +96,8 @@ class MovingShape:
             u: displacements of the nodes, shape (n, d).
         """
         signed, normal = self.shape.distance(self.x + u)
-        return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, u)), -normal
+        relative = u - self.translation  # to a shape that forces move, whose motion is an unknown, too
+        return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, relative)), -normal
 
     def curvature(self, places: Array, size: float) -> Array:
         """The second derivatives of the distance, 1 / length, shape (n, d, d), by central differences of the normal.
@@ -101,12 +121,13 @@ class MovingShape:
         return self.shape.turned_from(self.settled, self.x.shape[1])
 
     def moved(self, places: Array) -> Array:
-        """How far it has carried points with it since the last step, length, shape (n, d).
+        """How far it was placed with points on it since the last step, length, shape (n, d): one that forces move was
+        not.
 
         They are those where the nodes are, not the closest ones: a node may be inside by the penalty, or away by a gap
         that is added, and would slip as both turn.  Objects of other kinds know their closest points alone.
         """
-        if self.shape == self.settled:
+        if self.driven or self.shape == self.settled:
             return np.zeros_like(places)
         if isinstance(self.shape, Shape) and isinstance(self.settled, Shape):
             return self.shape.carried_from(self.settled, places)
@@ -129,8 +150,9 @@ def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], pl
     return hessians
 
 
-def curvature_of(hessians: Array, state: ContactState) -> NodalStiffness:
-    """What the shapes add to the tangent as their normals turn with the displacement, at contact tractions.
+def curvature_of(hessians: Array, state: ContactState) -> Array:
+    """What the shapes add to the tangent as their normals turn with the displacement, at contact tractions: forces of
+    displacements of the points relative to shapes, force per length, symmetric, shape (n, d, d).
 
     The force of a pressure lambda along the normal n turns by -lambda H d, with H the second derivatives of the
     distance; a shear m in the tangent plane turns by n (m . H d).  The latter is unsymmetric.  Its transpose is added,
@@ -144,11 +166,12 @@ def curvature_of(hessians: Array, state: ContactState) -> NodalStiffness:
     shear = np.einsum("nij,nj->ni", boundary.tangents, state.shear)
     turning = np.einsum("ni,nj->nij", boundary.normal, np.einsum("nij,nj->ni", hessians, shear))
     blocks = turning + turning.transpose(0, 2, 1) - state.pressure[:, None, None] * hessians
-    return NodalStiffness.summed(boundary.nodes, boundary.weight[:, None, None] * blocks)
+    return np.asarray(boundary.weight[:, None, None] * blocks)
 
 
-def turning_of(state: ContactState, size: float) -> NodalStiffness:
-    """What friction of sliding points in space does against displacements that turn their slip.
+def turning_of(state: ContactState, size: float) -> Array:
+    """What friction of sliding points in space does against displacements that turn their slip, force per length, shape
+    (n, d, d).
 
     The shear m has the direction of the slip s, so it turns with it: a displacement d along the tangent plane and
     across s meets |m| / |s| d.  Without that a shear would be a dead load, under which rubber that is squeezed between
@@ -161,14 +184,16 @@ def turning_of(state: ContactState, size: float) -> NodalStiffness:
     """
     boundary, slip, shear = state.boundary, state.slip_length, state.shear
     if slip.shape[1] < 2:
-        return NodalStiffness.none(boundary.x.shape[1])
+        return np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
     far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
     along = np.einsum("ni,ni->n", slip, shear) >= (1 - ALONG_SLIP) * far * strong
     turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
     across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
     ways = np.einsum("nij,nj->ni", boundary.tangents[turns], across)
     rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], NORMAL_DIFFERENCE * size)
-    return NodalStiffness.summed(boundary.nodes[turns], rate[:, None, None] * np.einsum("ni,nj->nij", ways, ways))
+    blocks = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
+    blocks[turns] = rate[:, None, None] * np.einsum("ni,nj->nij", ways, ways)
+    return blocks
 
 
 def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
@@ -195,17 +220,19 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
 
 
 def motion_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array | None:
-    """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has.
+    """How far shapes that are placed have moved at contact points since the last step, length, shape (n, d); None:
+    none has.
 
     Args:
         boundary: the contact points.
         shapes: by the numbers of their foundations.
         places: displacements of the nodes, shape (nodes, d).
     """
-    if all(moving.shape == moving.settled for moving in shapes.values()):
+    placed = {number: moving for number, moving in shapes.items() if not moving.driven}
+    if all(moving.shape == moving.settled for moving in placed.values()):
         return None
     displacements = np.zeros_like(boundary.x)
-    for number, moving in shapes.items():
+    for number, moving in placed.items():
         on_part = boundary.part == number
         displacements[on_part] = moving.moved(boundary.x[on_part] + places[boundary.nodes[on_part]])
     return displacements
@@ -232,11 +259,22 @@ def fitting(number: int, shape: Any, dimension: int) -> Any:
     """
     try:
         distance = distance_from(shape, dimension).shape
-        if getattr(distance, "driven", False):
-            raise SceneError([("force", "cannot move it yet: place() it")])
+        if getattr(distance, "driven", False) and (wrong := not_driven(distance, dimension)):
+            raise SceneError([wrong])
         return distance
     except SceneError as error:
         raise FormError([(f"contact[{number}].shape.{key}", reason) for key, reason in error.problems]) from None
+
+
+def not_driven(shape: Any, dimension: int) -> tuple[str, str] | None:
+    """What of a shape that forces move is not possible, and why; None: nothing."""
+    if not isinstance(shape, Shape):
+        return "force", "cannot move an object of this kind: derive it from Shape"
+    turning = {key: getattr(shape.prescribed, key, None) for key in COMPONENTS[dimension][dimension:]}
+    if shape.drives and any(value != 0.0 for value in turning.values()):
+        cure = ", ".join(f"{key} = 0" for key in turning)
+        return "prescribed", f"a tool that forces turn is not possible yet with a nonlinear body: prescribe {cure}"
+    return None
 
 
 def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any]) -> None:
@@ -248,6 +286,8 @@ def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any])
     path = f"contact[{number}].shape"
     if moving is None or not hasattr(moving.shape, "placed"):
         raise FormError([(path, "this foundation has no shape that can be placed")])
+    if moving.driven and (wrong := [key for key in placement if key not in RigidMotion.model_fields]):
+        raise FormError([(f"{path}.{key}", "stays: this foundation is moved by what drives it") for key in wrong])
     try:
         moved = moving.shape.placed(**placement)
     except SceneError as error:
@@ -261,6 +301,8 @@ def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any])
             "needs moved_from(earlier, x), how far its points closest to x have moved: its way and friction need it"
         )
         raise FormError([(path, f"{type(moved).__name__} {reason}")])
+    if isinstance(moved, Shape) and moved.driven is not moving.driven:
+        raise FormError([(path, "forces move it, or they do not: that cannot change")])
     wrong = [key for key in placement if not _finite(getattr(moved, key, None))]
     if wrong:
         raise FormError([(f"{path}.{key}", "must be finite numbers") for key in wrong])

@@ -48,6 +48,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_steps import LoadPath
@@ -158,11 +159,12 @@ class NonlinearContactProblem(ProblemOfForms):
             boundaries=boundaries,
             **settings,
         )
+        self.shapes = {k: self._shape_of(k) for k in shaped}
         self.linear.begin(
             lambda boundary: motion_at(boundary, self.shapes, self._places),
             lambda boundary: spin_at(boundary, self.shapes),
+            self.shapes,
         )
-        self.shapes = {k: self._shape_of(k) for k in shaped}
         fields = self.linear.fields
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         self._fields = self.pressure, self.shear, self.gap, self.slip
@@ -177,6 +179,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self._overlap = ""  # where a shape was inside the body in the last solve
         self._failure = ""  # how the last solve failed that did
         self._tangent_at = u.x.array.copy()  # the displacement of the last iteration
+        self._tools_at = self.linear.moving_tools.translations  # where tools were in it
         self._inner = ""  # how the last contact problem of a tangent ended that had no solution
         self._solved: SolvedBody | None = None  # the last solution
         self._ramped: list[StepResult] = []  # the steps of the last ramp, until the next solve
@@ -237,6 +240,11 @@ class NonlinearContactProblem(ProblemOfForms):
         return () if self.linear.solved.state is None else findings_of_last(self.linear)
 
     @property
+    def tools(self) -> tuple[RigidBodyMotion, ...]:
+        """Where the foundations are that forces move: in the last solution, by how much they have moved."""
+        return self.linear.moving_tools.motions
+
+    @property
     def _places(self) -> Array:
         """Displacements of the nodes, shape (nodes, d)."""
         return self.u.x.array.reshape(-1, self._dimension)
@@ -272,14 +280,15 @@ class NonlinearContactProblem(ProblemOfForms):
             self.linear.bend(hessians_at(state.boundary, self.shapes, self._places, self._size))
 
     def place(self, number: int, **placement: Any) -> None:
-        """Turn and move a foundation that has a shape, for the next solve and those after it.
+        """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
 
         A shape of a user's own needs ``placed(**placement)``, which returns another object, and ``moved_from(earlier,
         x)``, how far its points closest to x have moved since it was placed like ``earlier``, length, shape (n, d).
 
         Args:
             number: of the foundation in ``contact``.
-            placement: its shift, rotation and pivot, see ``statement.rigid_shape.Shape``; what is left out stays.
+            placement: its shift, rotation and pivot, see ``statement.rigid_shape.Shape``; of one that forces move
+                its force, prescribed and spring, see ``statement.rigid_motion``; what is left out stays.
 
         Raises:
             FormError: it has no shape that can be placed, or the placement is wrong.
@@ -343,8 +352,11 @@ class NonlinearContactProblem(ProblemOfForms):
         return Snapshot.of(self.u, self._fields, self.linear, self.shapes, (self.certificate, self.iterations))
 
     def _go_back(self, snapshot: Snapshot) -> None:
-        """Go back to the last solution; loads and shapes stay as they are now; collective."""
+        """Go back to the last solution; loads and shapes stay as they are now, but for tools that forces move;
+        collective.
+        """
         self.certificate, self.iterations = snapshot.restore(self.u, self._fields, self.linear)
+        self.linear.moving_tools.carry_to(snapshot.tools)
         with suppress(FormError):  # before the first solution it may not be possible
             self._residual.updated()
 
@@ -365,6 +377,7 @@ class NonlinearContactProblem(ProblemOfForms):
         for iteration in range(1, self._max_newton + 1):
             self.iterations = iteration
             old = self._tangent_at = u.x.array.copy()
+            self._tools_at = self.linear.moving_tools.translations
             residual = self._forces_at(old)
             if residual is None:
                 return Status.INVERTED
@@ -385,8 +398,11 @@ class NonlinearContactProblem(ProblemOfForms):
             if length == 0.0:
                 return Status.INVERTED
             u.x.array[:] = old + length * increment
+            moved = length * (self.linear.reached - self._tools_at)
+            self.linear.moving_tools.carry_to(self._tools_at + moved)
             change, size = (
-                float(parallel.largest(comm, np.abs(values), 0.0)) for values in (length * increment, u.x.array)
+                max(float(parallel.largest(comm, np.abs(values), 0.0)), float(np.abs(further).max(initial=0.0)))
+                for values, further in ((length * increment, moved), (u.x.array, self._tools_at + moved))
             )
             small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self._size
             shortened, before = self._tangents.given and 2 * change < before, change
@@ -466,7 +482,8 @@ class NonlinearContactProblem(ProblemOfForms):
         self._forces_at(values)
         mechanics = mechanics_at(self.u, self._seen_anew(residual), linear, self.contact, self.shapes, lost)
         tractions = Tractions.of(self.state)
-        self.certificate = certified(self.u, mechanics, self.shapes, tractions, linear.law, linear.previous_step)
+        rigid = linear.driven_tools
+        self.certificate = certified(self.u, mechanics, self.shapes, tractions, linear.law, linear.previous_step, rigid)
         self._mechanics = self._loaded(mechanics)
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
@@ -488,6 +505,7 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         if self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to advance from")
+        self.linear.tools = self.tools
         self.linear.advance()
         self._commit()
         for moving in self.shapes.values():
@@ -626,10 +644,10 @@ class NonlinearContactProblem(ProblemOfForms):
         if stored is not None:
             stored.begin(self.linear)
         while not sizes.done:
-            if stored is not None and (place := stored.place(self.linear.step)) is not None:
-                count = self._recall(stored, place, apply, sizes)
+            if stored is not None and (kept := stored.end(self.linear.step)) is not None:
+                count = self._recall(stored, kept, apply, sizes)
                 if count is not None:
-                    self._end_step(place, solved, on_step, count)
+                    self._end_step(kept, solved, on_step, count)
                     stored.begin(self.linear)
                     continue
             begun, end = self._snapshot(), sizes.next
@@ -656,7 +674,8 @@ class NonlinearContactProblem(ProblemOfForms):
             step = self._end_step(end, solved, on_step)
             if stored is not None:
                 with self._timings.phase("checkpoint"):
-                    stored.store(self.linear, step, self._tangent_at, self.iterations, self._timings)
+                    tangent = self._tangent_at, self._tools_at
+                    stored.store(self.linear, step, tangent, self.iterations, self._timings)
                 stored.begin(self.linear)
 
     def _end_step(
@@ -685,22 +704,20 @@ class NonlinearContactProblem(ProblemOfForms):
         on_step(step)
         return step
 
-    def _recall(
-        self, stored: StepsOnDisk, place: float, apply: Callable[[float], object], sizes: StepEnds
-    ) -> int | None:
+    def _recall(self, stored: StepsOnDisk, end: float, apply: Callable[[float], object], sizes: StepEnds) -> int | None:
         """Go to a step of an earlier run, certify it anew, and return its linear solves; None: it is solved again;
         collective.
 
         Args:
             stored: the checkpoint.
-            place: where the step ends.
+            end: where the step ends.
             apply: see ``_follow``.
             sizes: see ``_follow``.
         """
         begun, number = self._snapshot(), self.linear.step
         self._good = self._good or begun
         with self._timings.phase("restart"):
-            apply(place)
+            apply(end)
             recalled = stored.recall(self.linear, self._residual, self._timings)
         if recalled is not None:
             with self._timings.phase("certify"):
@@ -738,7 +755,8 @@ class NonlinearContactProblem(ProblemOfForms):
         except (FormError, MatrixError, PairingError):
             return None
         tractions = Tractions.of(self.state)
-        certificate = certified(self.u, mechanics, foundations, tractions, linear.law, linear.previous_step)
+        rigid = linear.driven_tools
+        certificate = certified(self.u, mechanics, foundations, tractions, linear.law, linear.previous_step, rigid)
         loaded, parts = self._loaded(mechanics), (self.contact, foundations)
         body = SolvedBody.of(linear, self.u, certificate, loaded, parts, solves, status)
         return replace(body, step=named(body.step))

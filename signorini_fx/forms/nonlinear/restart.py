@@ -89,8 +89,8 @@ class StepsOnDisk:
         history = linear.history
         self.marks = history.linear_solves, len(history.outer), len(history.events)
 
-    def place(self, number: int) -> float | None:
-        """That of a load step, by how many were before it; None: it is not there."""
+    def end(self, number: int) -> float | None:
+        """Where a load step ends, by how many were before it; None: it is not there."""
         return self.checkpoint.place(number) if self.checkpoint.checkpoint.found else None
 
     def forget(self, number: int) -> None:
@@ -118,32 +118,46 @@ class StepsOnDisk:
         try:
             if residual.at(tangent.x.array.copy()) is None:
                 return None
+            linear.moving_tools.carry_to(self._translations(number, _TANGENT, linear))
             linear.begin_at_tangent(definite=bool(self.checkpoint.figure(number, "definite")))
             recalled = self.checkpoint.recall(RestartedBody(linear, timings), linear.task, linear.begun)
         except (FormError, MatrixError, PairingError):
             recalled = None
         if recalled is not None:
             linear.accept(recalled.outcome)
+            linear.moving_tools.carry_to(self._translations(number, _SOLUTION, linear))
             residual.u.x.array[:] = solution.x.array
         return recalled
 
+    def _translations(self, number: int, name: str, linear: LinearisedProblem) -> Nodal:
+        """Those of tools in a load step that is there, length, shape (t, d)."""
+        stored = np.array(self.checkpoint.figure(number, "translations")[name], dtype=np.float64)
+        return stored.reshape(linear.moving_tools.translations.shape)
+
     def store(
-        self, linear: LinearisedProblem, step: StepResult, tangent: Nodal, iterations: int, timings: Timings
+        self,
+        linear: LinearisedProblem,
+        step: StepResult,
+        tangent: tuple[Nodal, Nodal],
+        iterations: int,
+        timings: Timings,
     ) -> None:
         """Store a load step that has a solution.
 
         Args:
             linear: its last contact problem.
             step: its result.
-            tangent: the displacement at which the last tangent was formed, values of ``step.displacement``.
+            tangent: where the last tangent was formed: values of the displacement, and translations of tools.
             iterations: of Newton's method.
             timings: of the run.
         """
         assert linear.outcome is not None
         space, start = linear.space, replace(linear.begun, place=step.place)
-        figures = {"newton": iterations, "linear_solves": step.linear_solves, "definite": linear.definite}
+        ways = {_SOLUTION: linear.moving_tools.translations.tolist(), _TANGENT: tangent[1].tolist()}
+        figures: dict[str, Any] = {"newton": iterations, "linear_solves": step.linear_solves}
+        figures |= {"definite": linear.definite, "translations": ways}
         body, at, iterate = RestartedBody(linear, timings, figures), fem.Function(space), linear.u.copy()
-        at.x.array[:] = tangent
+        at.x.array[:] = tangent[0]
         beside = {_SOLUTION: step.displacement, _TANGENT: at}
         result = replace(step, displacement=iterate)
         self.checkpoint.store(body, linear.task, start, linear.outcome, result, self.sizes, self.marks, beside)

@@ -72,7 +72,7 @@ class SolvedBody:
         """
         assert linear.outcome is not None
         contact, shapes = foundations
-        placed = (replace(entry, shape=shapes[k].shape) if k in shapes else entry for k, entry in enumerate(contact))
+        placed = (replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(contact))
         number, y = linear.begun.step, u.copy()
         y.name = u.name
         step = step_result(
@@ -86,6 +86,7 @@ class SolvedBody:
             deformation_of(linear.elastic, u, linear.scales.size),
             solves,
         )
+        step = replace(step, tools=linear.moving_tools.motions)
         forms, algebra = replace(linear.forms, contact=tuple(placed)), linear.task.linear_algebra
         return cls(forms, linear.elastic, linear.outcome, linear.begun.law, algebra, mechanics, step)
 

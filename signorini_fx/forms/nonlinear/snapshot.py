@@ -29,6 +29,7 @@ class Snapshot:
         certificate: of the solution; None: there is none.
         iterations: of Newton's method.
         shapes: of the foundations, where they were placed, by their numbers.
+        tools: translations of those that forces move, length, shape (t, d).
     """
 
     displacement: Array
@@ -37,6 +38,7 @@ class Snapshot:
     certificate: Certificate | None
     iterations: int
     shapes: dict[int, Any]
+    tools: Array
 
     @classmethod
     def of(
@@ -49,7 +51,8 @@ class Snapshot:
     ) -> Snapshot:
         """What there is now; ``solved``: certificate and iterations."""
         now = {number: moving.shape for number, moving in shapes.items()}
-        return cls(u.x.array.copy(), tuple(field.x.array.copy() for field in fields), linear.solved, *solved, now)
+        values, tools = tuple(field.x.array.copy() for field in fields), linear.moving_tools.translations
+        return cls(u.x.array.copy(), values, linear.solved, *solved, now, tools)
 
     def restore(self, u: fem.Function, fields: Fields, linear: LinearisedProblem) -> tuple[Certificate | None, int]:
         """Go back to it; the shapes stay where they are placed.

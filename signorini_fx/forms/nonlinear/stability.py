@@ -12,7 +12,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import conditions_of
-from signorini_fx.forms.nonlinear.inertia import negative_directions
+from signorini_fx.forms.nonlinear.inertia import ToolsAtPoints, negative_directions
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.tangent import Tangents, is_derivative
@@ -102,10 +102,21 @@ class Stability:
         linear = self.linear
         bcs = conditions_of(linear.bcs, self.u.function_space)
         nodes = linear.state.boundary.nodes
-        turning = turning_of(linear.state, linear.scales.size)
+        turning, curvature, relative = turning_of(linear.state, linear.scales.size), linear.curvature, linear.relative
+        if relative is None:
+            at_points, tools = turning, None
+        else:  # at the nodes is what a tool that stands still does
+            touched = (relative.tool >= 0)[:, None, None]
+            tools = self._tools(relative.tool, relative.blocks + np.where(touched, turning, 0.0))
+            at_points = turning + relative.blocks
         beside = NodalStiffness.summed(
-            np.concatenate((linear.curvature.nodes, turning.nodes)),
-            np.concatenate((linear.curvature.blocks, turning.blocks)),
-            linear.curvature.joint,
+            np.concatenate((curvature.nodes, nodes)), np.concatenate((curvature.blocks, at_points)), curvature.joint
         )
-        return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held, linear.holding)
+        return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held, linear.holding, tools)
+
+    def _tools(self, tool: npt.NDArray[np.int64], blocks: Array) -> ToolsAtPoints:
+        """The tools, of which each point touches one or none, with what their relative displacements meet."""
+        bodies, dim = self.linear.moving_tools.bodies, blocks.shape[2]
+        count = len(bodies.bodies)
+        fixed, springs = bodies.fixed.reshape(count, -1)[:, :dim], bodies.stiffness.reshape(count, -1)[:, :dim]
+        return ToolsAtPoints(tool, blocks, fixed, springs)

@@ -79,6 +79,8 @@ class ElasticBody:
         compressible: whether the material is far enough from incompressible for multigrid.
         elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
         beside: what a(., .) has beside ``terms``; None: nothing.
+        relative: what the unknowns have beside a(., .) of relative displacements at the contact points, blocks in the
+            axes of space, force per length, shape (n, d, d); None: nothing.
         definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
         links: between nodes, which a(., .) has beside ``terms``; None: there are none.
         of_body: what has been computed of all these but ``boundary``, unless unknowns are along its normals.
@@ -99,6 +101,7 @@ class ElasticBody:
     compressible: bool = True
     elastic: ElasticLaw = field(default_factory=ElasticLaw)
     beside: NodalStiffness | None = None
+    relative: Array | None = None
     definite: bool = True
     links: LinkStiffness | None = None
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -209,12 +212,27 @@ class ElasticBody:
             extra = self._rigid
             springs = boundary.moving.stiffness[:extra]
             stiffness, rotation = with_more_unknowns(stiffness, springs), without_more(rotation, stiffness, extra)
+            if self.relative is not None:
+                self._add_relative(stiffness, rotation)
         diagonal = stiffness.getDiagonal()
         values = diagonal.getArray()
         # In any unit it is neither small nor large beside the other entries.
         values[fixed] = parallel.largest(self.comm, values) or 1.0
         stiffness.setDiagonal(diagonal)
         return self.elastic.joined(stiffness, rotation, turning, fixed)
+
+    def _add_relative(self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None) -> None:
+        """Add ``relative`` to a stiffness without the rows and columns of what is prescribed; collective."""
+        boundary, fixed, relative = self.boundary, self._held, self.relative
+        assert boundary is not None
+        assert relative is not None
+        onto: Array = np.concatenate((boundary.normal[:, :, None], boundary.cotangents), axis=2)
+        blocks = np.asarray(onto.transpose(0, 2, 1) @ relative @ onto)
+        contact = contact_map(boundary, fixed, stiffness, rotation, self.dimension)
+        added = contact.operator.transposeMatMult(contact.law(blocks).matMult(contact.operator))
+        first = added.getOwnershipRange()[0]
+        added.zeroRowsColumns((first + np.flatnonzero(fixed)).astype(PETSc.IntType), diag=0.0)
+        stiffness.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
 
     @shared_in("of_body")
     def _fit_for_blocks(self) -> bool:

@@ -186,7 +186,11 @@ class Foundations:
             driven = "where a force moves the foundation"
             for wrong, key, reason in (
                 (contact.bonded and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
-                (shape and contact.measure is not None, "measure", f"is not possible yet {driven}"),
+                (
+                    shape and contact.measure is not None and not self.measured(shape),
+                    "measure",
+                    f"is not possible yet {driven}",
+                ),
                 (shape and algorithm == "exact", "shape", f"exact ties one unknown, not several {driven}: take 'alm'"),
                 (shape and (shape.timed or shape.driven_in_time), "shape", "depends on t: give numbers, and place()"),
             ):
@@ -195,6 +199,10 @@ class Foundations:
                 problems.append((f"contact[{k}].shape.rigid", reason))
         if problems:
             raise FormError(problems)
+
+    def measured(self, shape: Any) -> bool:
+        """Whether forces may move a shape where the contact has a measure."""
+        return False
 
     def place(self, number: int, placement: Mapping[str, Any]) -> None:
         """Turn and move the shape of a foundation from where it is initially.

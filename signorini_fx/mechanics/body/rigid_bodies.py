@@ -200,6 +200,10 @@ class RigidBodyMotion:
                 off.append(np.abs(moved - gap + np.sum(normal * self.at(x), axis=1)))
         return parallel.largest(boundary.comm, np.concatenate(off))
 
+    def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> _Floats:
+        """From its pivot to some of the contact points, length, shape (m, d)."""
+        return np.asarray(contact.boundary.centre[touching] - self.reference)
+
     def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
         """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.
 
@@ -211,7 +215,7 @@ class RigidBodyMotion:
         boundary, dim = contact.boundary, self.reference.size
         touching = np.isin(boundary.part, self.body.parts)
         forces = boundary.nodal_forces(contact.pressure, contact.shear)[touching]
-        moments = kinematics.turned(boundary.centre[touching] - self.reference, forces)
+        moments = kinematics.turned(self.arms(contact, touching), forces)
         sums = [
             forces.sum(axis=0),
             moments.sum(axis=0),

@@ -65,8 +65,6 @@ class NonlinearMaterial(Material):
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "several bodies": _ANOTHER_BODY,
             "contact of two bodies": _ANOTHER_BODY,
-            "driven foundation": "a foundation that forces move is not possible yet with a nonlinear material: give "
-            "its shift in the time t",
             "friction in time": "friction that depends on the time is not possible yet with a nonlinear material",
             "fluid": _MOVED,
             "springs": _NOT_YET,

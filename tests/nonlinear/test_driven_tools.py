@@ -1,0 +1,273 @@
+"""Tools that forces move against nonlinear bodies: balance, the run driven by displacements, limits, and outcomes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
+from support.nonlinear_scenes import block, indented, material
+
+from signorini_fx import (
+    ConvergenceError,
+    Coulomb,
+    FormError,
+    Foundation,
+    NonlinearContactProblem,
+    SceneError,
+    Status,
+    solve,
+    write_results,
+)
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.records import StepRecord
+
+LAWS = {
+    "rubber": material("neo-hooke"),
+    "metal": material("j2", yield_stress=2.0, hardening=[[0.2, 6.0]]),
+}
+CIRCLE = {"shape": "circle", "centre": [0.8, 1.5], "radius": 0.5}
+ROUGH = {"law": "coulomb", "coefficient": 0.3}
+UPRIGHT = {"rotation": 0.0}
+
+
+def rolled(tool, law="rubber", friction=ROUGH, **further):
+    """A clamped block under a rough tool."""
+    contact = {"boundary": "top", "foundation": tool} | ({"friction": friction} if friction else {})
+    exact = {"solver": {"algorithm": "alm", "tolerance": 1e-11}}
+    return indented(
+        LAWS[law] if isinstance(law, str) else law, cells=(8, 4), **({"contact": contact} | exact | further)
+    )
+
+
+def total(step):
+    """What the tool exerts on the body; collective."""
+    return np.sum(step.contact.forces, axis=0)
+
+
+def polyline(values):
+    """An expression of t that is zero at 0 and has these values at 1, 2, 3."""
+    steps = np.diff([0.0, *values])
+    return " + ".join(f"({float(step)!r}) * min(max(t - {k}, 0), 1)" for k, step in enumerate(steps))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("law", ["metal", pytest.param("rubber", marks=pytest.mark.slow)])
+def test_the_forces_of_a_way_give_the_way(law, tmp_path):
+    """Pressed, dragged and lifted by displacements; then by the forces of these, with the drag prescribed."""
+    times = {"load_steps": {"times": [1.0, 2.0, 3.0], "names": ["press", "drag", "lift"]}}
+    way = ["0.05 * max(t - 1, 0)", "-0.1 * min(t, 1) + 0.02 * max(t - 2, 0)"]
+    by_way = solve(rolled(CIRCLE | {"shift": way}, law, **times))
+    forces = np.array([total(step) for step in by_way.steps])
+    drive = {"force": ["0", polyline(forces[:, 1])], "prescribed": UPRIGHT | {"x": way[0]}}
+    by_force = solve(rolled(CIRCLE | drive, law, **times))
+    assert [step.time for step in by_force.steps] == [1.0, 2.0, 3.0]
+    for step, force, moved in zip(by_force.steps, forces, [(0.0, -0.1), (0.05, -0.1), (0.1, -0.08)], strict=True):
+        (tool,) = step.tools
+        assert tool.translation == pytest.approx(moved, abs=1e-8)
+        assert total(step) == pytest.approx(force, abs=1e-7 * np.abs(forces).max())
+        assert step.certificate.holds
+    u, v = (solution.displacement.x.array for solution in (by_force, by_way))
+    assert np.abs(u - v).max() < 1e-8
+    summary = write_results(by_force, MPI.COMM_WORLD.bcast(str(tmp_path)), pictures=False)
+    (row,) = summary["tools"]
+    assert row["boundary"] == "top"
+    assert row["displacement"] == pytest.approx([0.1, -0.08], abs=1e-8)
+    assert row["force"] == pytest.approx(-forces[2], abs=1e-7 * np.abs(forces).max())
+    assert row["gap_error"] == 0.0
+
+
+@pytest.mark.parametrize("method", [{}, pytest.param({"coulomb": "newton"}, marks=pytest.mark.slow)])
+def test_a_tool_that_sticks_and_its_iterations(method):
+    """Both translations are free: pressed askew by the forces of a way, which it goes; Newton's method stays quick."""
+    space, side = rectangle([2.0, 1.0], [12, 6], MPI.COMM_SELF)
+    ends, circle = [], CIRCLE | {"centre": (0.9, 1.5)}
+
+    def problem(shape):
+        u = fem.Function(space)
+        contact = Foundation(side(1, 1.0), shape=shape, friction=Coulomb(0.6))
+        return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **method)
+
+    placed = problem(circle)
+    for shift in ((0.0, -0.1), (0.03, -0.15)):
+        placed.place(0, shift=shift)
+        placed.solve()
+        ends.append(sum(placed.state.forces))
+        placed.advance()
+    driven = problem(circle | {"force": tuple(ends[0]), "prescribed": UPRIGHT})
+    for force, shift in zip(ends, ((0.0, -0.1), (0.03, -0.15)), strict=True):
+        driven.place(0, force=tuple(force))
+        driven.solve()
+        assert driven.iterations <= 7
+        assert driven.tools[0].translation == pytest.approx(shift, abs=1e-7)
+        assert sum(driven.state.forces) == pytest.approx(force, abs=1e-8 * np.abs(force).max())
+        driven.advance()
+    assert driven.u.x.array == pytest.approx(placed.u.x.array, abs=1e-7)
+    assert driven.shapes[0].shape.shift == pytest.approx((0.03, -0.15), abs=1e-7)
+
+
+def pressed(**prescribed):
+    """A block under a smooth circle that a force presses."""
+    space, side = rectangle([2.0, 1.0], [12, 6], MPI.COMM_SELF)
+    u = fem.Function(space)
+    circle = CIRCLE | {"centre": (0.9, 1.5), "force": (0.0, -20.0), "prescribed": UPRIGHT | prescribed}
+    contact = Foundation(side(1, 1.0), shape=circle)
+    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+
+
+@pytest.mark.parametrize("wrong", ["place", "force"])
+def test_the_certificate_knows_tools(wrong, monkeypatch):
+    """A tool that is elsewhere by a thousandth, and a force that is another one: tractions are summed anew."""
+    right = LinearisedProblem.driven_tools.fget
+    assert pressed(x=0.0).solve() is not None
+
+    def others(self):
+        """Where the check finds tools, and what it takes for what drives them."""
+        factors = (1.001, 1.0) if wrong == "place" else (1.0, 1.001)
+        return [
+            (replace(tool, translation=factors[0] * tool.translation), (factors[1] * load, motion))
+            for tool, (load, motion) in right(self)
+        ]
+
+    monkeypatch.setattr(LinearisedProblem, "driven_tools", property(others))
+    problem = pressed(x=0.0)
+    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+        problem.solve()
+    assert problem.status is Status.NOT_CERTIFIED
+
+
+@pytest.mark.parametrize("law", ["saint-venant-kirchhoff", pytest.param("j2", marks=pytest.mark.slow)])
+def test_linear_limit(law):
+    """At small forces the tool moves as on the linear body: half the force, a quarter of the difference."""
+    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "prescribed": UPRIGHT}
+    differences = []
+    for force in (2e-3, 1e-3):
+        ways = [
+            solve(rolled(plate | {"force": [0.1 * force, -force]}, body, load_steps={}), MPI.COMM_SELF)
+            for body in (material(law), {"young": 100.0, "poisson": 0.3})
+        ]
+        ours, linear = (way.last_step.tools[0].translation for way in ways)
+        assert ours == pytest.approx(linear, rel=1e-3)
+        differences.append(np.abs(ours - linear).max())
+    if law != "j2":
+        assert differences[0] == pytest.approx(4 * differences[1], rel=0.05)
+
+
+@pytest.mark.parametrize("kind", [pytest.param("plane strain", marks=pytest.mark.slow), "axisymmetric"])
+def test_a_block_under_a_plate(kind):
+    """A block between plates, one pressed by a force: its height is that of the stretches; a spring takes its part."""
+    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
+    law = material("neo-hooke", hypothesis=kind)
+    way = block(law, "0.3", cells=(2, 2), load_steps={"times": [1.0]})
+    force = total(solve(way, MPI.COMM_SELF).last_step)[1]
+    upright = UPRIGHT | {"x": 0.0} if kind == "plane strain" else {}
+    for spring in ({}, {"spring": {"y": 10.0}}):
+        pressed = force - 10.0 * 0.3 * bool(spring)
+        tool = plate | spring | {"force": [0.0, pressed]} | ({"prescribed": upright} if upright else {})
+        solution = solve(block(law, "0", cells=(2, 2), foundation=tool, load_steps={"steps": 3}), MPI.COMM_SELF)
+        assert solution.last_step.tools[0].translation == pytest.approx([0.0, -0.3], abs=1e-8)
+        assert total(solution.last_step)[1] == pytest.approx(force, rel=1e-9)
+
+
+def test_what_pulls_away():
+    """A named outcome: at once, or after the load step that had a solution; and where nothing holds a tool."""
+    away = CIRCLE | {"force": ["0", "5 * t"], "prescribed": UPRIGHT}
+    later = CIRCLE | {"force": ["0", "-5 * t * (1.5 - t)"], "prescribed": UPRIGHT}
+    loose = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
+    loose |= {"force": ["t", "-5"], "prescribed": UPRIGHT}
+    times = {"load_steps": {"times": [1.0, 2.0]}}
+    ends = [
+        solve(rolled(tool, friction=friction, **times), MPI.COMM_SELF, check=False)
+        for tool, friction in ((away, ROUGH), (later, ROUGH), (loose, None))
+    ]
+    assert [end.status for end in ends] == [Status.LIMIT] * 3
+    assert [len(end.steps) > 1 for end in ends] == [False, True, False]
+    assert not np.any([tool.translation for tool in ends[0].last_step.tools])
+    assert 1.4 < ends[1].last_step.time < 1.5
+    assert ends[1].last_step.certificate.holds
+    assert "body not held" in ends[2].findings[0].message
+
+
+def test_unstable_under_a_force_alone():
+    """A smooth circle in the middle slides off to a side; where it cannot go aside, it stays."""
+    stays, leaves = pressed(x=0.0), pressed()
+    stays.solve()
+    with pytest.raises(ConvergenceError, match="unstable equilibrium"):
+        leaves.solve()
+    assert leaves.status is Status.UNSTABLE
+    assert not leaves.u.x.array.any()
+    assert not leaves.tools[0].translation.any()
+
+
+class Killed(Exception):
+    """The end of a run."""
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("law", ["metal", pytest.param("rubber", marks=pytest.mark.slow)])
+def test_restart(tmp_path, law):
+    """A tool goes on from where it was, with its slips."""
+    folder = MPI.COMM_WORLD.bcast(str(tmp_path))
+    drive = {"force": ["0", "-1.5 * min(t, 2) + max(t - 2, 0)"], "prescribed": UPRIGHT | {"x": "0.03 * t"}}
+    scene = rolled(CIRCLE | drive, law, load_steps={"times": [1.0, 2.0, 3.0]})
+
+    def watch(record):
+        if isinstance(record, StepRecord) and record.step == 3:
+            raise Killed
+
+    with pytest.raises(Killed):
+        solve(scene, checkpoint=folder, observers=[watch])
+    solution, reference = solve(scene, checkpoint=folder, restart=True), solve(scene)
+    assert solution.history.events[0].startswith("restart: 2 complete load steps")
+    assert not any("solved again" in event for event in solution.history.events)
+    for ours, theirs in zip(solution.steps, reference.steps, strict=True):
+        assert ours.tools[0].translation == pytest.approx(theirs.tools[0].translation, abs=1e-9)
+        assert total(ours) == pytest.approx(total(theirs), abs=1e-8)
+
+
+@pytest.mark.slow
+def test_a_tool_of_several_contacts_in_space():
+    """A plate and a ball that are one rigid body: they move together, and share the force."""
+    plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0], "rigid": "press"}
+    upright = {"rotation_x": 0.0, "rotation_y": 0.0, "rotation_z": 0.0}
+    wall = {"shape": "plane", "point": [1.0, 0.0, 0.0], "normal": [-1.0, 0.0, 0.0], "rigid": "press"}
+    drive = {"force": [-1.0, 0.5, -4.0], "prescribed": upright}
+    contact = [
+        {"boundary": "top", "foundation": plate | drive, "friction": ROUGH},
+        {"boundary": "right", "foundation": wall, "friction": ROUGH},
+    ]
+    scene = rolled(
+        plate,
+        mesh={"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2}},
+        displacement={"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+        contact=contact,
+        load_steps={},
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    (tool,) = solution.last_step.tools
+    assert tool.body.name == "press"
+    assert total(solution.last_step) == pytest.approx([-1.0, 0.5, -4.0], abs=1e-7)
+    assert np.abs(solution.last_step.contact.forces_of_each).sum(axis=(1, 2)).min() > 0.1
+
+
+def test_what_is_refused():
+    """By one sentence that names the place: what turns, and what cannot move it."""
+    for tool, says in (
+        (CIRCLE | {"force": [0.0, -1.0], "pivot": [0.8, 1.5]}, "a tool that forces turn is not possible yet"),
+        (
+            CIRCLE | {"force": [0.0, -1.0], "prescribed": {"rotation": 0.1}, "pivot": [0.8, 1.5]},
+            "prescribe rotation = 0",
+        ),
+    ):
+        with pytest.raises(SceneError, match=says) as refused:
+            solve(rolled(tool, load_steps={}), MPI.COMM_SELF)
+        assert "contact[0].foundation.prescribed" in str(refused.value)
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u = fem.Function(space)
+    circle = CIRCLE | {"force": (0.0, -1.0), "prescribed": UPRIGHT, "pivot": (0.8, 1.5)}
+    problem = NonlinearContactProblem(residual(u, neo_hooke), u, contact=Foundation(side(1, 1.0), shape=circle))
+    with pytest.raises(FormError, match=r"contact\[0\].shape.shift: stays: this foundation is moved by what drives it"):
+        problem.place(0, shift=(0.0, -0.1))
+    with pytest.raises(FormError, match=r"contact\[0\].shape.prescribed: a tool that forces turn"):
+        problem.place(0, prescribed={"x": 0.0})
