@@ -27,7 +27,7 @@ from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, curvature_of, left_by_turning
-from signorini_fx.forms.nonlinear.moving_tools import RelativeStiffness, Tools
+from signorini_fx.forms.nonlinear.moving_tools import MovingTools, RelativeStiffness
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
@@ -194,9 +194,9 @@ class LinearisedProblem(FormSolver):
         self.foundations.check_driven(self.settings.algorithm)
 
     @property
-    def moving_tools(self) -> Tools:
+    def moving_tools(self) -> MovingTools:
         """The tools where they are."""
-        return Tools(self.foundations.rigid_bodies, self.foundations.shapes_of_tools)
+        return MovingTools(self.foundations.rigid_bodies, self.foundations.shapes_of_tools)
 
     @property
     def pairs(self) -> Mapping[int, MovingPair]:

@@ -12,7 +12,7 @@ see ``curvature_of``, are added as B^T C B, with B = [I, -1] for the unknowns (y
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -25,16 +25,17 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies, RigidBodyMotion
+from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 
 Array = npt.NDArray[np.float64]
 
 
 class ToolMotion(RigidBodyMotion):
-    """How a tool has moved: by a translation that need not be small, so that its gap has no error."""
+    """How a tool has moved: by a translation that need not be small."""
 
-    def gap_error(self, contact: ContactState, shapes: Mapping[int, Any]) -> float:
-        """None: contact sees it where it is."""
-        return 0.0
+    def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
+        """See ``RigidBodyMotion``: its gap is not linearised."""
+        return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> Array:
         """See ``RigidBodyMotion``: of the displaced points from its displaced pivot."""
@@ -45,7 +46,7 @@ class ToolMotion(RigidBodyMotion):
 
 
 @dataclass(frozen=True)
-class Tools:
+class MovingTools:
     """The tools of a problem at their translations.
 
     Attributes:

@@ -23,7 +23,7 @@ class Tool(Row):
     moment: Number | Vector = described("About that point; in space a vector.")
     gap_error: Number = described(
         "By how much the gap where the tool ends up differs at most from the linearised one, where it presses, length; "
-        "null for bonded boundaries."
+        "null for bonded boundaries, and for nonlinear bodies, whose gap is that of the place where the tool is."
     )
 
 
