@@ -181,6 +181,28 @@ def test_a_block_under_a_plate(kind):
         assert total(solution.last_step)[1] == pytest.approx(force, rel=1e-9)
 
 
+@pytest.mark.mpi
+def test_between_a_ground_and_a_tool():
+    """Contact alone holds the block: it falls to the ground, and the tool with it, by the gap more."""
+    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
+    plate |= {"force": ["0", "-20 * t"], "prescribed": UPRIGHT | {"x": 0.0}}
+    ways = []
+    for gap in (0.0, 0.05):
+        contact = [{"boundary": "top", "foundation": plate}, {"boundary": "bottom", "gap": gap}]
+        scene = block(
+            LAWS["rubber"],
+            "0",
+            displacement={"boundary": "left", "x": 0.0},
+            contact=contact,
+            load_steps={"times": [1.0, 2.0]},
+        )
+        steps = solve(scene).steps
+        ways.append([step.tools[0].translation[1] for step in steps])
+        for step, force in zip(steps, (20.0, 40.0), strict=True):
+            assert step.contact.forces_of_each[:, 0, 1] == pytest.approx([-force, force], rel=1e-9)
+    assert np.subtract(*ways) == pytest.approx([0.05, 0.05], abs=1e-9)
+
+
 def test_what_pulls_away():
     """A named outcome: at once, or after the load step that had a solution; and where nothing holds a tool."""
     away = CIRCLE | {"force": ["0", "5 * t"], "prescribed": UPRIGHT}
@@ -246,9 +268,10 @@ class Killed(Exception):
 
 
 @pytest.mark.mpi
+@pytest.mark.parametrize("alone", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("law", ["metal", pytest.param("rubber", marks=pytest.mark.slow)])
-def test_restart(tmp_path, law):
-    """A tool goes on from where it was, with its slips."""
+def test_restart(tmp_path, law, alone):
+    """A tool goes on from where it was, with its slips, also on all ranks after a beginning on one."""
     folder = MPI.COMM_WORLD.bcast(str(tmp_path))
     drive = {"force": ["0", "-1.5 * min(t, 2) + max(t - 2, 0)"], "prescribed": UPRIGHT | {"x": "0.03 * t"}}
     scene = rolled(CIRCLE | drive, law, load_steps={"times": [1.0, 2.0, 3.0]})
@@ -257,8 +280,10 @@ def test_restart(tmp_path, law):
         if isinstance(record, StepRecord) and record.step == 3:
             raise Killed
 
-    with pytest.raises(Killed):
-        solve(scene, checkpoint=folder, observers=[watch])
+    if not alone or MPI.COMM_WORLD.rank == 0:
+        with pytest.raises(Killed):
+            solve(scene, MPI.COMM_SELF if alone else MPI.COMM_WORLD, checkpoint=folder, observers=[watch])
+    MPI.COMM_WORLD.barrier()
     solution, reference = solve(scene, checkpoint=folder, restart=True), solve(scene)
     assert solution.history.events[0].startswith("restart: 2 complete load steps")
     assert not any("solved again" in event for event in solution.history.events)
