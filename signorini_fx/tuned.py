@@ -972,3 +972,20 @@ JUDGED_SAME_TIME = 1e-4
 # The guaranteed error of a result is sought on meshes of ours with sides halved at most so often, as long as there are
 # at most so many unknowns in the plane and in space: 2 s with 8,514 in the plane, half a minute with that in space.
 JUDGED_HALVINGS, JUDGED_FINEST = 3, {2: 12_000, 3: 3_000}
+
+# --- soft contact ----------------------------------------------------------------------------------------------------
+
+# Contact problems of a load step, and by how much of the largest one overclosures may miss their law in the end: the
+# certificate asks for 1e-6 of the largest displacement.  Choice.
+OVERCLOSURE_PROBLEMS, OVERCLOSURE_MISSED = 40, 1e-10
+# A pressure falls to no less than this share of itself from one tangent to the next: exponential laws are steep.
+# Choice.
+PRESSURE_FALLS = 1e-2
+
+# --- gauntlet --------------------------------------------------------------------------------------------------------
+
+# Differences from another program's values that are larger than this share of them are explained by further runs.
+# Choice: issue of the gauntlet.
+EXPLAINED_FROM = 0.01
+# Meshes with halved sides have at most so many unknowns.  Choice: a minute on a small machine.
+FINER_AT_MOST = 120_000

@@ -150,7 +150,7 @@ def contact_solution(
         found: see ``Solution``.
     """
     (outcome, data), shown, values = ended, _shown(steps), None
-    if not task.has_coulomb:
+    if not task.has_coulomb and data.yielding is None:
         assert shown.contact is not None
         values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
     return replace(

@@ -47,6 +47,7 @@ REFUSES = {
     "graded material": "moduli or axes that vary have no guaranteed bound yet",
     "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
     "point force": "a force at a point does infinite work: its displacement has no finite energy",
+    "soft contact": "soft contact enters the foundation, and the bound is for displacements that do not",
     "links": "links act at points, where displacements of finite energy have no value",
     "foundation with a shape": "a guaranteed bound is for a gap along given directions, not for a foundation with a "
     "shape so far",

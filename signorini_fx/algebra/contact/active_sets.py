@@ -233,6 +233,8 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
     blocks = np.zeros((count, 1 + tangents, 1 + tangents))
     pressing = sets.contact if data.immovable is None else sets.contact & ~data.immovable
     blocks[:, 0, 0] = np.where(pressing, data.gamma_n, 0.0)
+    if data.yielding is not None:
+        blocks[:, 0, 0] *= data.yielding.share
     if data.bound is None:
         return blocks
     identity = np.eye(tangents)

@@ -29,6 +29,19 @@ from signorini_fx.tuned import AUTOMATIC_GAMMA
 
 
 @dataclass(frozen=True)
+class Yielding:
+    """A tangent of soft contact, at n points: the pressure is lambda_hat + share gamma_1 (tau_N y - d - offset).
+
+    Attributes:
+        share: of gamma_1, shape (n,).
+        offset: length, shape (n,).
+    """
+
+    share: Nodal
+    offset: Nodal
+
+
+@dataclass(frozen=True)
 class RegularisedData:
     """The data of the regularised problem (P_gamma) on the contact points: the only data that outer algorithms change.
 
@@ -48,6 +61,7 @@ class RegularisedData:
             step.
         immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,): no pressure acts
             there, because the supports take whatever it would be; None: there are none.
+        yielding: the tangent of soft contact that takes the place of gamma_1; None: gamma_1 holds.
     """
 
     gap: Nodal
@@ -61,6 +75,7 @@ class RegularisedData:
     bilateral: npt.NDArray[np.bool_] | None = None
     slip_origin: Nodal | None = None
     immovable: npt.NDArray[np.bool_] | None = None
+    yielding: Yielding | None = None
 
     @classmethod
     def unshifted(
@@ -114,7 +129,10 @@ def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
 
 def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
     """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable points."""
-    trial = data.lambda_hat + data.gamma_n * (u_n - data.gap)
+    overlap = u_n - data.gap
+    if data.yielding is not None:
+        overlap = data.yielding.share * (overlap - data.yielding.offset)
+    trial = data.lambda_hat + data.gamma_n * overlap
     return trial if data.immovable is None else np.where(data.immovable, 0.0, trial)
 
 

@@ -12,6 +12,7 @@ from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.laws.registry import OneLaw
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
+from signorini_fx.mechanics.statement.overclosure import OneOverclosure
 from signorini_fx.mechanics.statement.rigid_motion import driven_twice
 from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
 from signorini_fx.mechanics.statement.values import Direction, NonNegative, Positive, SampledValue, not_at_points, shown
@@ -159,10 +160,39 @@ class UnilateralContact(Contact):
         foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
         friction: the friction law.
         contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: that of ``mesh``.
+        overclosure: how far it gives way under its pressure, ``statement.overclosure``; None: not at all, but for
+            ``gamma_n``.
         kind: its name.
     """
 
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        **Contact.refuses,
+        "soft contact": {"exact": "exact makes constraints of contact, which do not give way: take 'ssn'"},
+    }
+
     kind: Literal["unilateral"] = "unilateral"
+    overclosure: OneOverclosure | None = None
+
+    @property
+    def interface(self) -> str:
+        """See ``Effect``."""
+        return "" if self.overclosure is None else "overclosures"
+
+    def sought_at(self, statement: Any, step: float) -> str:
+        """See ``Effect``."""
+        return "" if self.overclosure is None else "contact gives way under its pressure"
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (*super().features, *([] if self.overclosure is None else [("soft contact", ("overclosure",))]))
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        """See ``Effect``."""
+        yield from super().contradictions(statement, number)
+        if self.overclosure is not None and statement.solver.algorithm not in ("auto", "ssn", "exact"):
+            reason = f"is for 'ssn': {statement.solver.algorithm!r} makes contact harder and harder"
+            yield ("contact", number, "overclosure"), reason
 
 
 class BondedContact(Contact):

@@ -65,6 +65,7 @@ class NonlinearMaterial(Material):
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "several bodies": _ANOTHER_BODY,
             "contact of two bodies": _ANOTHER_BODY,
+            "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
             "friction in time": "friction that depends on the time is not possible yet with a nonlinear material",
             "fluid": _MOVED,
             "springs": _NOT_YET,

@@ -43,7 +43,7 @@ from signorini_fx.results.certificate.equilibrium import (
     share,
 )
 from signorini_fx.results.certificate.nodal_forces import NodalForces, left_over
-from signorini_fx.results.certificate.promised_law import UNREGULARISED, Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.promised_law import UNREGULARISED, Law, PreviousStep, Tractions, overclosures_of
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import ABOVE_THE_MEAN, FAINT, LOST_UNITS, NO_FORCE
 
@@ -190,6 +190,7 @@ def certify(
         within = scale * forces_entered(forces, sides, tractions, step, before)
         balance = replace(balance, external=balance.external + within)
     drives = [*zip(rigid, statement.drives(tagged.dimension, step, scale), strict=bool(rigid))]
+    law = replace(law, overclosures=overclosures_of(statement))
     certificate = judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)
     missed = [material.missed() for material in statement.material if not material.isotropic]
     return replace(certificate, moduli=max(missed)) if missed else certificate
@@ -363,6 +364,10 @@ def contact_conditions(
     unity = np.ones_like(stress)
     overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n
+    for number, soft in law.overclosures.items():
+        on = nodes.part(number)
+        missing = soft.pressure_at(overlap[on]) - pressure[on]
+        entered[on] = missing * soft.tangent(np.maximum(pressure[on], 0.0))[1]
     xi = slip - (shear - origin) / law.gamma_t
     overlap, entered = np.where(immovable, np.minimum(overlap, 0.0), overlap), np.where(immovable, 0.0, entered)
     distance = np.where(immovable, np.inf, np.where(bilateral, 0.0, np.maximum(-entered, 0.0)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +15,8 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.statement.overclosure import Overclosure
+from signorini_fx.mechanics.statement.statement import Statement
 
 
 @dataclass(frozen=True)
@@ -29,11 +32,13 @@ class Law:
         gamma_t: stress per length.
         penalty: stress per length, by which the tractions were computed from displacements whatever the law is, also by
             augmentation: they have the round-off of these times it; 0: they were not.
+        overclosures: of contact that gives way by another law than gamma_n, by its place in ``statement.contact``.
     """
 
     gamma_n: float = np.inf
     gamma_t: float = np.inf
     penalty: float = field(default=0.0, compare=False)
+    overclosures: Mapping[int, Overclosure] = field(default_factory=dict, compare=False)
 
     @property
     def regularised(self) -> bool:
@@ -47,6 +52,12 @@ class Law:
 
 
 UNREGULARISED = Law()
+
+
+def overclosures_of(statement: Statement) -> dict[int, Overclosure]:
+    """The laws of soft contact by their places in ``statement.contact``."""
+    laws = ((number, getattr(contact, "overclosure", None)) for number, contact in enumerate(statement.contact))
+    return {number: law for number, law in laws if law is not None}
 
 
 @dataclass(frozen=True)
