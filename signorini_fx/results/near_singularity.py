@@ -106,7 +106,8 @@ def _normal(vertices: Array, inside: Array) -> Array:
 def _condition(body: Model, facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...], str]:
     """What is prescribed on a facet, by which boundaries, and how it may touch another body."""
     statement, tagged, dim = body.statement, body.tagged, body.tagged.dimension
-    supports = [effect for effect in statement.displacement if effect.where and facet in tagged.facets(effect.where)]
+    holding = [effect for effect in statement.displacement if effect.where and effect.holding]
+    supports = [effect for effect in holding if facet in tagged.facets(effect.where)]
     contacts = [
         (effect, name)
         for effect in statement.contact

@@ -192,4 +192,6 @@ def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int
     tools = [contact.tool for contact in effects["contact"]] if times is not None else []
     timed |= any(body.motion.driven_in_time for body in rigid_bodies(tools, [""] * len(tools)))
     count = len(times or ()) if timed else 1
+    holds = (entry.holds for entry in effects.get("displacement", ()))
+    count = max((len(entries) for entries in holds if entries is not None), default=count) if count == 1 else count
     return max((len(load.factors) for load in loads if load.factors is not None), default=count)

@@ -371,6 +371,8 @@ class PlainProblem:
         """Directions in which facets are held; the displacement there is one that the elements hold."""
         statement, size, d = self._statement, np.abs(self.y).max(), self._dimension
         for entry in statement.of(PrescribedDisplacement):
+            if not entry.holding:
+                continue
             factor, effect = statement.now(entry, self._position)
             facets = self._facets(str(effect.boundary))
             points = self.on(facets, POINTS[d])

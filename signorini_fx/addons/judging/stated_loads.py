@@ -147,6 +147,8 @@ def prescribed_of(statement: Statement, position: float, mesh: JudgedMesh) -> tu
     prescribed = np.full(mesh.points.shape, np.nan)
     reasons: Reasons = []
     for entry in statement.displacement:
+        if not entry.holds_at(position):
+            continue
         factor, support = statement.now(entry, position)
         if support.at is None:
             nodes = np.unique(mesh.boundaries[support.boundary])

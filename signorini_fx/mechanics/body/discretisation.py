@@ -212,17 +212,41 @@ def _terms(
 
 
 def placed(model: Model, step: float) -> Model:
-    """The same with foundations and friction of a place where they depend on the time; itself if none does;
-    collective.
+    """The same with foundations and friction of a place where they depend on the time, and with the supports that hold
+    there; itself if all are as they were; collective.
     """
     statement = model.statement.placed(step)
     if statement is model.statement or model.boundary is None:
         return model
+    if statement.displacement is not model.statement.displacement:
+        return _with_supports(model, statement)
     if not any(effect.moves for effect in statement.contact):
         return replace(model, statement=statement, law=law_of(model, statement))
     aligned = statement.solver.algorithm == "exact"  # whose unknowns are along the normals
     of_body = {} if aligned else model.of_body
     return replace(model, statement=statement, of_body=of_body, **contact_of(model, statement))
+
+
+def _with_supports(model: Model, statement: Statement) -> Model:
+    """The same body with other supports, and contact as another statement has it; collective."""
+    assert model.coefficients is not None
+    facets, test = boundary_facets(statement, model.tagged), ufl.TestFunction(model.space)
+    supports = Supports.of(statement, model.space, facets, model.tagged)
+    on, earlier = replace(model.coefficients, statement=statement), load_groups(model.statement)
+    applied = [applied_load(group, loads, on, test, supports.at) for group, loads in load_groups(statement).items()]
+    changed = replace(
+        model,
+        statement=statement,
+        bcs=[support for _, support in supports.conditions],
+        turned=supports.turned,
+        fixed=supports.fixed,
+        supports=supports.conditions,
+        coefficients=on,
+        applied=(*applied, *model.applied[len(earlier) :]),
+        of_body={},
+    )
+    contact = contact_of(changed, statement)
+    return replace(changed, **contact | {"boundary": model.rigid.on(contact["boundary"])})
 
 
 def contact_of(model: Model, statement: Statement) -> dict[str, Any]:

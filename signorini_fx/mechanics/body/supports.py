@@ -84,6 +84,8 @@ def dirichlet_conditions(
     dim = space.mesh.topology.dim - 1
     supports = []
     for index, effect in enumerate(statement.displacement):
+        if not effect.holding:
+            continue
         for component, value in components(effect, index, tagged):
             subspace = space.sub(component)
             if effect.at is not None:
@@ -235,7 +237,7 @@ def skew_supports(
     """The supports along the normal of a flat boundary across no axis; collective."""
     supports = []
     for index, effect in enumerate(statement.displacement):
-        if effect.normal is None:
+        if effect.normal is None or not effect.holding:
             continue
         normal = flat_normal(effect, index, tagged)
         if np.abs(normal).max() < 1.0:

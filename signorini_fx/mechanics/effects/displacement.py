@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from math import ceil
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from signorini_fx.mechanics.statement.effect import Array, Coefficients, Contradictions, Features, Load, text
 from signorini_fx.mechanics.statement.expressions import sample
@@ -28,6 +29,7 @@ class PrescribedDisplacement(Load):
         about: a point c of its axis, length; None: the origin.
         axis: the direction of w, any length; only in space; None: x[2]; of a section that turns about its axis
             this one, (0, 1).
+        holds: whether it holds in each load step; in the others nothing is prescribed; None: in all.
         factors: one number per load step; None: 1 in every step.
     """
 
@@ -41,6 +43,10 @@ class PrescribedDisplacement(Load):
     rotation: TimedSampledValue | None = None
     about: Vector | None = None
     axis: Direction | None = None
+    holds: Annotated[tuple[bool, ...], Field(min_length=1)] | None = None
+
+    # Whether it holds in the load step that the statement is placed at.
+    _holding: bool = PrivateAttr(default=True)
 
     @model_validator(mode="after")
     def _something(self) -> Self:
@@ -57,6 +63,23 @@ class PrescribedDisplacement(Load):
         if self.rotation is None and (self.about or self.axis):
             raise ValueError("about and axis are those of a rotation, which is missing")
         return self
+
+    @property
+    def holding(self) -> bool:
+        """Whether it holds in the load step that its statement is placed at."""
+        return self._holding
+
+    def holds_at(self, step: float) -> bool:
+        """Whether it holds at a place in the lists of factors: on the way to a load step as in that."""
+        return self.holds is None or self.holds[max(0, ceil(step))]
+
+    def in_step(self, step: float) -> Self:
+        """The same at a place in the lists of factors; itself if it holds there as it does now."""
+        if self.holds_at(step) == self._holding:
+            return self
+        entry = self.model_copy()
+        entry._holding = not self._holding
+        return entry
 
     @property
     def place(self) -> str:
@@ -117,7 +140,11 @@ class PrescribedDisplacement(Load):
     @property
     def features(self) -> Features:
         """See ``Effect``."""
-        listed = (("support of a point", "at"), ("prescribed rotation", "rotation"))
+        listed = (
+            ("support of a point", "at"),
+            ("prescribed rotation", "rotation"),
+            ("support of some load steps", "holds"),
+        )
         return tuple((name, (key,)) for name, key in listed if getattr(self, key) is not None)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
@@ -126,6 +153,14 @@ class PrescribedDisplacement(Load):
             reason = statement.kinematics.refused_axis(self.axis, self.about)
             if reason:
                 yield ("displacement", number, "axis"), reason
+        if self.holds is not None:
+            path = ("displacement", number, "holds")
+            if len(self.holds) != statement.steps:
+                yield path, f"has {len(self.holds)} entries, one for each of {statement.steps} load steps is expected"
+            elif not statement.contact:
+                yield path, "is for scenes with contact: solve the others step by step"
+            elif not any(self.holds):
+                yield path, "is false in all load steps: leave the entry out"
         touching = self.at is None and any(contact.boundary == self.boundary for contact in statement.contact)
         if touching and (self.normal is not None or None not in self.components):
             yield ("displacement", number), f"{self.boundary!r} is prescribed, and in contact as well: choose one"

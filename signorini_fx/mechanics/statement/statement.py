@@ -223,10 +223,16 @@ class Statement:
         return 1.0 if factors is None else factor_at(factors, step), effect.at_time(self.time_at(step))
 
     def placed(self, step: float) -> Self:
-        """The same with foundations and friction of a place in the lists of factors; itself if no time is in them."""
-        if not any(effect.timed for effect in self.contact):
-            return self
-        return self.changed(contact=tuple(contact.at_time(self.time_at(step)) for contact in self.contact))
+        """The same with foundations, friction and supports of a place in the lists of factors; itself if these are
+        there as they are.
+        """
+        changed: dict[str, tuple[Any, ...]] = {}
+        if any(effect.timed for effect in self.contact):
+            changed["contact"] = tuple(contact.at_time(self.time_at(step)) for contact in self.contact)
+        supports = tuple(entry.in_step(step) for entry in self.displacement)
+        if any(entry is not earlier for entry, earlier in zip(supports, self.displacement, strict=True)):
+            changed["displacement"] = supports
+        return self.changed(**changed) if changed else self
 
     def time_at(self, step: float) -> float:
         """The time of a place in the lists of factors, see ``statement.load_steps``."""

@@ -212,7 +212,8 @@ def boundary_residual(d: Model, stress: ElementStress, z: Any) -> tuple[Callable
     traction_facets = np.setdiff1d(
         exterior_facets, np.concatenate([exterior_facets[:0], *(d.tagged.facets(name) for name in touching)])
     )
-    effects = [effect for _, effect in statement.listed() if effect.where is not None]
+    listed = (effect for _, effect in statement.listed() if effect.where is not None)
+    effects = [effect for effect in listed if getattr(effect, "holding", True)]
     on = np.array([np.isin(traction_facets, d.tagged.facets(effect.where)) for effect in effects], dtype=bool)
     factors = [fem.Constant(mesh, default_scalar_type(1.0)) for _ in effects]
     on_boundary = d.coefficients

@@ -53,6 +53,8 @@ class PrescribedNodes:
         x = forces.at_nodes
         dim = tagged.mesh.topology.dim - 1
         for position, effect in enumerate(statement.displacement):
+            if not effect.holds_at(step):
+                continue
             if effect.at is None:
                 nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
             else:

@@ -78,6 +78,11 @@ def _kind(element: str) -> tuple[str, int]:
     )
 
 
+def removes_elements(block: DeckBlock) -> bool:
+    """Whether a *MODEL CHANGE takes elements away."""
+    return block.parameters.get("TYPE", "ELEMENT").upper() == "ELEMENT" and "REMOVE" in block.parameters
+
+
 # Sets of sets may name the same elements repeatedly: more members than this in all sets are an error.
 _MOST_MEMBERS = 20_000_000
 
@@ -99,6 +104,9 @@ class _Reader:
         self.elements: dict[int, tuple[str, int]] = {}  # number -> (kind, row)
         self.tied = False
         self.passed_over: set[int] = set()  # elements that are nothing of the body
+        self._steps = 0
+        self.emptied: set[str] = set()  # surfaces of removed elements alone, in capitals
+        self._removed: list[DeckBlock] = []  # what takes elements away before anything acts
         self.element_sets: dict[str, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
         self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
@@ -150,6 +158,10 @@ class _Reader:
                 apart = not any(map(completed, self.blocks))
                 sets = (partial(self._member, of) for of in (self.node_sets, self.element_sets))
                 self._groups.said += [(block, *group) for group in agreeing(block, *sets, apart=apart)]
+            case "STEP":
+                self._steps += 1
+            case "MODELCHANGE" if self._steps == 1 and removes_elements(block):
+                self._removed.append(block)
             case "SYSTEM" if rows:
                 raise ValueError("coordinates are expected along x, y and z")
             case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
@@ -264,6 +276,7 @@ class _Reader:
 
     def result(self) -> RawMesh:
         """Everything with the numbering of arrays; members of sets that are nothing of the body are passed over."""
+        self._remove_elements()
         self._resolve_sections()
         self.groups = self._groups.named(list(self.blocks.values()), self.node_sets, self.surfaces, self._free)
         node_rows = self.places = {node: index for index, node in enumerate(self.points)}
@@ -305,6 +318,35 @@ class _Reader:
             for name, nodes in self.node_sets.items()
         }
         return RawMesh(points, blocks, sets, node_sets)
+
+    def _remove_elements(self) -> None:
+        """Take away the elements that the first step removes: they never carry anything."""
+        names = [word for block in self._removed for row in block.rows for word in row]
+        removed = {element for name in names for element in self._member(self.element_sets, name)}
+        if not removed & self.elements.keys():
+            return
+        self.passed_over |= removed & self.elements.keys()
+        rows = {kind: [number for number in numbers if number not in removed] for kind, numbers in self._by_kind()}
+        before = {kind: np.cumsum([number not in removed for number in numbers]) for kind, numbers in self._by_kind()}
+        self._element_blocks = [
+            (kind, int(before[kind][count - 1]) if count else 0, block) for kind, count, block in self._element_blocks
+        ]
+        self.blocks = {
+            kind: [self.blocks[kind][self.elements[number][1]] for number in numbers] for kind, numbers in rows.items()
+        }
+        self.elements = {number: (kind, row) for kind, numbers in rows.items() for row, number in enumerate(numbers)}
+        for name, faces in self.surfaces.items():
+            rest = [face for face in faces if face[0] not in removed]
+            if faces and not rest:
+                self.emptied.add(name.upper())
+            self.surfaces[name] = rest
+
+    def _by_kind(self) -> list[tuple[str, list[int]]]:
+        """The numbers of the elements of each kind, in their order."""
+        numbers: dict[str, list[int]] = {kind: [] for kind in self.blocks}
+        for number, (kind, _) in self.elements.items():
+            numbers[kind].append(number)
+        return list(numbers.items())
 
     def _add_faces_of_nodes(self, points: Floats, tables: dict[str, Ints]) -> None:
         """Surfaces of single nodes in contact become those of the faces around them."""
@@ -383,6 +425,7 @@ class DeckModel:
         places: number of a node -> its row in the mesh.
         surfaces: name of a surface -> its elements, each with a face from 1 on.
         bare: an element of the body that is in no section, and the keyword that defines it; None: all are in one.
+        emptied: names of surfaces, in capitals, all of whose elements the first step removes.
         tied: whether there are elements with stiffness that are nothing of the body, such as springs.
         bodies: names of the parts that share no node, if there are several and the file gives nodes values.
     """
@@ -397,6 +440,7 @@ class DeckModel:
     bare: tuple[int, DeckBlock] | None
     bodies: tuple[str, ...]
     tied: bool
+    emptied: frozenset[str]
 
 
 def read_model(file: Path) -> DeckModel:
@@ -433,6 +477,7 @@ def read_model(file: Path) -> DeckModel:
         reader.bare,
         reader.bodies,
         reader.tied,
+        frozenset(reader.emptied),
     )
 
 

@@ -1,0 +1,154 @@
+"""Supports that hold in some load steps only."""
+
+import numpy as np
+import pytest
+
+from signorini_fx.errors import SceneError
+from signorini_fx.scenes.reading import as_scene
+from signorini_fx.scenes.solver import solve
+
+FIRST = [{"boundary": "top", "x": 0.0, "y": -0.001}, {"boundary": "left", "x": 0.0}]
+SECOND = [{"boundary": "right", "x": 0.01}, {"boundary": "top", "y": -0.002}]
+TOOL = {"shape": "plane", "point": [0.5, 0.0], "normal": [0.0, 1.0], "pivot": [0.5, 0.0], "force": [0.0, 3.0]}
+TOOL |= {"prescribed": {"rotation": 0.0, "x": 0.0}}
+WITH = {
+    "ssn": {},
+    "alm": {"solver": {"algorithm": "alm"}},
+    "exact": {"solver": {"algorithm": "exact"}},
+    "multigrid": {"solver": {"linear_algebra": "krylov"}},
+    "degree 2": {"element": {"degree": 2}},
+    "axisymmetric": {"material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}},
+    "bilateral": {"contact": [{"boundary": "bottom", "kind": "bilateral"}]},
+    "tool": {"traction": [], "contact": [{"boundary": "bottom", "foundation": TOOL}]},
+}
+
+
+def block(supports, **more):
+    """A square on a foundation, pressed from above."""
+    data = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 6, "ny": 6}},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "traction": [{"boundary": "top", "y": -5.0}],
+        "contact": [{"boundary": "bottom"}],
+        "displacement": supports,
+    }
+    return as_scene(data | more)
+
+
+def changing(*lists):
+    """Lists of supports, one for each load step."""
+    return [
+        entry | {"holds": [step == number for step in range(len(lists))]}
+        for number, entries in enumerate(lists)
+        for entry in entries
+    ]
+
+
+@pytest.mark.parametrize("kind", WITH)
+def test_each_step_has_its_supports(kind):
+    """Without friction nothing but the supports of a step counts in it."""
+    more = WITH[kind]
+    solution = solve(block(changing(FIRST, SECOND), **more))
+    for step, supports in zip(solution.steps, (FIRST, SECOND), strict=True):
+        alone = solve(block(supports, **more)).displacement.x.array
+        np.testing.assert_allclose(step.displacement.x.array, alone, atol=1e-8 * np.abs(alone).max())
+        assert step.certificate.holds
+
+
+@pytest.mark.slow
+def test_what_follows_from_a_solution():
+    """Forces at supports and the guaranteed bound are those of the supports of the step."""
+    solution = solve(block(changing(FIRST, SECOND)))
+    for step, supports in zip(solution.steps, (FIRST, SECOND), strict=True):
+        moment, alone = solution.at(step), solve(block(supports))
+        assert str(moment.error_bound)[:40] == str(alone.error_bound)[:40]
+        for name in ("left", "right", "top"):
+            force = moment.resultants.of(name).force
+            np.testing.assert_allclose(force, alone.resultants.of(name).force, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["supports", "soft contact"])
+def test_restart(tmp_path, kind):
+    """A run that ended after its first step goes on from there, to the same end."""
+    more = {"contact": [{"boundary": "bottom", "overclosure": {"law": "linear", "stiffness": 1e3}}]}
+    scene = block(changing(FIRST, SECOND), **({} if kind == "supports" else more))
+    whole = solve(scene)
+
+    def stop(record):
+        if getattr(record, "step", 0) == 2 and hasattr(record, "name"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve(scene, observers=[stop], checkpoint=tmp_path)
+    again = solve(scene, checkpoint=tmp_path, restart=True)
+    for step, other in zip(again.steps, whole.steps, strict=True):
+        assert step.certificate.holds
+        np.testing.assert_allclose(step.displacement.x.array, other.displacement.x.array, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_skew_supports():
+    """Those along the normal of a slanted side, too: nodes are turned in the step in which it holds."""
+    more = {"mesh": {"generator": "wedge", "parameters": {"nx": 4, "ny": 6}}, "contact": [{"boundary": "tip"}]}
+    first, second = [{"boundary": "left", "x": 0.0}], [{"boundary": "right", "normal": 0.001}]
+    solution = solve(block(changing(first, second, first), **more))
+    for step, supports in zip(solution.steps, (first, second, first), strict=True):
+        alone = solve(block(supports, **more)).displacement.x.array
+        np.testing.assert_allclose(step.displacement.x.array, alone, atol=1e-7 * np.abs(alone).max())
+
+
+def test_friction_remembers():
+    """A block that was pushed and is set free goes back until friction holds it: shear and slip go on from the step
+    before, and the sum of the friction balances nothing, as nothing else acts along it.
+    """
+    friction = {"contact": [{"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}]}
+    pushed = [{"boundary": "left", "x": 0.02}]
+    scene = block([{"boundary": "top", "y": -0.003}, *changing(pushed, [])], **friction)
+    solution = solve(scene)
+    first, last = solution.steps
+    weight = last.contact.boundary.weight
+    pressure, shear = last.contact.pressure, last.contact.shear[:, 0]
+    assert abs(first.contact.shear[:, 0] @ weight) > 0.25 * (first.contact.pressure @ weight)
+    assert abs(shear @ weight) < 1e-6 * (pressure @ weight)
+    never = solve(block([{"boundary": "top", "y": -0.003}], **friction))
+    assert np.abs(last.displacement.x.array - never.displacement.x.array).max() > 0.01
+
+
+def test_two_bodies():
+    """The upper one, which is held in the first step, is pressed on the lower one in the second."""
+    mesh = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}}
+    bodies = [{"name": "low", "mesh": mesh}, {"name": "up", "mesh": mesh, "shift": [0.0, 1.0]}]
+    data = {
+        "body": bodies,
+        "material": [{"region": name, "young": 1000.0, "poisson": 0.0} for name in ("low", "up")],
+        "contact": [{"boundary": "up.bottom", "against": "low.top"}],
+        "traction": [{"boundary": "up.top", "y": -5.0}],
+        "displacement": [
+            {"boundary": "low.bottom", "y": 0.0},
+            *({"boundary": f"{name}.left", "x": 0.0} for name in ("low", "up")),
+            {"boundary": "up.top", "y": -0.001, "holds": [True, False]},
+        ],
+    }
+    held, free = solve(as_scene(data)).steps
+    np.testing.assert_allclose(held.contact.pressure, 1000.0 * 0.001 / 2, rtol=1e-4)
+    np.testing.assert_allclose(free.contact.pressure, 5.0, rtol=1e-6)
+    assert free.displacement.x.array.min() == pytest.approx(-2 * 5.0 / 1000.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("holds", "more", "said"),
+    [
+        ([True, False, True], {}, "has 3 entries, one for each of 2 load steps"),
+        ([False, False], {}, "is false in all load steps"),
+        ([True, False], {"contact": []}, "is for scenes with contact"),
+    ],
+)
+def test_what_is_wrong(holds, more, said):
+    """It is named with what is to be done."""
+    supports = [{"boundary": "left", "x": 0.0, "factors": [1.0, 2.0]}, {"boundary": "top", "x": 0.0, "holds": holds}]
+    if len(holds) == 3:
+        more = more | {"load_steps": {"times": [1.0, 2.0]}}
+    with pytest.raises(SceneError) as raised:
+        block(supports, **more)
+    assert said in str(raised.value)
