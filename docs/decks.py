@@ -23,16 +23,17 @@ HEAD = """# How a deck is read
 - **Materials.** Of elements in several sections the last holds; an element without a material is an error.
   `*ELASTIC` of type `ORTHO` or `ENGINEERING CONSTANTS` becomes `orthotropic`.
 - **Supports and loads.** Nodes or faces become a boundary if they fill whole facets; up to twelve supported nodes
-  become points, others, and those with a `*TRANSFORM`, links to the ground. Forces of one `*CLOAD` on several sides are
-  several loads, each spread evenly if all are the same and that has their moment, or else forces at nodes. What a step
-  gives twice adds up.
+  become points, others, and those with a `*TRANSFORM`, links to the ground. Where the deck has contact, `holds` says in
+  which steps. Forces of one `*CLOAD` on several sides are several loads, each spread evenly if all are the same and that
+  has their moment, or else forces at nodes. What a step gives twice adds up.
   Each static `*STEP` is a load step, `*PRE-TENSION SECTION` a `preload`.
 - **Constraints.** `*EQUATION`, cyclic symmetry and ties of nodes that fill no facets become [links](#nodes), which give
   way by 1e-5 of the strain of a cell. `*KINEMATIC` is a rigid tool, `*DISTRIBUTING` spreads its force over nodes.
 - **Contact.** Each `*CONTACT PAIR` has its `*FRICTION`, also where it changes, and `ADJUST`. Nodes that
   fill no facets become the facets around them that face the other side, which is lost unless equations move all of
-  their nodes alike. The slope of `PRESSURE-OVERCLOSURE=LINEAR` and
-  CalculiX's stiffness of sticking become `gamma_n` and `gamma_t`, which a scene has once. `*TIE` is a bond.
+  their nodes alike. The slope of `PRESSURE-OVERCLOSURE=LINEAR` becomes `gamma_n`, or where contacts differ an
+  [overclosure](#soft-contact) of each, as `EXPONENTIAL` and `TABULAR` do; CalculiX's stiffness of sticking becomes
+  `gamma_t`, which a scene has once. `*TIE` is a bond; beside soft contact its nodes have links.
 - **Rigid bodies.** Planes, and in the plane lines and arcs, become foundations, or [tools](scene.md#shapes) where
   their reference node moves. A `*RIGID BODY` of a node set becomes a tool that is bonded to these nodes.
 - **Nodes.** Values at nodes belong to their bodies, which share none with others: `body_1` and so on, unless the file
@@ -62,6 +63,30 @@ over its stiffness.
 | `file` | required | | `.csv`, columns `link`, `x`, `y`, `cx`, `cy`, in space `z`, `cz`, and `region`; \
 rows with one number are one link |
 | `stiffness` | required | force / length | of each link |
+
+## Soft contact
+
+`overclosure` of a `[[contact]]` is a table: how far, h, one side enters the other under the contact pressure p. Without
+it only the penalty `gamma_n` gives way.
+
+| key of `overclosure` | default | unit | meaning |
+|---|---|---|---|
+| `law` | `"linear"` | | `"linear"`: p is `stiffness` h. `"exponential"`: p is `pressure` 100^(h / `clearance`), \
+a hundredth of it at the distance `clearance`, and from there on the tangent. `"tabular"`: lines between `rows` |
+| `stiffness` | required | stress / length | of a linear law |
+| `clearance` | required | length | of an exponential one |
+| `pressure` | required | stress | likewise, at the overclosure zero |
+| `rows` | required | stress, length | of a tabular one: lists [pressure, overclosure] from the pressure 0 on; beyond \
+the last one the line goes on |
+
+```toml
+[[contact]]
+boundary = "bottom"
+overclosure = { law = "exponential", clearance = 1e-3, pressure = 0.5 }
+```
+
+It is solved by tangents of the law, with a stiffness and an offset at each point; the certificate asks for the pressure
+at the overclosure itself.
 
 ## Grades
 

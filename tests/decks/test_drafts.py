@@ -101,19 +101,6 @@ def test_soft_contact(tmp_path, capsys, behaviour, solver):
     assert y == pytest.approx(-5.0 * 2 * SINKS - soft, rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("extra", "word"),
-    [
-        (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1e-4, .1"], "exponential: here it is hard"),
-        (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100.", "*TIE, NAME=T", "UP_WALL, LOW_WALL"], "it is soft"),
-    ],
-)
-def test_soft_contact_that_scenes_do_not_have(tmp_path, capsys, extra, word):
-    """Another law, or a tie that would be as soft: the draft is incomplete."""
-    _, data, _ = drafted(tmp_path, stacked(extra), capsys, code=4)
-    assert any(word in one for one in data["incomplete"])
-
-
 def test_a_stiffness_that_is_none(tmp_path, capsys):
     """It is an error."""
     lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "-1."])

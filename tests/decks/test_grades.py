@@ -64,6 +64,20 @@ SAID = {
     ("INITIALCONDITIONS", ""): (["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "UP_HEAD, 5."], []),
     ("FRICTION", ""): (["*SURFACE INTERACTION, NAME=I", "*FRICTION", ".3"], []),
     ("PRE-TENSIONSECTION", ""): ELSEWHERE,
+    ("MODELCHANGE", ""): ([], ["*MODEL CHANGE, TYPE=CONTACT PAIR, ADD", "UP_BOTTOM, LOW_TOP"]),
+    ("MODELCHANGE", "in a later step, or what another one adds again"): (
+        [],
+        ["*END STEP", "*STEP", "*STATIC", "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE", "UP_BOTTOM, LOW_TOP"],
+    ),
+    ("CLEARANCE", ""): (["*CLEARANCE, MASTER=LOW_TOP, SLAVE=UP_BOTTOM, VALUE=0.001"], []),
+    ("CLEARANCE", "of single nodes, or of no contact pair"): (
+        ["*CLEARANCE, MASTER=LOW_TOP, SLAVE=UP_BOTTOM", "112, 0.001"],
+        [],
+    ),
+    ("CHANGESURFACEBEHAVIOR", ""): (
+        [],
+        ["*CHANGE SURFACE BEHAVIOR, INTERACTION=I", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "1."],
+    ),
     ("TIE", ""): ELSEWHERE,
     ("RIGIDBODY", ""): ELSEWHERE,
     ("ELASTIC", "several temperatures"): (["*MATERIAL, NAME=M", "*ELASTIC", "1., .3, 20.", "2., .3, 90."], []),
@@ -96,8 +110,8 @@ SAID = {
     ("DSLOAD", "on another surface"): ([], ["*DSLOAD", "NOWHERE, P, 1."]),
     ("INITIALCONDITIONS", "neither TEMPERATURE nor VELOCITY"): (["*INITIAL CONDITIONS, TYPE=STRESS", "UP, 1."], []),
     ("INITIALCONDITIONS", "VELOCITY"): (["*INITIAL CONDITIONS, TYPE=VELOCITY", "UP, 1, 1."], []),
-    ("SURFACEBEHAVIOR", "neither HARD, LINEAR nor TIED"): (
-        ["*SURFACE INTERACTION, NAME=J", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1., 1."],
+    ("SURFACEBEHAVIOR", "none of HARD, LINEAR, EXPONENTIAL, TABULAR, TIED"): (
+        ["*SURFACE INTERACTION, NAME=J", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=MASSLESS", "1., 1."],
         [],
     ),
     ("SURFACEBEHAVIOR", "NO SEPARATION"): (["*SURFACE INTERACTION, NAME=J", "*SURFACE BEHAVIOR, NO SEPARATION"], []),

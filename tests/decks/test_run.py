@@ -34,7 +34,7 @@ def test_a_whole_deck(tmp_path, capsys):
 @pytest.mark.parametrize("options", [(), ("--quiet",)])
 def test_what_changes_the_answer(tmp_path, capsys, options):
     """It has an exit code of its own, and is red in the report; what does not change it is told as such."""
-    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1e-4, .1"])
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=MASSLESS", "1e-4, .1"])
     lines.insert(-1, "*FILM")
     code, said = run(tmp_path, lines, capsys, *options)
     assert code == 4
@@ -44,7 +44,7 @@ def test_what_changes_the_answer(tmp_path, capsys, options):
     assert "left out of the deck: 1 thing that changes the answer" in " ".join(said.split())
     page = (tmp_path / "out" / "report.html").read_text()
     assert '<div class="status bad">' in page
-    assert "exponential: here it is hard</li>" in page
+    assert "massless: here it is hard</li>" in page
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["converged"]
 
 

@@ -56,6 +56,7 @@ from signorini_fx.mechanics.materials.saint_venant_kirchhoff import SaintVenantK
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_steps import LoadSteps
+from signorini_fx.mechanics.statement.overclosure import ExponentialOverclosure, LinearOverclosure, TabularOverclosure
 from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.quantities.table import markdown
 from signorini_fx.records import Status
@@ -527,6 +528,7 @@ MODELS = {
     ("Nodes", "key of `point_force`"): [point_force.PointForce],
     ("Nodes", "key of `links`"): [links.Links],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
+    ("Soft contact", "key of `overclosure`"): [LinearOverclosure, ExponentialOverclosure, TabularOverclosure],
     ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
     ("Rigid bodies", "key of `rigid`"): [Rigid],
     ("Rigid bodies", "key of `prescribed`, `spring`"): [Prescribed, PivotSprings],

@@ -18,7 +18,7 @@ _PIECES = 64  # straight ones that an arc of a rigid surface becomes
 def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
     """The lines of each [[contact]], and those of [solver] with their stiffness."""
     tables: list[list[str]] = []
-    interactions: list[str | None] = []
+    interactions: list[tuple[str | None, list[str]]] = []
     taken: dict[str, Ints] = {}
     touched: dict[str, Ints] = {}  # by others, which may be several
     drives = _drives(deck, steps)
@@ -35,8 +35,9 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
         shape = f'shape = "plane", point = {pivot}, normal = {normal}'
         tables.append([f"boundary = {quoted(where)}", 'kind = "bonded"', f"foundation = {{ {shape}, {keys} }}"])
     contacts = [(*names, None) for names in deck.ties] + deck.pairs
+    yielding = any(deck.stiffness.get(pair[2], np.inf) < _hard(deck) for pair in deck.pairs)
     for slave, master, interaction in contacts:
-        if frozenset((slave.upper(), master.upper())) in deck.unpaired:
+        if frozenset((slave.upper(), master.upper())) in deck.unpaired or deck.has_vanished(slave, master):
             continue
         tie = interaction is None or interaction in deck.tied
         label = f"{'tie' if tie else 'contact'} of {slave!r} with {master!r}"
@@ -50,8 +51,9 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
             where for where in boundaries if any(np.intersect1d(rows[where], r).size for r in occupied[where].values())
         ]
         block = deck.pairing[(slave, master) if interaction is None else (slave, master, interaction)]
-        unmoved = block.parameters.get("ADJUST", "").upper() == "NO"  # nodes are tied at a distance, without arms
-        if (missing or unmoved) and interaction is None and not names and tie_nodes(deck, block, slave, master):
+        # Nodes are tied at a distance, without arms; and beside soft contact, whose stiffness a bond would have, too.
+        nodal = missing or yielding or block.parameters.get("ADJUST", "").upper() == "NO"
+        if nodal and interaction is None and not names and tie_nodes(deck, block, slave, master):
             continue
         if len(names) == 2 or slave == master or (len(boundaries) == 2 and boundaries[0] == boundaries[1]):
             deck.lose(None, f"{label}: " + ("both are rigid" if names else "a surface with itself"))
@@ -70,15 +72,21 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
             touched |= {where: rows[where] for where in boundaries[1:]}
             lines = [f"# {block.origin}", f"boundary = {quoted(boundaries[0])}"]
             lines += _gap(deck, boundaries[0], names[0], keys) if names else [f"against = {quoted(boundaries[1])}"]
-            interactions.append(interaction)
             _say_more_nodes(deck, block, slave, boundaries[0])
             if tie:
                 tables.append([*lines, 'kind = "bonded"'])
                 continue
-            lines += [] if names else _adjust(deck, label, (slave, master, interaction or ""))
+            lines += (
+                []
+                if names
+                else _clearance(deck, (slave, master)) or _adjust(deck, label, (slave, master, interaction or ""))
+            )
             if names and (slave, master, interaction) in deck.adjusted:
                 deck.lose(None, f"{label}: ADJUST, which scenes know between two bodies")
             tables.append([*lines, *_friction(deck, label, interaction or "")])
+            interactions.append((interaction, tables[-1]))
+    for names_without in deck.clearances:
+        deck.lose(None, f"clearance of {' and '.join(sorted(names_without))}: no such contact of two bodies here")
     for node in sorted(drives.keys() - used):
         if tool_keys(deck, node, drives[node]):
             deck.lose(None, f"what moves the rigid body of node {node}: no contact with it is in the scene")
@@ -99,34 +107,60 @@ def _say_more_nodes(deck: Deck, block: DeckBlock, slave: str, where: str) -> Non
         deck.lose(block, f"contact of {len(nodes)} nodes of {slave!r}: {more} more nodes of whole facets touch here")
 
 
-def _stiffness(deck: Deck, interactions: list[str | None]) -> list[str]:
-    """The stiffness of contact and of sticking, which are the same for the whole scene, as keys of [solver].
+def _stiffness(deck: Deck, contacts: list[tuple[str | None, list[str]]]) -> list[str]:
+    """The stiffness of contact and of sticking as keys of [solver], which hold for the whole scene; where contacts
+    differ in the first one each has its own, but for bonds.
 
     Args:
         deck: what has been read.
-        interactions: of each contact that the scene has; None: of a tie.
+        contacts: the interaction of each contact that the scene has, None: of a tie, and the lines of its table.
     """
-    size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
-    moduli = (properties.get("orthotropic", properties).get("young", 0.0) for properties in deck.materials.values())
-    young = max(float(np.max(stiffness)) for stiffness in moduli)
-    sliding = [name for name in interactions if name and ("coefficient" in deck.frictions.get(name, {}))]
+    names = [name for name, _ in contacts]
+    slopes = {None if name is None else deck.stiffness.get(name) for name in names}
+    for slope in slopes:
+        if slope is not None and not slope > 0:
+            raise ValueError(f"a contact has the stiffness {slope:g}, which is not positive")
+    bonds = {slope for name in names if name in deck.tied and (slope := deck.stiffness.get(str(name))) is not None}
     lines = []
-    for key, of, stiffness in (("gamma_n", interactions, deck.stiffness), ("gamma_t", sliding, deck.sticking)):
-        slopes = {None if name is None else stiffness.get(name) for name in of}
-        soft = sorted(slope for slope in slopes if slope is not None)
-        if not soft:
-            continue
-        lines.append(f"{key} = {soft[-1]!r}")
+    if len(slopes) == 1 and None not in slopes and not deck.overclosures.keys() & set(names):
+        lines.append(f"gamma_n = {slopes.pop()!r}")
+    else:
+        if bonds:
+            lines.append(f"gamma_n = {max(bonds)!r}")
+            if len(slopes) > 1:
+                deck.lose(None, "a bond with a stiffness beside contact of another one: all bonds have the largest")
+        for name, table in contacts:
+            if name is None or name in deck.tied:
+                continue
+            if name in deck.overclosures:
+                table.append(f"overclosure = {{ {deck.overclosures[name]} }}")
+            elif name in deck.stiffness:
+                table.append(f'overclosure = {{ law = "linear", stiffness = {deck.stiffness[name]!r} }}')
+    sticking = {deck.sticking.get(name) for name in names if name and "coefficient" in deck.frictions.get(name, {})}
+    soft = sorted(slope for slope in sticking if slope is not None)
+    if soft:
+        lines.append(f"gamma_t = {soft[-1]!r}")
         if not soft[0] > 0:
             raise ValueError(f"a contact has the stiffness {soft[0]:g}, which is not positive")
+        listed = ", ".join(f"{slope:g}" for slope in soft)
         if len(soft) > 1:
-            deck.lose(
-                None,
-                f"contact of several stiffnesses, {', '.join(f'{slope:g}' for slope in soft)}: a scene has one {key}",
-            )
-        if None in slopes and soft[-1] < HARD_CONTACT * young / size:
-            deck.lose(None, f"hard contact or a tie beside soft contact: here it is soft, too, by {key}")
+            deck.lose(None, f"contact of several stiffnesses of sticking, {listed}: a scene has one gamma_t")
+        if None in sticking and soft[-1] < _hard(deck):
+            deck.lose(None, "contact that sticks without slip beside such with: here it slips, too, by gamma_t")
     return lines
+
+
+def _hard(deck: Deck) -> float:
+    """The stiffness, stress per length, from which contact is hard."""
+    size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    moduli = (properties.get("orthotropic", properties).get("young", 0.0) for properties in deck.materials.values())
+    return HARD_CONTACT * max((float(np.max(stiffness)) for stiffness in moduli), default=0.0) / size
+
+
+def _clearance(deck: Deck, pair: tuple[str, str]) -> list[str]:
+    """The distance of both sides where the file says it, as keys of a contact; empty: it is that of the mesh."""
+    distance = deck.clearances.pop(frozenset(name.upper() for name in pair), None)
+    return [] if distance is None else ['distance = "nominal"', f"gap = {distance!r}"]
 
 
 def _adjust(deck: Deck, label: str, pair: tuple[str, str, str]) -> list[str]:

@@ -138,10 +138,12 @@ class Deck:
     ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body;
     ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.  ``stiffness`` and ``sticking`` are
     those of interactions, stress per length, and ``adjusted`` has the ADJUST of pairs: a length, or a set of nodes.
+    ``overclosures`` has other laws of soft contact as they are in a scene.
     ``pairing`` has the keyword of each pair and tie, ``heating`` those that give temperatures.
     ``distributed`` has the boundary over which the force at each reference node of a *DISTRIBUTING is spread; those
     in ``cyclic`` are of a sector. ``rubbing`` has the coefficients of friction of interactions by the steps that
-    change them. ``unpaired`` has pairs of surfaces that are lost, as they are in contact between sectors. ``links``
+    change them. ``unpaired`` has pairs of surfaces that are lost, as they are in contact between sectors;
+    ``vanished`` those that the first step removes, and ``clearances`` the distances of others, length. ``links``
     has the linear relations of nodes (``nodal.DeckLink``), and ``grounded`` the place among them of each that holds
     a component of one node. ``ends`` has the times at the ends of steps. ``apart`` says that all contact is lost.
     ``nonlinear`` is the last step with NLGEOM.
@@ -171,6 +173,7 @@ class Deck:
     frictions: dict[str, dict[str, float]] = field(default_factory=dict)
     stiffness: dict[str, float] = field(default_factory=dict)
     sticking: dict[str, float] = field(default_factory=dict)
+    overclosures: dict[str, str] = field(default_factory=dict)
     pairs: list[tuple[str, str, str]] = field(default_factory=list)
     pairing: dict[tuple[str, ...], DeckBlock] = field(default_factory=dict)
     adjusted: dict[tuple[str, str, str], str] = field(default_factory=dict)
@@ -186,6 +189,8 @@ class Deck:
     rough: set[str] = field(default_factory=set)
     rubbing: dict[str, dict[int, float]] = field(default_factory=dict)
     unpaired: set[frozenset[str]] = field(default_factory=set)
+    vanished: set[frozenset[str]] = field(default_factory=set)
+    clearances: dict[frozenset[str], float] = field(default_factory=dict)
     distributed: dict[int, str] = field(default_factory=dict)
     cyclic: set[int] = field(default_factory=set)
     links: list[Any] = field(default_factory=list)
@@ -221,8 +226,15 @@ class Deck:
     @property
     def touches(self) -> bool:
         """Whether it has contact, which may not be in the scene."""
-        words = ("CONTACT", "CONTACTPAIR", "TIE", "GAP")
-        return any(block.keyword in words for block in self.model.blocks)
+        words = ("CONTACT", "TIE", "GAP")
+        return any(block.keyword in words for block in self.model.blocks) or not all(
+            self.has_vanished(slave, master) for slave, master, _ in self.pairs
+        )
+
+    def has_vanished(self, slave: str, master: str) -> bool:
+        """Whether the first step removes a contact pair, or all elements of one of its sides."""
+        pair = frozenset((slave.upper(), master.upper()))
+        return pair in self.vanished or not pair.isdisjoint(self.model.emptied)
 
     @property
     def step(self) -> int:
@@ -256,9 +268,17 @@ class Deck:
                 lines.append(f"{places[0]}, *{name}{repeats}: {why}" if places else why)
         return lines
 
-    def course(self, load: DeckLoad, steps: int) -> list[float]:
-        """The values of a load in the steps; supports that are not there in all of them are lost."""
+    def course(self, load: DeckLoad, steps: int, *, releases: bool = False) -> list[float]:
+        """The values of a load in the steps.
+
+        Args:
+            load: of this deck.
+            steps: how many there are.
+            releases: whether the scene has supports that hold in some steps only; else they are lost.
+        """
         values = load.by_step(steps)
+        if releases and load.table == "displacement":
+            return [value or 0.0 for value in values]
         prescribes = load.table in ("displacement", "grounded") or load.keys[0] == "prescribed"
         if prescribes and None in values and any(value is not None for value in values):
             free = ", ".join(name for name, value in zip(self.steps, values, strict=False) if value is None)

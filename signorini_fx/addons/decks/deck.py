@@ -5,6 +5,7 @@ What a scene cannot say, or what would need a guess, is listed and left out.  No
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,8 +18,11 @@ from signorini_fx.addons.decks.content import Deck, Turn, plain_name
 from signorini_fx.addons.decks.couplings import read_coupling
 from signorini_fx.addons.decks.keywords import (
     CHANGED_WITHIN,
+    COMING_AND_GOING,
+    NO_CLEARANCE,
     NO_SECTORS,
     NOT_WRITTEN,
+    OTHER_BEHAVIOUR,
     OTHER_PROCEDURE,
     PERTURBATION,
     PLAIN,
@@ -36,7 +40,7 @@ from signorini_fx.addons.decks.nodal import read_constraints, read_equations
 from signorini_fx.addons.decks.temperatures import read_temperatures
 from signorini_fx.addons.decks.ties import link_sectors
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.abaqus import NO_BODY, POINTS, read_model
+from signorini_fx.mechanics.mesh.files.abaqus import NO_BODY, POINTS, read_model, removes_elements
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 
@@ -75,14 +79,21 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                     if (turn := _turn(deck, block)) is not None:
                         deck.turned |= dict.fromkeys(map(int, deck.nodes(block.parameters["NSET"])), turn)
     material = interaction = changed = ""
+    behaving = False
     for block in _used_keywords(deck):
         with _placed(file, block):
             match block.keyword:
                 case "CHANGEFRICTION":
                     changed = block.parameters["INTERACTION"].upper()
                     continue
+                case "CHANGESURFACEBEHAVIOR":
+                    deck.lose(block, OTHER_BEHAVIOUR)
+                    behaving = True
+                    continue
                 case "FRICTION" if deck.steps and changed:
                     _change_friction(deck, block, changed)
+                case "SURFACEBEHAVIOR" if deck.steps and behaving:
+                    pass  # *CHANGE SURFACE BEHAVIOR has said it
                 case "ELASTIC" | "EXPANSION" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
                     deck.lose(block, CHANGED_WITHIN)
                 case "MATERIAL":
@@ -99,7 +110,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                     _behaviour(deck, block, interaction)
                 case _:
                     _read(deck, block)
-        changed = ""
+        changed, behaving = "", False
     return deck
 
 
@@ -199,6 +210,10 @@ def _read(deck: Deck, block: DeckBlock) -> None:
             deck.pairing |= dict.fromkeys(pairs, block)
             if "ADJUST" in parameters:
                 deck.adjusted |= dict.fromkeys(pairs, parameters["ADJUST"])
+        case "MODELCHANGE":
+            _change_model(deck, block)
+        case "CLEARANCE":
+            _clearance(deck, block)
         case "EQUATION":
             read_equations(deck, block)
         case "MPC":
@@ -222,6 +237,32 @@ def _read(deck: Deck, block: DeckBlock) -> None:
                 deck.lose(block, UNKNOWN if rule is None else rule.effect)
             elif rule.grade is Grade.NOTED:
                 deck.note(block, rule.effect)
+
+
+def _change_model(deck: Deck, block: DeckBlock) -> None:
+    """*MODEL CHANGE: what the first step removes, and nothing adds again, is not there; contact pairs are so far."""
+    if removes_elements(block) and not deck.step:
+        return  # the mesh is without them
+    if block.parameters.get("TYPE", "ELEMENT").upper().replace(" ", "") != "CONTACTPAIR":
+        deck.lose(block, COMING_AND_GOING)
+        return
+    for row in block.rows:
+        pair = frozenset((row[0].upper(), row[-1].upper()))
+        removed = pair in deck.vanished
+        if "REMOVE" in block.parameters and not deck.step:
+            deck.vanished.add(pair)
+        elif removed == ("ADD" in block.parameters):
+            deck.lose(block, COMING_AND_GOING)
+            deck.vanished.discard(pair)
+
+
+def _clearance(deck: Deck, block: DeckBlock) -> None:
+    """*CLEARANCE: the distance of the surfaces of a contact pair."""
+    parameters = block.parameters
+    if "VALUE" not in parameters or deck.step > 0:
+        deck.lose(block, NO_CLEARANCE)
+        return
+    deck.clearances[frozenset((parameters["SLAVE"].upper(), parameters["MASTER"].upper()))] = real(parameters["VALUE"])
 
 
 def _output(deck: Deck, block: DeckBlock) -> None:
@@ -335,7 +376,30 @@ def _behaviour(deck: Deck, block: DeckBlock, interaction: str) -> None:
         deck.tied.add(interaction)
     if kind in ("LINEAR", "TIED") and block.rows and block.rows[0]:
         deck.stiffness[interaction] = real(block.rows[0][0])
+    elif kind == "EXPONENTIAL":
+        clearance, pressure = (real(word) for word in block.rows[0][:2])
+        deck.overclosures[interaction] = f'law = "exponential", clearance = {clearance!r}, pressure = {pressure!r}'
+    elif kind == "TABULAR":
+        rows = [[real(word) for word in row[:2]] for row in block.rows]
+        deck.overclosures[interaction] = f'law = "tabular", rows = {_from_zero(rows)}'
     elif kind not in ("HARD", "TIED"):
         deck.lose(block, f"soft contact, {kind.lower()}: here it is hard")
     if "NOSEPARATION" in block.parameters:
         deck.lose(block, 'contact that does not open again: kind = "bilateral" does not open at all')
+
+
+def _from_zero(rows: list[list[float]]) -> list[list[float]]:
+    """Rows of pressure and overclosure that begin with the pressure zero.
+
+    Raises:
+        ValueError: they have no two numbers each, or do not increase.
+    """
+    if len(rows) < 2 or any(len(row) != 2 for row in rows):
+        raise ValueError("two rows of pressure and overclosure at least are expected")
+    if any(b <= a for row, later in itertools.pairwise(rows) for a, b in zip(row, later, strict=True)):
+        raise ValueError("pressure and overclosure must increase from row to row")
+    first, second = rows[:2]
+    if first[0] > 0:  # as on the line between the first two
+        zero = first[1] - first[0] * (second[1] - first[1]) / (second[0] - first[0])
+        rows = [[0.0, zero], *rows]
+    return rows

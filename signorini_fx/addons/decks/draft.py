@@ -92,9 +92,9 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
     steps = max(1, len(deck.steps))
     tables = [("[element]", ["degree = 2"])] if deck.mesh.degree == 2 else []
     heat = _heat(deck, steps, target, files)
-    tables += [*material_tables(deck, heated=bool(heat)), *_loads(deck, steps), *heat]
-    tables += bolt_tables(deck, steps)
     contacts, stiffness = contact_tables(deck, steps)
+    tables += [*material_tables(deck, heated=bool(heat)), *_loads(deck, steps, releases=bool(contacts)), *heat]
+    tables += bolt_tables(deck, steps)
     tables += nodal_tables(deck, steps, target, files)
     if not contacts and not deck.links and deck.touches:
         deck.lose(None, "all of its contact: bodies do not touch in the scene")
@@ -102,7 +102,7 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
     tables += [("[[contact]]", lines) for lines in contacts]
     all_lines = [line for _, lines in tables for line in lines]
     timed = any(line.startswith(("foundation", "friction")) and " if t < " in line for line in all_lines)
-    if timed or any(line.startswith("factors") for line in all_lines):  # else all steps are the same
+    if timed or any(line.startswith(("factors", "holds")) for line in all_lines):  # else all steps are the same
         times = [f"times = {[float(step) for step in range(1, steps + 1)]}"] if timed else []
         tables.append(("[load_steps]", [f"names = [{', '.join(map(quoted, deck.steps))}]", *times]))
     return tables + ([("[solver]", stiffness)] if stiffness else [])
@@ -143,29 +143,33 @@ def _distinct(deck: Deck, field: TemperatureField) -> tuple[Floats, Floats]:
     return points[first], means
 
 
-def _loads(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
+def _loads(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, list[str]]]:
     """Supports and loads; those of a boundary that have the same course over the steps share a table."""
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     origins: dict[tuple[Any, ...], list[DeckBlock]] = {}
     for load in deck.loads.values():
         if load.table in ("tool", "bolt", "point_force", "grounded"):
             continue
-        values = deck.course(load, steps)
+        values = deck.course(load, steps, releases=releases)
         largest = max(values, key=abs)
         if largest == 0 and load.table != "displacement":
+            continue
+        holding = tuple(value is not None for value in load.by_step(steps))
+        held = holding if releases and load.table == "displacement" and not all(holding) else ()
+        if held and not any(held):
             continue
         factors = tuple(value / largest for value in values) if largest else ()
         components = {key: share * largest for key, share in zip(load.keys, load.direction, strict=False) if share}
         if load.table == "rotation":  # its factors multiply the force
             components = {"speed": math.sqrt(largest)}
-        where = (load.table, load.target, load.lines, () if set(factors) <= {1.0} else factors)
+        where = (load.table, load.target, load.lines, () if set(factors) <= {1.0} else factors, held)
         # Two loads with the same component are two entries, which add up.
         entry = next(n for n in count() if not components.keys() & merged.get((*where, n), {}).keys())
         merged.setdefault((*where, entry), {}).update(components)
         origins.setdefault((*where, entry), []).append(load.block)
     tables, weights = [], 0
     for key, components in merged.items():
-        table, target, extra_lines, course, _ = key
+        table, target, extra_lines, course, holds, _ = key
         weights += table == "body_force"
         if table == "body_force" and weights > 1:
             deck.lose(None, "several body forces: a scene has one, the first is taken")
@@ -173,5 +177,6 @@ def _loads(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
         lines = [_origins(origins[key]), *([f"boundary = {quoted(target)}"] if target else []), *extra_lines]
         lines += [f"{axis} = {value!r}" for axis, value in components.items()]
         lines += [f"factors = {list(course)}"] if course else []
+        lines += [f"holds = [{', '.join('true' if value else 'false' for value in holds)}]"] if holds else []
         tables.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", lines))
     return tables

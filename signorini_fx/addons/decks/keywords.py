@@ -54,6 +54,9 @@ NO_SECTORS = "cyclic symmetry without *CYCLIC SYMMETRY MODEL"
 UNKNOWN = "not known to scenes"
 OTHER_PROCEDURE = "only static steps are taken"
 CHANGED_WITHIN = "a change within a step: what holds at the beginning is taken"
+COMING_AND_GOING = "parts and contacts that come or go with a later step: they are there throughout"
+NO_CLEARANCE = "a clearance that a file gives node by node, or that a later step changes"
+OTHER_BEHAVIOUR = "another stiffness, or a bond, from a step on: the first one is taken"
 GENERAL_CONTACT = "general contact: name the pairs of surfaces, in [[contact]]"
 FIRST_LINE = "constants that depend on temperature: the first line is taken"
 SECTOR = "forces on a sector of 2 degrees, as CalculiX prints them"
@@ -128,7 +131,12 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.TAKEN, "preload", "PRE-TENSION SECTION"),
     *_rules(Grade.TAKEN, "contact", "CONTACT PAIR", "SURFACE INTERACTION", "FRICTION", "SURFACE BEHAVIOR"),
     *_rules(Grade.TAKEN, "friction that changes with the load step", "CHANGE FRICTION"),
-    *_rules(Grade.LOST, "here it is hard", "SURFACE BEHAVIOR", case="neither HARD, LINEAR nor TIED"),
+    *_rules(Grade.TAKEN, "elements and contact pairs that the first step removes are not there", "MODEL CHANGE"),
+    *_rules(Grade.LOST, COMING_AND_GOING, "MODEL CHANGE", case="in a later step, or what another one adds again"),
+    *_rules(Grade.TAKEN, "distance of both surfaces, in place of that of the mesh", "CLEARANCE"),
+    *_rules(Grade.LOST, NO_CLEARANCE, "CLEARANCE", case="of single nodes, or of no contact pair"),
+    *_rules(Grade.LOST, OTHER_BEHAVIOUR, "CHANGE SURFACE BEHAVIOR"),
+    *_rules(Grade.LOST, "here it is hard", "SURFACE BEHAVIOR", case="none of HARD, LINEAR, EXPONENTIAL, TABULAR, TIED"),
     *_rules(Grade.LOST, "contact that does not open again", "SURFACE BEHAVIOR", case="NO SEPARATION"),
     *_rules(Grade.LOST, "rough friction, which never slides", "FRICTION", case="ROUGH"),
     *_rules(Grade.LOST, "is no boundary of the body", "CONTACT PAIR", "TIE", case="of another surface"),

@@ -140,7 +140,7 @@ def _contact_by_node(moment: Solution) -> Floats:
     first = along - np.sum(along * normal, axis=1)[:, None] * normal
     first /= np.linalg.norm(first, axis=1)[:, None]
     second = np.cross(-normal, first)
-    slip, shear = vector("slip"), vector("shear")
+    slip, shear = vector("u_t"), vector("shear")  # slips of a deck count from its beginning
     products = [np.sum(values * unit, axis=1) for values in (slip, shear) for unit in (first, second)]
     clearance, pressure = columns["gap"] - columns["u_n"], columns["pressure"]
     rows = np.column_stack((table.nodes[:, 1], clearance, *products[:2], pressure, *products[2:]))
