@@ -192,9 +192,9 @@ def _held(rows: Any) -> Any:
     return np.sort(rows[rows >= 0])
 
 
-def tagged(arrays: MeshArrays) -> TaggedMesh:
-    """A mesh with straight cells for the solver."""
-    arrays = straightened(arrays)
+def tagged(arrays: MeshArrays, *, straight: bool = True) -> TaggedMesh:
+    """A mesh for the solver; ``straight``: without the nodes between corners, so that cells are straight."""
+    arrays = straightened(arrays) if straight else arrays
     of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
     of_cell, parts = combinations(arrays.regions, len(arrays.cells))
     mesh, facet_tags, cell_tags = from_root(MPI.COMM_SELF, CELLS[arrays.kind], (arrays, of_side, of_cell))

@@ -5,9 +5,10 @@ Help and errors in a scene need no import of dolfinx; text is printed by one ran
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from signorini_fx.machine import terminal
@@ -15,12 +16,13 @@ from signorini_fx.scenes.cli import commands
 from signorini_fx.scenes.cli.exit_codes import on_one_process, on_ranks
 from signorini_fx.scenes.cli.options import parser
 
-_ON_ONE_PROCESS = {
+_ON_ONE_PROCESS: dict[str, Callable[[argparse.Namespace], str | tuple[str, int]]] = {
     "new": commands.new,
     "schema": commands.schema,
     "report": commands.report,
     "open": commands.show,
     "compare": commands.compare,
+    "gauntlet": commands.gauntlet,
     "convert": commands.mesh_file,
     "mesh-info": commands.mesh_file,
     "completion": commands.completion,

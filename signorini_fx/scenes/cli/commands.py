@@ -392,6 +392,26 @@ def judge(options: argparse.Namespace) -> int:
     return int(judgement.exit_code)
 
 
+def gauntlet(options: argparse.Namespace) -> tuple[str, int]:
+    """Run the test cases of another program, and print the table."""
+    run = add_on("gauntlet")
+    if options.out is not None and options.out.exists():
+        raise OutputError(f"{options.out}: already exists: give another name, or remove it")
+    if not options.seconds > 0:
+        raise SceneError([("--seconds", "must be positive")])
+    line = None if options.json else lambda case: terminal.say(run.short_line(case))
+    result = run.gauntlet(
+        options.folders, seconds=options.seconds, only=options.only, report=line or (lambda case: None)
+    )
+    if options.out is not None:
+        try:
+            options.out.write_text(run.page(result, run.command_of(options)), encoding="utf-8")
+        except OSError as error:
+            raise cannot_be_written(options.out, error) from None
+    text = json.dumps(run.as_dict(result), indent=2) if options.json else run.short_table(result)
+    return text, EXIT_OK if result.within(run.AGREES) == len(result.cases) else EXIT_NO_SOLUTION
+
+
 def compare(options: argparse.Namespace) -> str:
     """Put two result folders side by side."""
     return str(add_on("compare")(options.one, options.other))

@@ -76,6 +76,28 @@ def parser() -> argparse.ArgumentParser:
     judge.add_argument("result", type=named_path, metavar="RESULT", help="displacements: .dat, .frd, .csv or .vtu")
     judge.add_argument("--json", action="store_true", help="print JSON instead of text")
     judge.add_argument("--alone", action="store_true", help="do not solve the problem, too, to compare with")
+    gauntlet = commands.add_parser(
+        "gauntlet",
+        help="run the test cases of another program, and compare",
+        epilog="Exit codes: 0 all cases are whole and differ by 1 %% at most, 1 others do not, 2 bad input.",
+    )
+    gauntlet.add_argument(
+        "folders",
+        type=named_path,
+        nargs="+",
+        metavar="FOLDER",
+        help="with input files of CalculiX, and NAME.dat.ref or NAME.frd.ref beside them",
+    )
+    gauntlet.add_argument("--out", type=named_path, metavar="FILE", help="write the table as a page of Markdown")
+    gauntlet.add_argument("--seconds", type=float, default=120.0, help="for each case (default: %(default)g)")
+    gauntlet.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="names of cases, such as 'contact*'; may be repeated",
+    )
+    gauntlet.add_argument("--json", action="store_true", help="print JSON instead of text")
     sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
     sweep.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     sweep.add_argument(
