@@ -48,7 +48,6 @@ REFUSES = {
     "anisotropic material": "a study is not possible yet with an anisotropic material",
     "mesh that no generator makes": "a study needs a mesh from a generator, which can make coarser and finer ones",
     "several bodies": "a study is not possible yet with several [[body]]",
-    "one [[body]]": "a study is not possible yet with a [[body]]: give it as [mesh]",
 }
 
 

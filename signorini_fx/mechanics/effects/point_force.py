@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
 
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Points, VectorForce
+from signorini_fx.mechanics.statement.effect import Array, Coefficients, Features, Points, VectorForce
 from signorini_fx.mechanics.statement.nodal_table import NodalTable, read_nodal_table
 from signorini_fx.mechanics.statement.values import Vector
 
@@ -28,6 +29,13 @@ class PointForce(VectorForce):
         live: whether the safety factor multiplies it; a permanent load is not live.
     """
 
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "point force": {
+            "accuracy of the energy": "a force at a point does infinite work: take the 'force', 'pressure' or 'zone', "
+            "or spread it over a boundary, in [[force]]",
+            "local refinement": "cells at a force at a point would be divided without end: use 'uniform'",
+        }
+    }
     nodal: ClassVar[bool] = True
 
     at: Vector | None = None
@@ -54,6 +62,11 @@ class PointForce(VectorForce):
     def vectors(self) -> tuple[str, ...]:
         """See ``Effect``."""
         return ("at",)
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return super().features if self.acts else ()
 
     @property
     def acts(self) -> bool:

@@ -63,7 +63,7 @@ class NonlinearMaterial(Material):
             "requested accuracy": "a nonlinear body has no estimate of its error: compare solutions on two meshes",
             "statement of uniqueness": "a nonlinear body may have several solutions: nothing proves that it has one",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
-            "several bodies": _ANOTHER_BODY,
+            "two bodies": _ANOTHER_BODY,
             "contact of two bodies": _ANOTHER_BODY,
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
             "friction in time": "friction that depends on the time is not possible yet with a nonlinear material",

@@ -21,7 +21,6 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
         "local refinement": "is not possible for several [[body]], each of which is made anew with smaller cells: use "
         "'uniform'"
     },
-    "one [[body]]": {"local refinement": "is not possible for a [[body]]: use 'uniform', or give [mesh]"},
     "mesh that no generator makes": {
         "nested iteration": "needs a mesh from a generator, which can make the coarser ones"
     },
@@ -38,12 +37,13 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("krylov", ("solver", "linear_algebra"), solver.linear_algebra == "krylov"),
         ("nested iteration", ("solver", "levels"), solver.levels > 1),
         ("requested accuracy", ("accuracy",), accuracy is not None),
+        ("accuracy of the energy", ("accuracy", "of"), accuracy is not None and accuracy.of == "energy"),
         ("accuracy of the pressure", ("accuracy", "of"), accuracy is not None and accuracy.of == "pressure"),
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
         ("statement of uniqueness", ("solver", "uniqueness"), solver.uniqueness),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
-        ("several bodies", ("body",), len(statement.bodies) > 1),
-        ("one [[body]]", ("body",), len(statement.bodies) == 1),
+        ("several bodies", ("body",), bool(statement.bodies)),
+        ("two bodies", ("body",), len(statement.bodies) > 1),
         ("mesh that no generator makes", ("mesh",), not statement.generated),
         ("several load steps", ("load_steps",), statement.several_steps),
         ("load in time", ("load_steps", "times"), any(load.timed for load in statement.loads)),
