@@ -118,12 +118,13 @@ class SceneMesh:
         update = {"mesh": scene.mesh, "body": scene.body, "contact": contacts}
         return replace(self, scene=self.scene.model_copy(update=update))
 
-    def remade(self, last: TaggedMesh, lengths: npt.NDArray[np.float64]) -> tuple[SceneMesh, int]:
+    def remade(self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float) -> tuple[SceneMesh, int]:
         """The same on cells that gmsh makes anew, and how many there are; collective.
 
         Args:
             last: the mesh before.
             lengths: of the cells that take the place of each of its owned cells, shape (cells,).
+            finer: how many times finer, on average over the body, the mesh may become.
 
         Raises:
             MeshError: gmsh cannot make them.
@@ -131,11 +132,11 @@ class SceneMesh:
         assert self.plan is not None
         scene, dim = self.plan.scene, last.dimension
         if not scene.body:
-            (field,) = size_fields(last, lengths, [np.arange(len(lengths), dtype=np.int32)])
+            (field,) = size_fields(last, lengths, [np.arange(len(lengths), dtype=np.int32)], finer)
             tagged = self._with_lengths(scene.mesh, field, scene.statement.sections)
             return self.on(tagged), tagged.mesh.topology.index_map(dim).size_global
         bodies, count = [], 0
-        fields = size_fields(last, lengths, [last.cells(body.name) for body in scene.body])
+        fields = size_fields(last, lengths, [last.cells(body.name) for body in scene.body], finer)
         for body, of_body in zip(scene.body, fields, strict=True):
             pivot, shift = (np.array(vector or (0.0,) * dim) for vector in (body.pivot, body.shift))
             turned = np.eye(dim) if body.rotation is None else turning(body.rotation, dim)

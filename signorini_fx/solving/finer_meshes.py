@@ -46,8 +46,8 @@ class Meshes:
         adaptive: whether triangles or tetrahedra are divided where the error is large.
         made: whether meshes are made anew; otherwise all cells, or some, are divided.
         any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are halved.
-        remake: makes the problem on a mesh with other cells, from the last mesh and the lengths of the cells that take
-            the place of its cells, and says how many there are; None: the cells where the error is large are divided.
+        remake: makes the problem on a mesh with other cells, from the last mesh, the lengths of the cells that take the
+            place of its cells and how many times finer the mesh may become, and says how many there are; None: the cells where the error is large are divided.
 
     Attributes:
         problem: on the mesh that is to be solved next.
@@ -67,7 +67,7 @@ class Meshes:
         adaptive: bool,
         made: bool,
         any_jump: bool,
-        remake: Callable[[Any, TaggedMesh, npt.NDArray[np.float64]], tuple[Any, int]] | None = None,
+        remake: Callable[[Any, TaggedMesh, npt.NDArray[np.float64], float], tuple[Any, int]] | None = None,
     ) -> None:
         self._comm, self._made, self._remake = comm, made, remake
         self._of: str = DIVIDED_FOR.get(goal.of, goal.of)  # the quantity for which cells are marked
@@ -157,7 +157,7 @@ class Meshes:
             squares, lengths = solved.errors.squares[self._of], lengths_of_cells(last)
             factor = float(np.clip(excess, *FALL_OF_ERROR))
             lengths = shorter_lengths(self._comm, squares, lengths, factor, self.problem.degree, dim, jump)
-            self.problem, count = self._remake(self.problem, last, lengths)
+            self.problem, count = self._remake(self.problem, last, lengths, jump)
             self.finer = fineness_of(count / last.mesh.topology.index_map(dim).size_global, dim)
         elif self._made:
             # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.

@@ -78,13 +78,18 @@ def lengths_of_cells(tagged: TaggedMesh) -> Floats:
     return np.asarray(np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges], axis=0))
 
 
-def size_fields(tagged: TaggedMesh, lengths: Floats, parts: Sequence[npt.NDArray[np.int32]]) -> list[SizeField]:
+def size_fields(
+    tagged: TaggedMesh, lengths: Floats, parts: Sequence[npt.NDArray[np.int32]], finer: float = np.inf
+) -> list[SizeField]:
     """Lengths that grow slowly from the shortest ones, also from body to body; collective.
+
+    Where these would take too many cells all that differ from those of the mesh become longer by the same factor.
 
     Args:
         tagged: the mesh.
-        lengths: of each owned cell, shape (cells,).
+        lengths: of the cells that take the place of each owned cell, shape (cells,).
         parts: cells of this rank.
+        finer: see ``shorter_lengths``; cells between short and long ones count as well.
 
     Returns:
         A field on each part, on the first rank; without cells on the others.
@@ -96,14 +101,20 @@ def size_fields(tagged: TaggedMesh, lengths: Floats, parts: Sequence[npt.NDArray
         of_part[members[members < len(of_part)]] = number
     x = parallel.rows_on_root(comm, tagged.mesh.geometry.x[: nodes.size_local, :dim].astype(np.float64))
     rows = parallel.rows_on_root(comm, np.column_stack((numbers[cells], of_part)))
-    of_cell = parallel.rows_on_root(comm, lengths[:, None])
+    of_cell = parallel.rows_on_root(comm, np.column_stack((lengths_of_cells(tagged), lengths)))
     if not parallel.is_root(comm):
         return [SizeField(np.empty((0, dim)), np.empty((0, cells.shape[1]), np.int64), np.empty(0)) for _ in parts]
     corners, of_row = rows[:, :-1], rows[:, -1]
-    sizes = np.full(len(x), np.inf)
-    np.minimum.at(sizes, corners, of_cell)
-    used = np.flatnonzero(np.isfinite(sizes))
-    sizes[used] = _graded(x[used], sizes[used])
+    longest, around = np.zeros(len(x)), np.zeros(len(x))
+    np.add.at(longest, corners, of_cell[:, :1])
+    np.add.at(around, corners, 1.0)
+    longest /= np.maximum(around, 1.0)
+    share = np.ones(len(x))
+    np.minimum.at(share, corners, of_cell[:, 1:] / of_cell[:, :1])
+    used = np.flatnonzero(around)
+    sizes = longest.copy()
+    sizes[used] = _graded(x[used], longest[used] * share[used])
+    sizes = _affordable(sizes, longest, corners, of_cell[:, 0], dim, finer)
     return [_restricted(x, corners[of_row == number], sizes) for number in range(len(parts))]
 
 
@@ -118,6 +129,36 @@ def _restricted(x: Floats, corners: npt.NDArray[np.int64], sizes: Floats) -> Siz
     """The field on some cells alone."""
     used, cells = np.unique(corners, return_inverse=True)
     return SizeField(x[used], cells.reshape(corners.shape), sizes[used])
+
+
+def _affordable(
+    sizes: Floats, longest: Floats, corners: npt.NDArray[np.int64], old: Floats, dimension: int, finer: float
+) -> Floats:
+    """The lengths at all nodes, longer by a factor where these take too many cells, up to the longest ones.
+
+    Args:
+        sizes: at all nodes, length, shape (n,).
+        longest: those of the mesh, shape (n,).
+        corners: of each cell, shape (cells, c).
+        old: length of each cell of the mesh, shape (cells,).
+        dimension: of the mesh.
+        finer: see ``size_fields``.
+    """
+
+    def longer(factor: float) -> Floats:
+        return np.minimum(factor * sizes, longest)
+
+    def finer_by(factor: float) -> float:
+        count = ((old / longer(factor)[corners].mean(axis=1)) ** dimension).sum()
+        return float((count / len(old)) ** (1 / dimension))
+
+    if not finer_by(1.0) > finer:
+        return sizes
+    low, high = 1.0, float((longest / np.where(sizes > 0, sizes, np.inf)).max())
+    for _ in range(40):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if finer_by(middle) > finer else (low, middle)
+    return longer(high)
 
 
 def _graded(x: Floats, sizes: Floats) -> Floats:
