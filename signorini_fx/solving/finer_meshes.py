@@ -47,7 +47,8 @@ class Meshes:
         made: whether meshes are made anew; otherwise all cells, or some, are divided.
         any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are halved.
         remake: makes the problem on a mesh with other cells, from the last mesh, the lengths of the cells that take the
-            place of its cells and how many times finer the mesh may become, and says how many there are; None: the cells where the error is large are divided.
+            place of its cells and how many times finer the mesh may become, and says how many there are; None: the
+            cells where the error is large are divided.
 
     Attributes:
         problem: on the mesh that is to be solved next.

@@ -105,14 +105,15 @@ def size_fields(
     if not parallel.is_root(comm):
         return [SizeField(np.empty((0, dim)), np.empty((0, cells.shape[1]), np.int64), np.empty(0)) for _ in parts]
     corners, of_row = rows[:, :-1], rows[:, -1]
-    longest, around = np.zeros(len(x)), np.zeros(len(x))
+    longest: Floats = np.zeros(len(x))
+    around: Floats = np.zeros(len(x))
     np.add.at(longest, corners, of_cell[:, :1])
     np.add.at(around, corners, 1.0)
     longest /= np.maximum(around, 1.0)
     share = np.ones(len(x))
     np.minimum.at(share, corners, of_cell[:, 1:] / of_cell[:, :1])
     used = np.flatnonzero(around)
-    sizes = longest.copy()
+    sizes: Floats = longest.copy()
     sizes[used] = _graded(x[used], longest[used] * share[used])
     sizes = _affordable(sizes, longest, corners, of_cell[:, 0], dim, finer)
     return [_restricted(x, corners[of_row == number], sizes) for number in range(len(parts))]
