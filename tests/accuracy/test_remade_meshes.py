@@ -156,6 +156,40 @@ def test_largest_pressure(tmp_path, bodies, axisymmetric, degree):
     assert solution.model.dofs < {1: 9_000, 2: 2_500}[degree] * {"one": 1, "two": 2}[bodies]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("bodies", "degree"), [("one", 1), ("one", 2), ("two", 2)])
+def test_largest_pressure_in_space(bodies, degree):
+    """A quarter of the body of revolution: the same pressure, cells that are small where it touches."""
+    mesh = f'mesh = {{ generator = "half_sphere", parameters = {{ part = "quarter", order = {degree}, '
+    mesh += "radius = 8.0, size = 4.0, contact_size = 4.0 } }\n"
+    goal = f"[element]\ndegree = {degree}\n{accuracy(0.1, 'peak')}"
+    held = '[[displacement]]\nboundary = "{0}symmetry_x"\n{1} = 0.0\n'
+    held += '[[displacement]]\nboundary = "{0}symmetry_y"\n{2} = 0.0\n'
+    load = '[[traction]]\nboundary = "{0}top"\npressure = 0.4\n'
+    if bodies == "one":
+        contact = '[[contact]]\nboundary = "sphere"\ngap = "x[2]"\ndirection = [0.0, 0.0, -1.0]\n'
+        text = mesh + goal + MATERIAL + contact + load.format("") + held.format("", "x", "y")
+    else:  # turned by 180 degrees about the line between the axes x and y, which changes places with them
+        turned = f"rotation = [{180 / np.sqrt(2)}, {180 / np.sqrt(2)}, 0.0]\n"
+        text = f'[[body]]\nname = "upper"\n{mesh}[[body]]\nname = "lower"\n{turned}{mesh}'
+        for name, young in (("upper", 200.0), ("lower", 600.0)):
+            text += f'[[material]]\nregion = "{name}"\nyoung = {young}\npoisson = 0.3\n'
+        text += '[[contact]]\nboundary = "upper.sphere"\nagainst = "lower.sphere"\n'
+        text += held.format("upper.", "x", "y") + held.format("lower.", "y", "x")
+        text += '[[displacement]]\nboundary = "lower.top"\nz = 0.0\n' + load.format("upper.") + goal
+    solution = solve(read(text), MPI.COMM_SELF)
+    assert solution.converged
+    error = abs(solution.table.columns["pressure"].max() / LARGEST[bodies, True] - 1)
+    assert error / 2 < solution.price_list[-2].peak <= 0.05  # the margin is two
+    growth = np.divide(*(np.array([level.dofs for level in solution.levels])[end] for end in (np.s_[1:], np.s_[:-1])))
+    assert growth[1:].max() < 8  # no more than if all cells were halved
+    tagged = solution.model.tagged
+    lengths = lengths_of_cells(tagged)
+    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)[: len(lengths)]
+    away = np.linalg.norm(x, axis=1)
+    assert np.median(lengths[away < 1.0]) < 0.25 * np.median(lengths[away > 5])
+
+
 def test_what_cannot_be_made_anew_is_refused(tmp_path):
     """Cells in rows beside those of a drawing."""
     (tmp_path / "disk.geo").write_text(DISK)
