@@ -39,6 +39,7 @@ from signorini_fx.tuned import (
     LEAST_GROWING_TIME,
     MISSED_TOP,
     POLLUTION,
+    POLLUTION_OF_PEAK,
     POLYGON_ERRORS,
     POLYGON_PEAK,
     SMOOTH_RATE,
@@ -212,7 +213,7 @@ def _error_at_peak(levels: Sequence[LevelResult], rate: float) -> float | None:
     ]
     if not estimates:
         return None
-    return float(np.hypot(_root_mean_square(estimates[-CHANGES_USED:]), POLLUTION * levels[-1].energy ** 2))
+    return float(np.hypot(_root_mean_square(estimates[-CHANGES_USED:]), POLLUTION_OF_PEAK * levels[-1].energy ** 2))
 
 
 def _few_nodes(levels: Sequence[LevelResult]) -> bool:
