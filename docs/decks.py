@@ -24,9 +24,9 @@ HEAD = """# How a deck is read
   `*ELASTIC` of type `ORTHO` or `ENGINEERING CONSTANTS` becomes `orthotropic`.
 - **Supports and loads.** Nodes or faces become a boundary if they fill whole facets; up to twelve supported nodes
   become points, others, and those with a `*TRANSFORM`, links to the ground. Where the deck has contact, `holds` says in
-  which steps. Forces of one `*CLOAD` on several sides are several loads, each spread evenly if all are the same and that
-  has their moment, or else forces at nodes. What a step gives twice adds up.
-  Each static `*STEP` is a load step, `*PRE-TENSION SECTION` a `preload`.
+  which steps. Forces of one `*CLOAD` on several sides are several loads, each spread evenly if all are the same and
+  that has their moment, or else forces at nodes. What a step gives twice adds up. Each static `*STEP` is a load step,
+  `*PRE-TENSION SECTION` a `preload`.
 - **Constraints.** `*EQUATION`, cyclic symmetry and ties of nodes that fill no facets become [links](#nodes), which give
   way by 1e-5 of the strain of a cell. `*KINEMATIC` is a rigid tool, `*DISTRIBUTING` spreads its force over nodes.
 - **Contact.** Each `*CONTACT PAIR` has its `*FRICTION`, also where it changes, and `ADJUST`. Nodes that
