@@ -34,6 +34,7 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     from mpi4py import MPI
 
     import signorini_fx
+    from signorini_fx.machine.compat import geometry_cells
 
     made, nodes = scene(problem, grid)
     start = time.process_time()
@@ -44,7 +45,7 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     space, values = solution.displacement.function_space, solution.displacement.x.array.reshape(-1, dimension)
     # The first degrees of freedom of a cell are those of its corners, in the order of its nodes.
     corners = grid.cells.shape[1]
-    u[nodes[mesh.geometry.dofmap.ravel()]] = values[space.dofmap.list[:, :corners].ravel()]
+    u[nodes[geometry_cells(mesh).ravel()]] = values[space.dofmap.list[:, :corners].ravel()]
     energy = float(solution.steps[-1].strain_energy)
     return Answer(u, _contacts(problem, solution), solution.displacement.x.array.size, seconds, energy)
 

@@ -78,6 +78,12 @@ def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
 
 
+def collapsed(space: fem.FunctionSpace, component: int) -> tuple[fem.FunctionSpace, npt.NDArray[np.int32]]:
+    """The scalar space of a component, and which dofs of this rank of the whole space its own are, shape (dofs,)."""
+    part, dofs = space.sub(component).collapse()
+    return part, np.asarray(dofs[0] if VERSION >= (0, 11) else dofs, dtype=np.int32)
+
+
 def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) -> Any:
     """The object of C++ that one of Python holds, which compiled forms and other releases know."""
     inner: Any = holder

@@ -19,7 +19,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, prepare
 from signorini_fx.mechanics.body.foundation import Foundation
@@ -316,12 +316,11 @@ def _conditions(model: Model) -> tuple[list[Any], list[fem.DirichletBC]]:
     fixed, _ = prescribed(space, model.bcs)
     held, conditions = list[Any](), list[fem.DirichletBC]()
     for component in range(dim):
-        collapsed, numbers = space.sub(component).collapse()
-        dofs = np.asarray(numbers, dtype=np.int32)
+        part, dofs = compat.collapsed(space, component)
         at = np.flatnonzero(fixed[dofs]).astype(np.int32)
         if not parallel.any_rank(space.mesh.comm, at.size > 0):
             continue
-        values = fem.Function(collapsed)
+        values = fem.Function(part)
         held.append((values, dofs))
         pair: Any = [dofs[at], at]  # of the space and of the collapsed one
         conditions.append(fem.dirichletbc(values, pair, space.sub(component)))

@@ -14,6 +14,7 @@ from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.quantity_bounds import force
 from signorini_fx.addons.bounds.simplices import IsotropicModuli, Simplices, moments_of
 from signorini_fx.addons.bounds.stress_products import energy, square
+from signorini_fx.machine.compat import geometry_cells
 from signorini_fx.scenes.reading import parse_scene
 
 TRESCA = {"law": "tresca", "bound": 1.5}
@@ -296,7 +297,7 @@ def with_field(solution, field):
     y = solution.displacement.copy()
     mesh = y.function_space.mesh
     x = mesh.geometry.x[:, :2]
-    cells = mesh.geometry.dofmap
+    cells = geometry_cells(mesh)
     upper = np.zeros(len(y.x.array) // 2, dtype=bool)
     for cell, corners in enumerate(cells):
         upper[y.function_space.dofmap.list[cell]] = x[corners].mean(axis=0)[1] > 1
