@@ -153,6 +153,7 @@ def _load_step(progress: StepProgress, path: Increments) -> LoadStep:
             without_fall_backs=path.without_fall_backs,
             augmented=path.at.augmented,
             monolithic=path.at.monolithic,
+            several=steps.several,
         )
         if steps.several:
             history.add(StepRecord(start.step + 1, steps.name_at(path_step), steps.time_at(path_step)))

@@ -2,11 +2,12 @@
 
 They are in equilibrium without any traction, in every position on the way, so that no method finds one.  Whether
 there is room for that depends on where supports and loads move the bodies around them: it is asked after a method has
-failed, and takes one linear solve.
+failed, and takes one linear solve.  Where nothing at all has acted before one of several load steps, they stay.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.motion_names import names_of
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
+from signorini_fx.results.solution import StepResult
 from signorini_fx.tuned import CLOSED_GAP
 
 # Outcomes that say how the methods have failed, and not why there is no solution, or not of which body.
@@ -61,6 +63,25 @@ def explained(body: Model, task: Task, start: Start, outcome: Outcome, when: str
         "it lies loose, and many positions are in equilibrium; press it on, or prescribe a displacement"
     )
     return replace(outcome, status=Status.OPEN), Finding("warning", body.statement.forces_at, f"{when}{message}")
+
+
+def loose_at_rest(body: Model, steps: Sequence[StepResult]) -> list[Finding]:
+    """Load steps in which nothing has acted yet on what the supports do not hold, so that it stays; collective.
+
+    Args:
+        body: the model.
+        steps: results of load steps that have a solution.
+    """
+    resting = [step for step in steps if not parallel.any_rank(body.comm, bool(step.displacement.x.array.any()))]
+    if len(steps) == 1 or not body.motions.free.shape[1] or not resting:
+        return []
+    numbers = [str(step.step) for step in resting]
+    which = f"load step{'s' * (len(numbers) > 1)} {', '.join(numbers)}"
+    message = (
+        f"{which}: nothing loads the body, and the supports do not hold it: it is left where it is, one of many "
+        "positions in equilibrium"
+    )
+    return [Finding("note", body.statement.forces_at, message)]
 
 
 def loose_assembly(task: Task, data: RegularisedData, law: PointFriction | None) -> int | None:

@@ -45,6 +45,7 @@ from signorini_fx.solving.check.shapes_in_results import shapes_in_results
 from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_increments import Increments
 from signorini_fx.solving.load_steps import all_load_steps
+from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stated_places import stated_body
 from signorini_fx.solving.stepped_body import LoadStep, judged, step_result
@@ -235,6 +236,7 @@ def findings_of_steps(
     names = [model.motions.pieces.called(piece) for piece in lost]
     return [
         *pushed_nodes(model.comm, held, model.tagged.size),
+        *loose_at_rest(model, steps),
         *shapes_in_results(foundations, _shown(steps).displacement),
         *further,
         *result_findings([step.deformation for step in steps], touching=touching, unjudged=names),

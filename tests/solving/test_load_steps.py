@@ -231,3 +231,56 @@ def test_elastic_slip_of_earlier_steps_is_no_slip(monkeypatch, steps):
     assert solution.steps[last].certificate.law.regularised is False
     assert crept[last - 1] > 1e-5
     assert crept[last] < 1e-9 * crept[last - 1]
+
+
+LAWS = {
+    "frictionless": {},
+    "coulomb": {"friction": {"law": "coulomb", "coefficient": FRICTION}},
+    "tresca": {"friction": {"law": "tresca", "bound": FRICTION * PRESSURE}},
+}
+
+
+@pytest.mark.parametrize(
+    ("law", "method", "factors"),
+    [
+        *((law, {}, factors) for law in LAWS for factors in ([0.0, 1.0], [0.0, 0.0, 1.0])),
+        *(("coulomb", method, [0.0, 1.0]) for method in METHODS[1:]),
+    ],
+)
+def test_a_loose_body_waits_for_its_load(law, method, factors):
+    """Before it is loaded it is at rest where it is, which is a solution, and then deforms as if it had not waited."""
+    held = {"displacement": {"boundary": "left", "x": 0.0}} if law == "frictionless" else {}
+    # Half of what friction can hold.
+    pulled = {"boundary": "right", "x": LIMIT / 2}
+    contact = {"contact": {"boundary": "bottom"} | LAWS[law]}
+
+    def loaded(factors):
+        loads = [{"boundary": "top", "y": -PRESSURE}, pulled]
+        return alone(block(6, {"traction": [load | {"factors": factors} for load in loads]} | held | contact, **method))
+
+    waited, at_once = loaded(factors), loaded([1.0])
+    *first, last = waited.steps
+    for step in first:
+        assert not step.displacement.x.array.any()
+        assert not step.contact.pressure.any()
+        assert step.linear_solves == 0
+    counted = "load step 1:" if len(first) == 1 else "load steps 1, 2:"
+    assert [f.level for f in waited.findings if f"{counted} nothing loads the body" in f.message] == ["note"]
+    assert not [f for f in at_once.findings if "nothing loads the body" in f.message]
+    expected = at_once.steps[-1].displacement.x.array
+    # Path-following and augmentation stop within their own tolerances, on other ways.
+    np.testing.assert_allclose(last.displacement.x.array, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
+def test_a_load_that_grows_from_time_zero():
+    """In the first of two load steps there is none yet."""
+    loads = {"traction": {"boundary": "top", "y": f"-{PRESSURE} * t"}, "load_steps": {"times": [0.0, 1.0]}}
+    solution = alone(block(6, loads))
+    assert [step.status for step in solution.steps] == [Status.CONVERGED] * 2
+    assert solution.contact.forces[0][1] == pytest.approx(PRESSURE * LENGTH, rel=1e-9)
+
+
+def test_a_body_that_no_load_step_loads_is_pulled_off():
+    """Only where nothing acts does it rest: a load that leads away from the foundation has no solution."""
+    solution = alone(block(6, {"traction": {"boundary": "top", "y": PRESSURE, "factors": [0.0, 1.0]}}), check=False)
+    assert [step.status for step in solution.steps] == [Status.CONVERGED, Status.OPEN]

@@ -81,6 +81,7 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
         start = replace(start, data=enough)
     if _nothing_acts(task, start):
         return _stay(task, start)
+    start = _first_loaded(task, start)
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
     if lost is not None:
         return _without_contact(task, start.data, lost.status)
@@ -174,9 +175,14 @@ def _augmented_first(task: Task, start: Start, law: PointFriction) -> Outcome:
 
 
 def _nothing_acts(task: Task, start: Start) -> bool:
-    """Whether the body stays where it is: held, no load, nothing prescribed, no penetration; collective."""
-    data = start.data
-    if start.step > 0 or task.motions.count > 0:
+    """Whether the body stays where it is: no load, nothing prescribed, no penetration; collective.
+
+    If nothing holds it, it does so in one of several load steps alone: a problem without any load is not determined.
+    """
+    data, loose = start.data, task.motions.count > 0
+    if loose and not start.several:
+        return False
+    if start.step > 0 and not (loose and task.iterate.x.norm() == 0):
         return False
     if task.system.load.norm() > 0 or task.system.start.norm() > 0:
         return False
@@ -184,6 +190,18 @@ def _nothing_acts(task: Task, start: Start) -> bool:
     if data.bilateral is not None:
         pushed = pushed | (data.bilateral & (data.gap != 0))
     return not parallel.any_rank(task.system.comm, bool(pushed.any()))
+
+
+def _first_loaded(task: Task, start: Start) -> Start:
+    """The start of a body that nothing has loaded so far: that of the first load step, with contact everywhere.
+
+    No contact would hold it with the active sets, nor friction with the bound, that it has had without a load.
+    """
+    if start.step == 0 or task.motions.count == 0 or start.multipliers is None or task.iterate.x.norm() > 0:
+        return start
+    if parallel.any_rank(task.system.comm, any(tractions.any() for tractions in start.multipliers)):
+        return start
+    return replace(start, multipliers=None, sets=ActiveSets.all_in_contact(*start.data.mu_hat.shape))
 
 
 def _stay(task: Task, start: Start) -> Outcome:

@@ -48,6 +48,7 @@ class Start:
         without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
         augmented: whether Coulomb friction begins with augmentation, because a fixed point was too slow.
         monolithic: whether it begins with the monolithic Newton method, because augmentation has failed as well.
+        several: whether it is one of several: a body that nothing loads in it then waits where it is for its load.
     """
 
     data: RegularisedData
@@ -63,6 +64,7 @@ class Start:
     without_fall_backs: bool = False
     augmented: bool = False
     monolithic: bool = False
+    several: bool = False
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
         """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of another load."""
