@@ -909,6 +909,9 @@ INRADIUS_GRID = 9
 SHAPE_MIDDLE = 0.9
 # Parts of cells that are smaller than this share of the depth allowed are not divided.  Choice.
 SMALLEST_PART = 1 / 16
+# A triangle or tetrahedron whose edges from one corner span so many times more in one direction than in another is
+# searched as part of a box.  Choice: regular ones are below 3, and are divided into similar parts.
+ELONGATED = 4.0
 # Along a normal of a shape of a user's own its distance may grow by so much less than a distance does: normals that are
 # smoothed where facets meet.  Choice: eight degrees.
 WRONG_NORMAL = 1e-2

@@ -73,6 +73,53 @@ def test_depth_of_a_ball(cell, degree, centre, radius):
         assert deep.depth <= depth + 1e-12
 
 
+class Counted:
+    """A shape that counts the points at which its distance was asked."""
+
+    def __init__(self, shape):
+        self.shape, self.points = shape, 0
+
+    def __getattr__(self, name):
+        return getattr(self.shape, name)
+
+    def distance(self, x):
+        self.points += len(x)
+        return self.shape.distance(x)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("cell", [*PLANE, "hexahedron"])
+def test_elongated_cells(cell, axis):
+    """The parts that are looked at grow with the logarithm of the aspect ratio: a ball touches the side in its middle,
+    and is then moved into it, where it is found.
+    """
+    counts = []
+    dim = 2 if cell in PLANE else 3
+    kind = getattr(dmesh.CellType, cell)
+    for length in (1e3, 1e6, 1e9):
+        upper = np.ones(dim)
+        upper[axis], radius, gaps = length, 0.5, (1e-3, -0.4)
+        points, numbers = [np.zeros(dim), upper], np.where(np.arange(dim) == axis, 4, 8)
+        make = dmesh.create_rectangle if dim == 2 else dmesh.create_box
+        mesh = make(MPI.COMM_SELF, points, tuple(numbers), kind)
+        cells = BodyCells.of(fem.functionspace(mesh, ("Lagrange", 1, (dim,))), dim)
+        for gap in gaps:
+            centre = 0.37 * upper
+            centre[1 - axis] = 1.0 + radius + gap
+            entry = {"shape": "circle" if dim == 2 else "sphere", "centre": tuple(centre), "radius": radius}
+            shape = Counted(read_shape(entry))
+            deep = cells.inside(cells.x, shape)
+            assert (deep is None) == (gap > 0)
+            counts.append(shape.points)
+            if deep is not None:
+                # The body is deepest below the middle of the ball.
+                assert deep.depth == pytest.approx(-shape.distance(np.array([deep.at]))[0][0])
+                assert deep.depth <= -gap + 1e-9 * length**0.5
+    # Ten halvings more for each factor of 1000, of as many parts that come near the ball.
+    steps = np.diff(counts[::2])
+    assert 0 < steps[1] <= 1.1 * steps[0]
+
+
 @pytest.mark.parametrize("cell", PLANE)
 def test_in_a_bent_body(cell):
     """Places are the displaced ones, of curved cells too: a quarter of a ring."""

@@ -8,8 +8,8 @@ x = sum_j N_j(xi) (X_j + u_j).  They overlap by
 which nodes alone do not tell: a shape that is narrower than a facet fits between them, and one that is inside is
 outside of all nodes of the boundary.  The minimum is found by branch and bound.  As |phi(x) - phi(z)| <= |x - z|, a
 part of a cell with the middle m, all of which is within r of m, has no point deeper than r - phi(m).  Parts for which
-this is above the depth allowed are divided into 2^d, along the lattice of their reference cell, until the middle of one
-is too deep or none is left.
+this is above the depth allowed are divided, into 2^d along the lattice of their reference cell, and elongated ones in
+their long directions alone, until the middle of one is too deep or none is left.
 
 Contact at nodes allows for some depth: between two nodes that are outside, a chord of length h cuts a circle of radius
 R to R - sqrt(R^2 - h^2 / 4).  So up to ``SHAPE_INSIDE`` of the radius of a cell, and of the inradius of the shape,
@@ -40,7 +40,7 @@ from mpi4py import MPI
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.users_shapes import inradius_of, on_way
-from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE, SHAPE_MIDDLE, SHAPE_STEP, SMALLEST_PART
+from signorini_fx.tuned import ELONGATED, MOST_PLACES, SHAPE_INSIDE, SHAPE_MIDDLE, SHAPE_STEP, SMALLEST_PART
 
 Array = npt.NDArray[np.float64]
 
@@ -199,17 +199,58 @@ class BodyCells:
         radius of its cell, and another length.
         """
         limit, of_cell, yielding = limits
-        corners, maps = _divided(self.element.cell_type)
+        kind = self.element.cell_type
+        corners = np.asarray(basix.geometry(kind), dtype=np.float64)
+        whole = np.vstack((corners.mean(axis=0), corners))
+        all_cells = np.arange(len(self.nodes))
+        x = self._positions(places, all_cells, np.broadcast_to(whole, (all_cells.size, *whole.shape)))
+        reach = np.linalg.norm(x[:, 1:] - x[:, :1], axis=2).max(axis=1, initial=0.0)
+        allowed = np.minimum(limit, of_cell * reach) + yielding
+        boxes = _boxes(kind, x[:, 1:])
+        regular = np.flatnonzero(~boxes.elongated)
+        identity = np.tile(np.eye(corners.shape[1]), (regular.size, 1, 1))
+        groups = [
+            (regular, kind, identity, np.zeros((regular.size, corners.shape[1])), False),
+            (np.flatnonzero(boxes.elongated), boxes.kind, boxes.turned, boxes.moved, boxes.cut),
+        ]
+        for cells, of_kind, turned, moved, cut in groups:
+            deep = self._search_parts(places, depths, allowed, cells, of_kind, (turned, moved), cut)
+            if deep is not None:
+                return deep
+        return None
+
+    def _search_parts(
+        self,
+        places: Array,
+        depths: Callable[[Array], Array],
+        allowed: Array,
+        cells: npt.NDArray[np.int64],
+        kind: basix.CellType,
+        maps: tuple[Array, Array],
+        cut: bool,
+    ) -> list[float] | None:
+        """See ``_search``.
+
+        Args:
+            places: see ``inside``.
+            depths: of positions in the shape.
+            allowed: depth in each cell of this rank, length, shape (c,).
+            cells: numbers of those that are searched, shape (m,).
+            kind: what is divided.
+            maps: matrices and shifts of the affine maps from it onto a cell, shapes (m, d, d) and (m, d).
+            cut: whether these are boxes around simplices, of which only parts belong to the cell.
+        """
+        corners = np.asarray(basix.geometry(kind), dtype=np.float64)
         dim = corners.shape[1]
-        cells = np.arange(len(self.nodes))
-        turned, moved = np.tile(np.eye(dim), (cells.size, 1, 1)), np.zeros((cells.size, dim))
-        allowed: Array | None = None
+        points = np.vstack((corners.mean(axis=0), corners))
+        turned, moved = maps
         while cells.size:
-            at = np.einsum("pij,vj->pvi", turned, np.vstack((corners.mean(axis=0), corners))) + moved[:, None]
+            at = np.einsum("pij,vj->pvi", turned, points) + moved[:, None]
+            if cut:
+                at, inside = _within(at)
+                at, cells, turned, moved = at[inside], cells[inside], turned[inside], moved[inside]
             x = self._positions(places, cells, at)
-            middle, reach = x[:, 0], np.linalg.norm(x[:, 1:] - x[:, :1], axis=2).max(axis=1)
-            if allowed is None:
-                allowed = np.minimum(limit, of_cell * reach) + yielding
+            middle, reach = x[:, 0], np.linalg.norm(x[:, 1:] - x[:, :1], axis=2).max(axis=1, initial=0.0)
             depth = depths(middle)
             if (deep := depth > allowed[cells]).any():
                 deepest = int(np.argmax(np.where(deep, depth, -np.inf)))
@@ -217,11 +258,15 @@ class BodyCells:
             # Curved parts may reach farther than their corners.
             bulge = 1.0 if self.element.degree == 1 else 1.5
             left = (depth + bulge * reach > allowed[cells]) & (reach > SMALLEST_PART * allowed[cells])
-            cells, turned, moved = cells[left], turned[left], moved[left]
-            children = len(maps)
-            cells = np.repeat(cells, children)
-            moved = (moved[:, None] + np.einsum("pij,kj->pki", turned, maps[:, :, -1])).reshape(-1, dim)
-            turned = np.einsum("pij,kjl->pkil", turned, maps[:, :, :-1]).reshape(-1, dim, dim)
+            cells, turned, moved, x = cells[left], turned[left], moved[left], x[left, 1:]
+            parts = []
+            for rows, smaller in _divided(kind, x):
+                shift = moved[rows][:, None] + np.einsum("pij,kj->pki", turned[rows], smaller[:, :, -1])
+                turn = np.einsum("pij,kjl->pkil", turned[rows], smaller[:, :, :-1])
+                parts.append((np.repeat(cells[rows], len(smaller)), turn.reshape(-1, dim, dim), shift.reshape(-1, dim)))
+            if not parts:
+                return None
+            cells, turned, moved = (np.concatenate(column) for column in zip(*parts, strict=True))
         return None
 
     def _positions(self, places: Array, cells: npt.NDArray[np.int64], at: Array) -> Array:
@@ -231,15 +276,96 @@ class BodyCells:
         return np.asarray(np.einsum("pvn,pnd->pvd", functions, places[self.nodes[cells]]))
 
 
-def _divided(cell: basix.CellType) -> tuple[Array, Array]:
-    """The corners of a reference cell, shape (v, d), and the affine maps onto the 2^d parts that it is divided into,
-    matrices and shifts side by side, shape (2^d, d, d + 1).
+@dataclass(frozen=True)
+class ElongatedCells:
+    """Cells that are much longer in one direction than in another, as boxes that are halved in the long ones alone.
+
+    A triangle or tetrahedron is the part with sum xi <= 1 of a box on the edges from one of its corners, the one whose
+    edges are shortest and so the nearest to orthogonal: needles that are halved themselves overlap in more and more
+    layers.
+
+    Attributes:
+        elongated: which cells are, shape (c,).
+        kind: of the box.
+        turned: matrices of the affine maps from the box into the reference cell, shape (m, d, d).
+        moved: the shifts of these maps, shape (m, d).
+        cut: whether only a part of the box belongs to the cell.
     """
-    corners = np.asarray(basix.geometry(cell), dtype=np.float64)
+
+    elongated: npt.NDArray[np.bool_]
+    kind: basix.CellType
+    turned: Array
+    moved: Array
+    cut: bool
+
+
+def _boxes(kind: basix.CellType, x: Array) -> ElongatedCells:
+    """The elongated ones of cells with corners at these positions, length, shape (c, v, d)."""
+    corners = np.asarray(basix.geometry(kind), dtype=np.float64)
     dim = corners.shape[1]
-    half = np.eye(dim) / 2
-    if cell in (basix.CellType.quadrilateral, basix.CellType.hexahedron):
-        return corners, np.array([np.column_stack((half, corner / 2)) for corner in corners])
+    if len(corners) > dim + 1:
+        none = np.zeros(len(x), dtype=bool)
+        return ElongatedCells(none, kind, np.zeros((0, dim, dim)), np.zeros((0, dim)), cut=False)
+    spread = np.linalg.svd(x[:, 1:] - x[:, :1], compute_uv=False)
+    elongated = spread[:, -1] * ELONGATED < spread[:, 0]
+    lengths = np.linalg.norm(x[elongated, :, None] - x[elongated, None], axis=3)
+    products = (lengths + np.eye(dim + 1)).prod(axis=2)
+    others = np.array([[k for k in range(dim + 1) if k != first] for first in range(dim + 1)])
+    first = products.argmin(axis=1)
+    moved = corners[first]
+    turned = np.swapaxes(corners[others[first]] - moved[:, None], 1, 2)
+    box = basix.CellType.quadrilateral if dim == 2 else basix.CellType.hexahedron
+    return ElongatedCells(elongated, box, turned, moved, cut=True)
+
+
+def _within(at: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Middles and corners of boxes, shape (m, v, d), with middles moved into the reference simplex, and which boxes
+    have points in it, shape (m,).
+    """
+    # The box lies along edges of the simplex: its corners take every coordinate, and the sum of all, to their ends.
+    coordinates = np.concatenate((at, 1.0 - at.sum(axis=2, keepdims=True)), axis=2)
+    inside = (coordinates[:, 1:].max(axis=1) >= 0).all(axis=1)
+    middle = coordinates[:, 0]
+    best = at[np.arange(len(at)), 1 + coordinates[:, 1:].min(axis=2).argmax(axis=1)]
+    bary = np.column_stack((best, 1.0 - best.sum(axis=1)))
+    # From the corner that is deepest in the simplex as far towards the middle as it goes.
+    steps = np.where(middle < 0, bary / np.where(middle < 0, bary - middle, 1.0), 1.0).clip(0.0, 1.0).min(axis=1)
+    moved = best + steps[:, None] * (at[:, 0] - best)
+    inside &= coordinates[:, 1:].min(axis=2).max(axis=1) >= 0
+    return np.concatenate((moved[:, None], at[:, 1:]), axis=1), inside
+
+
+def _divided(kind: basix.CellType, x: Array) -> list[tuple[npt.NDArray[np.int64], Array]]:
+    """How parts with corners at x, shape (m, v, d), are divided: numbers of parts, and the affine maps from the
+    reference cell onto smaller parts of it, matrices and shifts side by side, shape (k, d, d + 1).
+
+    Halves in all directions, or of an elongated box in its long ones alone, so that the number of parts does not grow
+    with the aspect ratio.
+    """
+    if not len(x):
+        return []
+    corners = np.asarray(basix.geometry(kind), dtype=np.float64)
+    dim = corners.shape[1]
+    if len(corners) == dim + 1:
+        return [(np.arange(len(x)), _similar(corners))]
+    edges = np.array(basix.topology(kind)[1])
+    lengths = np.linalg.norm(x[:, edges[:, 1]] - x[:, edges[:, 0]], axis=2)
+    along = np.abs(corners[edges[:, 1]] - corners[edges[:, 0]]) > 0
+    of_axes = np.column_stack([lengths[:, along[:, axis]].max(axis=1) for axis in range(dim)])
+    way = (2 * of_axes > lengths.max(axis=1)[:, None]) @ (1 << np.arange(dim))
+    return [(np.flatnonzero(way == number), _halves(int(number), corners)) for number in np.unique(way)]
+
+
+def _halves(way: int, corners: Array) -> Array:
+    """The affine maps of a unit box onto its halves along the axes whose bits ``way`` has."""
+    size = np.array([0.5 if way >> axis & 1 else 1.0 for axis in range(corners.shape[1])])
+    kept = corners[(corners[:, size == 1.0] == 0).all(axis=1)]
+    return np.array([np.column_stack((np.diag(size), corner / 2)) for corner in kept])
+
+
+def _similar(corners: Array) -> Array:
+    """The affine maps of a simplex onto its 2^d parts between its corners and the middles of its edges."""
+    dim = corners.shape[1]
     parts = [np.array([(corner + vertex) / 2 for vertex in corners]) for corner in corners]
     middles = {(i, j): (corners[i] + corners[j]) / 2 for i in range(dim + 1) for j in range(i)}
     if dim == 2:
@@ -248,4 +374,4 @@ def _divided(cell: basix.CellType) -> tuple[Array, Array]:
         ends = middles[1, 0], middles[3, 2]
         ring = [middles[2, 0], middles[2, 1], middles[3, 1], middles[3, 0]]
         parts += [np.array([*ends, ring[k], ring[(k + 1) % 4]]) for k in range(4)]
-    return corners, np.array([np.column_stack(((part[1:] - part[0]).T, part[0])) for part in parts])
+    return np.array([np.column_stack(((part[1:] - part[0]).T, part[0])) for part in parts])
