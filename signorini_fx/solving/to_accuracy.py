@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -148,12 +149,13 @@ def solve_to_accuracy(
             if beyond is None:
                 try:
                     meshes.refine(solved, excess, jump)
-                    while enough and meshes.adaptive:  # how much larger it is shows once it is made
-                        beyond = budget.exceeded(rows, meshes.finer, level)
-                        jump = float(np.sqrt(jump))
-                        if beyond is None or not meshes.remade or jump < SMALLEST_REMADE_JUMP:
-                            break
-                        meshes.refine(solved, excess, jump)
+                    if enough and meshes.adaptive:  # how much larger it is shows once it is made
+                        beyond = _smaller_mesh(
+                            meshes,
+                            partial(budget.exceeded, rows, last=level),
+                            partial(meshes.refine, solved, excess),
+                            jump,
+                        )
                 except Exception as failure:
                     return Unsolved.by_error(failure, "to make the next mesh", comm).leaves(solution, history)
             if beyond is not None:
@@ -163,6 +165,28 @@ def solve_to_accuracy(
         elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             notify("accuracy: the regularisation leaves more, and gamma is as large as double precision allows")
             return replace(solution, status=Status.OUT_OF_REACH)
+
+
+def _smaller_mesh(
+    meshes: Meshes, exceeded: Callable[[float], Exceeded | None], refine: Callable[[float], object], jump: float
+) -> Exceeded | None:
+    """Make the next mesh coarser, until the budget allows it; what it exceeds where none that is finer enough than the
+    last one does, else None.
+
+    Args:
+        meshes: with the next mesh made.
+        exceeded: what a mesh exceeds that is so many times finer than the last one; None: nothing.
+        refine: makes the next mesh from the last one, at most so many times finer.
+        jump: how many times finer it was to be.
+    """
+    while (beyond := exceeded(meshes.finer)) is not None and meshes.remade:
+        jump = float(np.sqrt(jump))
+        if jump < SMALLEST_REMADE_JUMP:
+            break
+        refine(jump)
+        if meshes.finer < SMALLEST_REMADE_JUMP:  # gmsh has about as many cells again, or fewer
+            break
+    return beyond
 
 
 def _certified(solved: SolvedMesh, *, first: bool) -> tuple[SolvedMesh, float, str]:

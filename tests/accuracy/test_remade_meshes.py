@@ -3,6 +3,7 @@ cells anew, short where the error is, on the true shape.
 """
 
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.solving.to_accuracy import _smaller_mesh
 from signorini_fx.tuned import SIZE_GROWTH
 
 MATERIAL = "[[material]]\nyoung = 200.0\npoisson = 0.3\n"
@@ -303,3 +305,21 @@ def test_two_bodies_on_ranks(tmp_path):
     assert [level.dofs for level in together.levels] == [level.dofs for level in alone.levels]
     peaks = [one.table.columns["pressure"].max() for one in (together, alone)]
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(("made", "allowed", "solved"), [((2.0, 1.3), 1.4, True), ((2.0, 0.9), 1.4, False)])
+def test_a_smaller_try_that_is_hardly_finer_is_not_solved(made, allowed, solved):
+    """Within the budget, but with fewer cells than the last mesh: the budget has ended before the accuracy."""
+    sizes = iter(made)
+    meshes = SimpleNamespace(finer=next(sizes), remade=True)
+    tried = []
+
+    def refine(jump):
+        tried.append(jump)
+        meshes.finer = next(sizes)
+
+    def exceeded(finer):
+        return None if finer <= allowed else "too dear"
+
+    assert (_smaller_mesh(meshes, exceeded, refine, 2.0) is None) == solved
+    assert tried == [pytest.approx(2.0**0.5)]
