@@ -434,6 +434,9 @@ INDISTINGUISHABLE = 1e-11
 TINY_CELL = 1e-6
 # Numbers of a scene are between these, in any units, or energies and forces overflow.  Choice.
 LARGEST_NUMBER, SMALLEST_NUMBER = 1e60, 1e-60
+# A row of a table of yield stresses that rises more steeply, in Young's moduli per plastic strain, is a mistake in
+# writing: beyond it the plastic strain of a step is lost in round-off.  Choice.
+STEEPEST_HARDENING = 1e6
 # Limits of the mesh and of the body that differ by less than this share are equal.  Choice: as for forces.
 SAME_LIMIT = 1e-8
 
