@@ -111,7 +111,7 @@ _ADVICE = {
         "scene needs"
     ),
     Status.TOO_LARGE: (
-        "strains, rotations or displacements are too large for linear elasticity: check the units of E, of the "
+        "strains, rotations or displacements are too large for small strains: check the units of E, of the "
         "loads and of the lengths, the gap, and the supports; solver.largest_deformation is the limit"
     ),
     Status.INVERTED: (
@@ -147,8 +147,8 @@ _ADVICE = {
         "allow a smaller step"
     ),
     Status.NOT_SOLVED: (
-        "Newton's method fails, which does not prove that there is no solution: take smaller steps, raise max_newton, "
-        "give the derivative of F as J, or refine the mesh"
+        "Newton's method fails, which does not prove that there is no solution: take smaller load steps, "
+        "see load_steps, or refine the mesh"
     ),
     Status.NOT_CERTIFIED: (
         "the check after the solve found that conditions of the problem are violated: see the certificate in the "

@@ -18,6 +18,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
+from signorini_fx.forms.nonlinear.outcomes import advice_on
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
@@ -253,6 +254,10 @@ class ProblemOfScene(NonlinearContactProblem):
                 self._overlap = f"it is {found:.3g}, of small strains at most {limit:g}"
                 return Status.TOO_LARGE
         return super()._judge()
+
+    def _advice_on(self, status: Status) -> str:
+        """See ``NonlinearContactProblem``: in words of a scene."""
+        return advice_on(status)
 
     def _seen_anew(self, residual: Array) -> Array:
         """See ``NonlinearContactProblem``: by the second opinion of materials and loads; collective."""

@@ -11,8 +11,10 @@ from support.nonlinear_scenes import LAWS, block, indented, material
 
 from signorini_fx import SceneError, extensions, read_results, sensitivity, solve, sweep, write_results
 from signorini_fx.extensions import KINEMATICS
+from signorini_fx.forms.nonlinear.outcomes import advice_on, advice_on_forms
 from signorini_fx.mechanics.kinematics import PLANE_STRAIN
 from signorini_fx.records import Status
+from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.template import summary_schema
 
@@ -73,6 +75,9 @@ REFUSED = {
     "material.young: must be greater than 0": {"material": RUBBER | {"young": -1.0}},
     "material.mu[1]: must have the sign of its exponent": {"material": material("ogden", mu=[40.0, -2.0, -5.0])},
     "material.alpha: has 1 exponents, one for each of 3": {"material": material("ogden", alpha=[2.0])},
+    "material.hardening[1]: the yield stress grows by 1e+31 per plastic strain": {
+        "material": material("j2", hardening=[[0.1, 2e3], [0.2, 1e30]])
+    },
     "material.hardening[1]: plastic strains must increase": {
         "material": material("j2", hardening=[[0.1, 2e3], [0.2, 1.5e3]])
     },
@@ -237,3 +242,22 @@ def test_small_strains_that_are_not_small_are_no_solution():
         reached = drawn_out(law, **further)
         assert reached.status is Status.CONVERGED
         assert reached.steps[-1].deformation.largest > 1
+
+
+@pytest.mark.parametrize("status", Status)
+def test_advice_to_a_scene_names_no_arguments_of_forms(status):
+    """What a user of forms may change, a scene has not."""
+    assert "max_newton" not in advice_on(status)
+    if status in (Status.NOT_SOLVED, Status.MAX_ITERATIONS):
+        assert "max_newton" in advice_on_forms(status)
+        assert "load_steps" in advice_on(status)
+
+
+def test_a_path_without_a_solution_says_times_alone():
+    """A pull that a yielding body cannot balance: the end of the path is a time, like the last solution before it."""
+    scene = indented(material("j2", yield_stress=1.0), traction={"boundary": "left", "x": "-100 * t"})
+    with pytest.raises(ConvergenceError) as ended:
+        solve(scene, MPI.COMM_SELF)
+    assert "time " in str(ended.value)
+    assert "load 0" not in str(ended.value)
+    assert "max_newton" not in str(ended.value)

@@ -22,6 +22,7 @@ DAMPED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, St
 BETWEEN_BODIES = (Status.PASSED, Status.FOLDED, Status.AT_END)
 # How a solve ends that says nothing of the stiffness.
 NOT_BY_STIFFNESS = (*BETWEEN_BODIES, Status.INSIDE, Status.TOO_LARGE, Status.NOT_CERTIFIED, Status.NO_MEMORY)
+_NEWTON_FAILS = "Newton's method fails, which does not prove that there is no solution"
 # What smaller steps do not change.
 FINAL = (Status.STABILITY_UNKNOWN, Status.NO_MEMORY)
 
@@ -44,12 +45,22 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, inner
         reason = says_no or inner
     elif certificate is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
         reason = f"{certificate.worst_name} {certificate.worst:.1e}"
-    return status.value + (f" ({reason})" if reason else "")
+    ended = "deformation too large for small strains" if status is Status.TOO_LARGE else status.value
+    return ended + (f" ({reason})" if reason else "")
 
 
 def advice_on(status: Status) -> str:
-    """What to do about the outcome of a solve."""
+    """What to do about the outcome of a solve of a scene."""
     return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice
+
+
+def advice_on_forms(status: Status) -> str:
+    """What to do about the outcome of a solve of forms, whose arguments it names."""
+    if status in (Status.NOT_SOLVED, Status.MAX_ITERATIONS):
+        return (
+            f"{_NEWTON_FAILS}: take smaller steps, raise max_newton, give the derivative of F as J, or refine the mesh"
+        )
+    return advice_on(status)
 
 
 def last_solution(reached: float | None, to: float | None) -> str:
@@ -59,24 +70,24 @@ def last_solution(reached: float | None, to: float | None) -> str:
     return f"there is a solution at time {reached:g}" if to is None else f"there is a solution at {reached:g} of {to:g}"
 
 
-def at_load(error: FormError, load: float, last: str) -> FormError:
-    """An error of the last step of a ramp; ``last``: see ``last_solution``."""
-    reasons = [(key, f"{reason} (at load {load:g}; {last})") for key, reason in error.problems]
+def at_load(error: FormError, where: str, last: str) -> FormError:
+    """An error of the last step of a ramp; ``where``: its load or time, in words; ``last``: see ``last_solution``."""
+    reasons = [(key, f"{reason} (at {where}; {last})") for key, reason in error.problems]
     return FormError(reasons, error.source)
 
 
-def end_of_ramp(status: Status, failure: str, load: float, last: str) -> str:
+def end_of_ramp(status: Status, failure: str, where: str, last: str, advice: str) -> str:
     """The message of a ramp whose last step has no solution.
 
     Args:
         status: of the ramp.
         failure: how the step ends, in words.
-        load: to which the step goes.
+        where: the load or time to which the step goes, in words.
         last: see ``last_solution``.
+        advice: what to do about it.
     """
     if status is Status.LIMIT:
-        text = f"{status.value}: {last}; a step to {load:g} ends with: {failure}"
+        text = f"{status.value}: {last}; a step to {where} ends with: {failure}"
     else:
-        text = f"{failure}: at load {load:g}; {last}"
-    advice = advice_on(status)
+        text = f"{failure}: at {where}; {last}"
     return f"{text}. {advice[0].upper()}{advice[1:]}"

@@ -345,7 +345,7 @@ class NonlinearContactProblem(ProblemOfForms):
             return
         self._failure = outcomes.failure(status, self.certificate, self._says_no, self._inner, self._overlap)
         self._go_back(self._good)
-        raise ConvergenceError(self, f"{self._failure}: {outcomes.advice_on(status)}")
+        raise ConvergenceError(self, f"{self._failure}: {self._advice_on(status)}")
 
     def _snapshot(self) -> Snapshot:
         """All that a solve changes, and where the shapes are."""
@@ -661,15 +661,16 @@ class NonlinearContactProblem(ProblemOfForms):
                     tried = len(self.history.iterations) - solves
                     self._solved = self._before_the_first(partial(solved, end), tried)
                 self._begin_again(begun, lambda: apply(sizes.reached))
-                load, reached = shown(end), shown(sizes.reached)
-                self.history.add(f"load {load:g} is given up, back at {reached:g}: {error}")
+                what = "time" if isinstance(sizes, PathSizes) else "load"
+                where, reached = f"{what} {shown(end):g}", shown(sizes.reached)
+                self.history.add(f"{where} is given up, back at {reached:g}: {error}")
                 if not isinstance(error, ConvergenceError | FormError):
                     raise
                 if not final:
                     sizes.halve()
                     continue
                 last = last_words(sizes.reached if self._ramped else None)
-                raise self._ended(error, load, last) from error.__cause__
+                raise self._ended(error, where, last) from error.__cause__
             sizes.accept(self.iterations)
             step = self._end_step(end, solved, on_step)
             if stored is not None:
@@ -761,6 +762,10 @@ class NonlinearContactProblem(ProblemOfForms):
         body = SolvedBody.of(linear, self.u, certificate, loaded, parts, solves, status)
         return replace(body, step=named(body.step))
 
+    def _advice_on(self, status: Status) -> str:
+        """What to do about the outcome of a solve."""
+        return outcomes.advice_on_forms(status)
+
     def _begin_again(self, begun: Snapshot, load: Callable[[], object]) -> None:
         """Go back to where a step has begun, with its load and its shapes; collective."""
         load()
@@ -768,10 +773,18 @@ class NonlinearContactProblem(ProblemOfForms):
             self.shapes[number].put(shape)
         self._go_back(begun)
 
-    def _ended(self, error: ConvergenceError | FormError, load: float, last: str) -> ConvergenceError | FormError:
-        """How a ramp ends whose last step, to a load, has no solution; ``last``: the last one that there is."""
+    def _ended(self, error: ConvergenceError | FormError, where: str, last: str) -> ConvergenceError | FormError:
+        """How a ramp ends whose last step has no solution.
+
+        Args:
+            error: of the step.
+            where: its load or time, in words.
+            last: the last one that there is, likewise.
+        """
         if isinstance(error, FormError):
-            return outcomes.at_load(error, load, last)
+            return outcomes.at_load(error, where, last)
         assert self.status is not None
         self.status = Status.LIMIT if self._says_no else self.status
-        return ConvergenceError(self, outcomes.end_of_ramp(self.status, self._failure, load, last))
+        return ConvergenceError(
+            self, outcomes.end_of_ramp(self.status, self._failure, where, last, self._advice_on(self.status))
+        )
