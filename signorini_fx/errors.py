@@ -41,7 +41,9 @@ class SceneError(SignoriniError):
     def __init__(self, problems: list[tuple[str, str]], source: str = "scene") -> None:
         self.problems = problems
         self.source = source
-        super().__init__("\n".join(f"{source}: {path}: {message}" for path, message in problems))
+        super().__init__(
+            "\n".join(f"{': '.join(dict.fromkeys((source, path)))}: {message}" for path, message in problems)
+        )
 
     def of(self, source: object) -> SceneError:
         """The same errors for a scene that is called ``source``."""

@@ -165,6 +165,8 @@ def test_one_table_instead_of_a_list():
         ("contact.0.friction", {"law": "stick"}, "contact[0].friction.law", "'none', 'tresca', 'coulomb'"),
         ("contact.0.friction", 0.3, "contact[0].friction", 'must be a table, such as { law = "coulomb"'),
         ("contact", 3, "contact", "must be a list"),
+        ("solver.initial_contact", {"x": [1, 2, 3]}, "solver.initial_contact.x", "must have at most 2 entries, got 3"),
+        ("traction.0.factors", [], "traction[0].factors", "must have at least 1 entry, got 0"),
         ("contact", [3], "contact[0]", "must be a table"),
         ("contact.0.friction", {}, "contact[0].friction.law", "is missing"),
         (
@@ -320,3 +322,23 @@ def test_random_mistake(path, value):
 def test_random_text(text):
     """Text of any kind as a scene file never raises anything but SceneError."""
     refused_or_valid(lambda: parse_scene_text(text, Path("random.toml")))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "refused"), [("gap", 0.0, False), ("gap", 0.1, True), ("distance", "nominal", True)]
+)
+def test_what_a_bond_may_say(key, value, refused):
+    """What is without effect may be stated as it is by default."""
+    bond = {"boundary": "bottom", "against": "top", "kind": "bonded"} | {key: value}
+    # The same pair twice is always a mistake.
+    told = problems(changed(("contact", [bond, bond])))
+    assert "contact[1]" in told
+    assert (f"contact[0].{key}" in told) == refused
+
+
+def test_a_scene_is_named_once():
+    """Errors of no key in a scene that has no file."""
+    assert (
+        str(SceneError([("scene", "is empty"), ("mesh", "is missing")])) == "scene: is empty\nscene: mesh: is missing"
+    )
+    assert str(SceneError([("scene", "is empty")], "a.toml")) == "a.toml: scene: is empty"

@@ -223,7 +223,7 @@ class BondedContact(Contact):
             reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
             yield ("contact", number), reason
         for key in ("distance", "adjust", "gap", "friction"):
-            if key in self.model_fields_set:
+            if getattr(self, key) != type(self).model_fields[key].get_default(call_default_factory=True):
                 yield ("contact", number, key), "a bond has none: both sides stay together as they lie"
 
     @property

@@ -29,11 +29,23 @@ def plain_message(detail: Any) -> str:
             return "must be a table" + friction * ', such as { law = "coulomb", coefficient = 0.3 }'
         case {"type": "tuple_type"}:
             return "must be a list in brackets, such as [0.5, 1.0]"
+        case {"type": "too_short", "ctx": {"min_length": least, "actual_length": given}}:
+            return f"must have at least {_entries(least)}, got {given}"
+        case {"type": "too_long", "ctx": {"max_length": most, "actual_length": given}} if given is not None:
+            return f"must have at most {_entries(most)}, got {given}"
+        case {"type": "too_long", "ctx": {"max_length": most}}:
+            return f"must have at most {_entries(most)}"
+        case {"type": "dict_type" | "mapping_type"}:
+            return "must be a table"
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
             return f"must be one of {known}, got {tag!r}"
     message = str(detail["msg"]).removeprefix("Value error, ")
     message = re.sub(r"^Input should be( a valid)?", lambda prefix: "must be a" if prefix[1] else "must be", message)
     return message.replace("must be a integer", "must be an integer")
+
+
+def _entries(count: int) -> str:
+    return "1 entry" if count == 1 else f"{count} entries"
 
 
 # It takes a while to find out what an unknown key was meant to be, and more errors than this are not shown anyway.
@@ -78,7 +90,11 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
         message += _meant(str(key), model) or _known_keys(str(key), _tables_at(table_path, {model}))
     if detail["type"].startswith("union_tag"):
         path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
-    if detail["type"] not in _MESSAGES and isinstance(entry, str | int | float) and shown(entry) not in message:
+    if (
+        detail["type"] not in (*_MESSAGES, "too_short", "too_long")
+        and isinstance(entry, str | int | float)
+        and shown(entry) not in message
+    ):
         message += f", got {shown(entry)}"
     return path or "scene", message
 
