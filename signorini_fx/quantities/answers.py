@@ -14,7 +14,7 @@ from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import between, figure, percent, solved_prices
 from signorini_fx.quantities.families.cost import cost_in_words
 from signorini_fx.quantities.families.safety import used_friction
-from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
+from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words, yielding_in_words
 from signorini_fx.quantities.registry import error_of
 from signorini_fx.quantities.text import point_in_words
 from signorini_fx.quantities.validity import Validity, validity_of, was_solved
@@ -158,7 +158,7 @@ class Strength:
         materials = (summary.get("scene") or {}).get("material") or []
         if value is None:
             if _of_a_nonlinear_scene(summary):
-                return cls("strength is not judged: stresses of a nonlinear material are not computed yet")
+                return cls(_yielding(summary))
             if any(material.get("yield_stress") for material in materials):
                 return cls("strength is not judged: no fields were written, leave --no-fields out")
             if materials and not any("yield_stress" in material for material in materials):
@@ -256,8 +256,6 @@ def _stress(summary: dict[str, Any]) -> Answer:
         if arguments and "stress" not in arguments:
             alone = "the residual alone knows" if "F" in arguments else "forms alone do not say: give stress="
             return Answer("", "not known", (f"it is what {alone}", *details))
-        if _of_a_nonlinear_scene(summary):
-            return Answer("", "not known", ("stresses of a nonlinear material are not computed yet", *details))
         return Answer("", "not computed", ("no stress was written: leave --no-fields out", *details))
     if why := stress.get("no_limit"):
         details.insert(0, f"no limit as the mesh is refined: {why}")
@@ -275,6 +273,18 @@ def _arguments(summary: dict[str, Any]) -> list[str]:
 def _of_a_nonlinear_scene(summary: dict[str, Any]) -> bool:
     """Whether Newton's method of nonlinear bodies has solved a scene."""
     return not _arguments(summary) and str(summary.get("algorithm", "")).startswith("newton, ")
+
+
+def _yielding(summary: dict[str, Any]) -> str:
+    """What is known of the strength of a nonlinear material."""
+    if "stress" not in summary:
+        return "strength is not judged: no fields were written, leave --no-fields out"
+    if "plastic_strain" not in summary:
+        return "strength is not judged: no yield stress is known of such a material"
+    if not summary["plastic_strain"]["value"]:
+        return "nothing has yielded"
+    largest, where = yielding_in_words(summary)
+    return f"it has yielded, to a plastic strain of {largest} {where}; how much more it bears is not judged"
 
 
 def _sure(summary: dict[str, Any]) -> Answer:

@@ -1,4 +1,4 @@
-"""The fields of a result for ParaView: displacement, raw and recovered stresses, shear energy density."""
+"""The fields of a result for ParaView: displacement, raw and recovered stresses, energy density, plastic strain."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ VTU, VTU_STEPS, VTU_FOLDER = "fields.vtu", "fields.pvd", "fields"
 # Beside the folders of VTX; "vtu" is one that earlier versions wrote.
 FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER, "vtu")
 _BYTES_PER_RANK = 200_000  # what ADIOS2 writes about itself, for all files together
-_COMPONENTS = (3, 9, 1, 3, 1, 9, 1)  # of the fields in space
+_COMPONENTS = (3, 9, 1, 3, 1, 9, 1)  # of the fields in space, more than those of nonlinear materials
 
 
 def chosen_format(fields: bool | str) -> str | None:
@@ -142,8 +142,10 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
     fields |= {"stress": stress.tensor, "von_mises": stress.von_mises, "principal_stresses": stress.principal}
     if stress.stress.shear_modulus is not None:
         fields["density"] = stress.shear_energy_density
+    if stress.plastic_strain is not None:
+        fields["plastic_strain"] = stress.plastic_strain
     # The same fields in all load steps: those of recovery need finite values, which only a failed first step lacks.
-    if not parallel.any_rank(solution.comm, not np.isfinite(values).all()):
+    if stress.recovers and not parallel.any_rank(solution.comm, not np.isfinite(values).all()):
         fields |= {"recovered_stress": stress.recovered.tensor, "recovered_von_mises": stress.recovered.von_mises}
     return fields
 

@@ -31,7 +31,7 @@ from signorini_fx.results.singularities import why_no_limit
 Nodal = npt.NDArray[np.float64]
 
 # Components of the tensor by name.
-_COMPONENTS = {a + b: (i, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if j >= i}
+COMPONENTS = {a + b: (i, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if j >= i}
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,7 @@ class StressFields:
     @cached_property
     def von_mises(self) -> fem.Function:
         """The von Mises stress, sqrt(3/2) |dev sigma|."""
-        sigma = self._nodal()
-        deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-        return self._function("von_mises", np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator)))
+        return self._function("von_mises", von_mises_of(self._nodal()))
 
     @cached_property
     def shear_energy_density(self) -> fem.Function:
@@ -101,11 +99,7 @@ class StressFields:
         """The principal stresses, the largest (most tensile) first, shape (3,); in the plane one of them acts out of
         it.
         """
-        sigma = self._nodal()
-        finite = np.isfinite(sigma).all(axis=(1, 2))  # a solve that failed may leave anything behind
-        values = np.full((len(sigma), 3), np.nan)
-        values[finite] = np.linalg.eigvalsh(sigma[finite])[:, ::-1]
-        return self._function("principal_stresses", values)
+        return self._function("principal_stresses", principal_of(self._nodal()))
 
     def component(self, name: str) -> fem.Function:
         """A component of the tensor: ``xx``, ``yy``, ``zz``, ``xy``, ``xz``, ``yz``; ``zz`` is that out of the plane.
@@ -113,9 +107,9 @@ class StressFields:
         Raises:
             ValueError: there is no such component.
         """
-        if name not in _COMPONENTS:
-            raise ValueError(f"{name!r} is no component of the stress: take one of {', '.join(_COMPONENTS)}")
-        i, j = _COMPONENTS[name]
+        if name not in COMPONENTS:
+            raise ValueError(f"{name!r} is no component of the stress: take one of {', '.join(COMPONENTS)}")
+        i, j = COMPONENTS[name]
         return self._function(f"stress_{name}", self._nodal()[:, i, j])
 
     def largest(self, field: str = "von_mises", component: int = 0) -> Extreme:
@@ -145,27 +139,20 @@ class StressFields:
         return extremes
 
     def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
-        if field not in ("von_mises", "principal", *_COMPONENTS):
-            components = ", ".join(_COMPONENTS)
-            raise ValueError(
-                f"{field!r} is no field with extremes: take 'von_mises', 'principal' or one of {components}"
-            )
-        function: fem.Function = self.component(field) if field in _COMPONENTS else getattr(self, field)
+        check_has_extremes(field)
+        function: fem.Function = self.component(field) if field in COMPONENTS else getattr(self, field)
         return self._extreme_of(function, min(component, function.function_space.dofmap.bs - 1), sign=sign)
 
     def _extreme_of(self, function: fem.Function, component: int = 0, *, sign: float = 1.0) -> Extreme:
-        comm, space = self.comm, function.function_space
-        values = sign * function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
+        space = function.function_space
+        values = function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
         x = node_positions(space)[:, : space.mesh.topology.dim]
-        values = np.where(np.isfinite(values), values, -np.inf)
-        at = int(values.argmax()) if values.size else 0
-        local_extreme = float(values[at]) if values.size else -np.inf
-        best, rank = comm.allreduce((local_extreme, -comm.rank), op=MPI.MAX)
-        where: tuple[tuple[float, ...], int] = (), -1
-        if -rank == comm.rank and values.size:
+
+        def cell_of(at: int) -> int:
             cell = np.flatnonzero((space.dofmap.list == at).any(axis=1))[:1].astype(np.int32)
-            where = tuple(map(float, x[at])), int(space.mesh.topology.index_map(x.shape[1]).local_to_global(cell)[0])
-        return Extreme(sign * best, *comm.bcast(where, root=-rank))
+            return int(space.mesh.topology.index_map(x.shape[1]).local_to_global(cell)[0])
+
+        return extreme_at(self.comm, values, x, cell_of, sign)
 
     def utilised(self, limit: fem.Function) -> Extreme:
         """Where the von Mises stress is the largest share of a limit; collective.
@@ -211,6 +198,26 @@ class RawStresses(StressFields):
     recovery: Callable[[], StressRecovery]
     energy: Callable[[], float]
     place: float = 0.0
+
+    @property
+    def recovers(self) -> bool:
+        """Whether there are a ``recovered`` stress and an estimated error."""
+        return True
+
+    @property
+    def plastic_strain(self) -> fem.Function | None:
+        """The accumulated (equivalent) plastic strain, a function of degree k - 1 in each cell; None: there is none."""
+        return None
+
+    def largest_plastic_strain(self) -> Extreme | None:
+        """The largest one at the points of quadrature, and where; None: there is none; collective."""
+        return None
+
+    def plastic_extreme(self) -> dict[str, Any] | None:
+        """The same with the region of its material, if there are several, JSON-safe; collective."""
+        if (largest := self.largest_plastic_strain()) is None:
+            return None
+        return {"value": largest.value, "place": [*largest.place], **self._remarks([largest], finite=True)[largest]}
 
     @cached_property
     def tensor(self) -> fem.Function:
@@ -334,13 +341,60 @@ class Stresses(RawStresses):
         parts = [*d.statement.bodies] or [entry.region for entry in d.statement.material]
 
         def remark(extreme: Extreme) -> dict[str, Any]:
-            named = {"region": _part_of(d, extreme.cell, parts)} if len(parts) > 1 else {}
+            named = {"region": part_of(d, extreme.cell, parts)} if len(parts) > 1 else {}
             return named | ({"no_limit": reasons[extreme.place]} if finite else {})
 
         return {extreme: remark(extreme) for extreme in extremes}
 
 
-def _part_of(d: Model, cell: int, parts: Sequence[str | None]) -> str | None:
+def von_mises_of(sigma: Nodal) -> Nodal:
+    """The von Mises stress of tensors, from shape (n, 3, 3) to (n,)."""
+    deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    return np.asarray(np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator)))
+
+
+def principal_of(sigma: Nodal) -> Nodal:
+    """The principal stresses of tensors, the largest first, from shape (n, 3, 3) to (n, 3); nan where a tensor is not
+    finite: a solve that failed may leave anything behind.
+    """
+    finite = np.isfinite(sigma).all(axis=(1, 2))
+    values = np.full((len(sigma), 3), np.nan)
+    values[finite] = np.linalg.eigvalsh(sigma[finite])[:, ::-1]
+    return values
+
+
+def check_has_extremes(field: str) -> None:
+    """Refuse what is no field of ``StressFields.largest``.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if field not in ("von_mises", "principal", *COMPONENTS):
+        components = ", ".join(COMPONENTS)
+        raise ValueError(f"{field!r} is no field with extremes: take 'von_mises', 'principal' or one of {components}")
+
+
+def extreme_at(comm: MPI.Comm, values: Nodal, x: Nodal, cell_of: Callable[[int], int], sign: float) -> Extreme:
+    """The largest of some values, or with ``sign`` -1 the smallest, and where; collective.
+
+    Args:
+        comm: the ranks that have values.
+        values: of this rank, shape (n,); those that are not finite do not count.
+        x: their places, length, shape (n, d).
+        cell_of: gives the global number of the cell of one of them.
+        sign: 1 or -1.
+    """
+    values = np.where(np.isfinite(values), sign * values, -np.inf)
+    at = int(values.argmax()) if values.size else 0
+    local_extreme = float(values[at]) if values.size else -np.inf
+    best, rank = comm.allreduce((local_extreme, -comm.rank), op=MPI.MAX)
+    where: tuple[tuple[float, ...], int] = (), -1
+    if -rank == comm.rank and values.size:
+        where = tuple(map(float, x[at])), cell_of(at)
+    return Extreme(sign * best, *comm.bcast(where, root=-rank))
+
+
+def part_of(d: Model, cell: int, parts: Sequence[str | None]) -> str | None:
     """The one of some regions that a cell is in, by its global number; None: in none of them; collective."""
     cells = d.tagged.mesh.topology.index_map(d.tagged.dimension)
     local_cell = cell - cells.local_range[0]

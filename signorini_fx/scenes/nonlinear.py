@@ -7,6 +7,7 @@ that it is at small strains.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -35,6 +36,7 @@ from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, StepRecord, Timings
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
+from signorini_fx.results.nonlinear_stresses import NonlinearStresses, StatesOnPath
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
@@ -111,6 +113,7 @@ class ProblemOfScene(NonlinearContactProblem):
     _body: BodyResidual
     _held: list[tuple[fem.Function, npt.NDArray[np.int32]]]
     _anew: NonlinearForces
+    _states: StatesOnPath
     _path_step: float
 
     @classmethod
@@ -170,6 +173,7 @@ class ProblemOfScene(NonlinearContactProblem):
         self.statement, self.model, self._body, self._held = statement, model, body, held
         self._path_step, self._tangents.trusted = -1.0, body.tangent is not None
         self._anew = NonlinearForces(statement, model.tagged, model.space)
+        self._states = StatesOnPath(self._anew)
         self._begins_at(statement.placed(-1))
 
     def solved(self, timings: Timings, stored: MeshCheckpoint | None = None) -> Solution:
@@ -278,7 +282,10 @@ class ProblemOfScene(NonlinearContactProblem):
             acting = [load for load in anew.statement.of(Force) if load.acts]
             return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting]
 
-        return replace(mechanics, loads=loads, displaced=self._finite)
+        def stresses(model: Model, path: Sequence[fem.Function]) -> NonlinearStresses:
+            return NonlinearStresses.of(model, self._states, path)
+
+        return replace(mechanics, loads=loads, displaced=self._finite, stresses=stresses)
 
 
 def _refuse_turning(statement: Statement, dimension: int) -> None:

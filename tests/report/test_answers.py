@@ -246,13 +246,23 @@ def test_loads_that_pressures_balance_use_no_share_of_the_friction():
     assert not any(" 0 %" in line for line in [*lines, told(summary)[1][1]])
 
 
-@pytest.mark.parametrize("yields", [True, False])
-def test_stresses_of_nonlinear_scenes_are_not_said_to_lack_fields(yields):
-    """Whatever is written, none are computed: advice that does not help is not given."""
-    changes = {"algorithm": "newton, ssn", "utilisation": None, "stress": None}
-    summary = page.known(**changes)
-    summary["scene"] = {"material": [{"law": "j2", "yield_stress": 300.0} if yields else {"law": "neo-hooke"}]}
+NONLINEAR_ANSWERS = [
+    ("neo-hooke", {"utilisation": None}, "strength is not judged: no yield stress is known of such a material"),
+    ("j2", {"utilisation": None, "plastic_strain": {"value": 0.0, "place": [1.0, 0.0]}}, "nothing has yielded"),
+    (
+        "j2",
+        {"utilisation": None, "plastic_strain": {"value": 0.0123, "place": [1.0, 0.0], "region": "web"}},
+        "it has yielded, to a plastic strain of 0.0123 at (1, 0) in web; how much more it bears is not judged",
+    ),
+    ("j2", {"utilisation": None, "stress": None}, "strength is not judged: no fields were written, leave --no-fields"),
+]
+
+
+@pytest.mark.parametrize(("law", "changes", "text"), NONLINEAR_ANSWERS)
+def test_strength_of_nonlinear_scenes(law, changes, text):
+    """A metal that yields has no share of its yield stress: its plastic strain is what is known."""
+    summary = page.known(algorithm="newton, ssn", **changes)
+    summary["scene"] = {"material": [{"law": law} | ({"yield_stress": 300.0} if law == "j2" else {})]}
     said = [why for _, why in told(summary)]
-    assert not any("--no-fields" in why for why in said)
-    assert "stresses of a nonlinear material are not computed yet" in said[0]
-    assert "stresses of a nonlinear material are not computed yet" in said[2]
+    assert text in said[0]
+    assert ("von Mises stress" in said[2]) == ("stress" not in changes)

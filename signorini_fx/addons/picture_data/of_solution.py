@@ -25,8 +25,11 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
     usual: tuple[str, ...] = ("von_mises",) if solution.has_stress else ("displacement",)
     usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
     unknown = [name for name in asked if FIELDS[name].of_stress and not solution.has_stress]
+    reason = "the stress of this body is not known"
+    if solution.has_stress and "density" in asked and solution.stress.stress.shear_modulus is None:
+        unknown, reason = ["density"], "its shear energy is known of linear isotropic bodies alone"
     if unknown and solution.comm.rank == 0:
-        say(f"not drawn, as the stress of this body is not known: {', '.join(unknown)}")
+        say(f"not drawn, as {reason}: {', '.join(unknown)}")
     fields = tuple(name for name in dict.fromkeys((*usual, *asked)) if name not in unknown)
     dimension = solution.model.tagged.dimension
     gather, contacts = _gatherer(solution), solution.statement.contact

@@ -67,9 +67,11 @@ def recovered_fields(solution: Solution, fields: Sequence[str]) -> dict[str, fem
         fields: names in ``pictures.fields.FIELDS``; only what they need is computed.
 
     Returns:
-        By name, with ``stress`` for those that need the tensor; None for a solution that is not finite, from which
-        nothing can be recovered.
+        By name, with ``stress`` for those that need the tensor; None where nothing can be recovered: of nonlinear
+        materials, and from a solution that is not finite.
     """
+    if solution.has_stress and not solution.stress.recovers:
+        return None
     if parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all()):
         return None
     functions = {}

@@ -20,6 +20,7 @@ from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.safety import Safety
 from signorini_fx.results.sections import SectionForce
+from signorini_fx.results.stresses import RawStresses
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class ResidualMechanics:
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
         loads: gives the loads beside the residual at a place in the lists of factors, see ``FormResultants``.
         steps: the same of each load step, by its displacement; none: there is this one alone.
+        stresses: gives the stress at the end of a load step from the displacements of those up to it; None: the
+            residual alone knows it.
         displaced: whether moments balance at the displaced points: at small strains they do at the undeformed ones.
     """
 
@@ -43,20 +46,29 @@ class ResidualMechanics:
     loads: Callable[[float], Sequence[tuple[str | None, str, npt.NDArray[np.float64]]]] = lambda step: ()
     steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
     displaced: bool = True
-    has_stress: bool = False
+    stresses: Callable[[Model, Sequence[fem.Function]], RawStresses] | None = None
     linear: bool = False
 
     def sides(self, model: Model) -> list[ContactSide]:
         """See ``Mechanics``."""
         return list(self.contact_sides)
 
-    def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> NoReturn:
+    @property
+    def has_stress(self) -> bool:
+        """See ``Mechanics``: of the materials of a scene."""
+        return self.stresses is not None
+
+    def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
         """See ``Mechanics``.
 
         Raises:
-            RuntimeError: always.
+            RuntimeError: the residual alone knows it.
         """
-        raise RuntimeError("only the residual knows the stresses of a nonlinear body: evaluate its own expression")
+        if self.stresses is None:
+            raise RuntimeError("only the residual knows the stresses of a nonlinear body: evaluate its own expression")
+        path = [displacement for displacement, _ in self.steps]
+        last = next((number for number, displacement in enumerate(path) if displacement is y), None)
+        return self.stresses(model, [y] if last is None else path[: last + 1])
 
     def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> FormResultants:
         """See ``Mechanics``: of contact and of supports; which loads act is known to the residual alone."""

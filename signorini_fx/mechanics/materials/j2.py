@@ -119,6 +119,10 @@ class J2(PathDependent):
         share = 1 - 1.5 * stiffness * low / np.where(mises > 0, mises, 1.0)
         return np.asarray(share[:, None, None] * elastic)
 
+    def plastic_strain(self, state: Array) -> Array:
+        """See ``PathDependent``: the integral of sqrt(2/3) |d epsilon_p|."""
+        return state[:, 9]
+
     @property
     def said(self) -> str:
         """See ``Material``."""

@@ -228,6 +228,10 @@ class PathDependent(NonlinearMaterial):
         """The second opinion: the deviatoric stress by other means."""
         raise NotImplementedError
 
+    def plastic_strain(self, state: Array) -> Array | None:
+        """The accumulated (equivalent) plastic strain of states, for results, shape (n,); None: there is none."""
+        return None
+
 
 def inverse_transposed(gradient: Array) -> Array:
     """F^-T, shape (..., 3, 3)."""

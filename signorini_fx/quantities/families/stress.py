@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.statement.units import with_unit
@@ -30,16 +32,30 @@ class StressExtremes(RecoveredExtremes):
     """Extremes of the raw stress, and of the recovered one."""
 
     recovered: RecoveredExtremes | None = described(
-        "Those of the recovered stress; null if the displacement is not a number."
+        "Those of the recovered stress; null of nonlinear materials, and if the displacement is not a number."
     )
-    error: Number = described("Estimated error of the raw stress in the energy norm, relative; null without stress.")
+    error: Number = described(
+        "Estimated error of the raw stress in the energy norm, relative; null of nonlinear materials, and without "
+        "stress."
+    )
+
+
+class ExtremeOfPlasticStrain(Row):
+    """A strain and where it is."""
+
+    value: Number
+    place: Annotated[list[Number], Field(max_length=3)]
+    region: str | None = described("Name of the region of its material, if there are several.", default=None)
 
 
 class Stress(Quantity):
     """Raw and recovered."""
 
     key, unit, kind, stage = "stress", "stress", StressExtremes, "fields"
-    title = "Extremes of the raw stress at the nodes, and of the recovered one; absent if no fields were written."
+    title = (
+        "Extremes of the raw stress at the nodes, and of the recovered one; of nonlinear materials those of the Cauchy "
+        "stress at the points of quadrature; absent if no fields were written."
+    )
     terminal, report = "von Mises stress", "largest von Mises stress"
 
     def value(self, solution: Any) -> Any:
@@ -77,6 +93,31 @@ class Stress(Quantity):
         if why := largest.get("no_limit"):
             remark += f"; no limit as the mesh is refined: {why}"
         return [Card(self.report, value, remark=remark)]
+
+
+class PlasticStrain(Quantity):
+    """Of materials that yield."""
+
+    key, kind, stage = "plastic_strain", ExtremeOfPlasticStrain, "fields"
+    title = (
+        "Largest accumulated (equivalent) plastic strain at the points of quadrature, and where; absent if no material "
+        "is one that yields, or no fields were written."
+    )
+    terminal, report = "plastic strain", "largest plastic strain"
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        return solution.stress.plastic_extreme() if solution.has_stress else None
+
+    def lines(self, summary: Summary) -> list[TerminalLine]:
+        """See ``Quantity``."""
+        return [row(self.terminal, f"{card.text} {card.remark}".rstrip()) for card in self.cards(summary)]
+
+    def cards(self, summary: Summary) -> list[Card]:
+        """See ``Quantity``: the value and its place; or that nothing has yielded."""
+        if self.key not in summary:
+            return []
+        return [Card(self.report, *yielding_in_words(summary))]
 
 
 class Utilisation(Quantity):
@@ -141,4 +182,17 @@ def share_in_words(summary: Summary, of: str = "") -> str:
     return f"{figure(None if share is None else 100 * share, apart)} %{' of ' * bool(of)}{of}"
 
 
-QUANTITIES = (Stress(), Utilisation())
+def yielding_in_words(summary: Summary) -> tuple[str, str]:
+    """The largest plastic strain, and where it is; zero and that nothing yields.
+
+    Args:
+        summary: with a ``plastic_strain``.
+    """
+    largest = summary["plastic_strain"]
+    if largest["value"] == 0:
+        return "0", "nothing has yielded"
+    region = f" in {largest['region']}" if largest.get("region") else ""
+    return figure(largest["value"]), f"at {with_unit(point_in_words(largest['place']), 'length')}{region}"
+
+
+QUANTITIES = (Stress(), PlasticStrain(), Utilisation())

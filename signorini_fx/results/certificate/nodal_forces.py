@@ -372,19 +372,12 @@ class NodalForces(SurfaceQuadrature):
         """That of the stress by a law, see ``_stress_work``."""
         turning, energy = self.kinematics.third_column, 0.0
         points, weight = basix.make_quadrature(self.cell_type, degree)
-        table, total, axes = self._table(points), self.zero(), range(self.dimension)
-        for cells in self._chunks():
-            inverse, determinant = adjugates(self.jacobian(cells, table))
-            inverse /= determinant  # dX_k / dx_j
+        total, axes = self.zero(), range(self.dimension)
+        for part, gradient, inverse, determinant in self.gradients(u, points):
+            cells, table = part.cells, part.table
             nodes = self.cell_nodes[cells]
             nodal, lowest = u[nodes], int(nodes.min())
-            reference = np.array([[nodal[:, :, i] @ slope.T for slope in table.slope] for i in axes])
-            gradient = _products(reference, inverse)
-            part = QuadratureFacets(cells, table, np.empty(0))
-            if turning is not None:
-                radius = self.positions(part)[..., 0]
-                gradient = np.pad(gradient, [(0, 3 - length) for length in gradient.shape[:2]] + [(0, 0)] * 2)
-                gradient[:, 2] = np.einsum("ik,cnk,qn->icq", turning, nodal, table.shape) / radius
+            radius = None if turning is None else self.positions(part)[..., 0]
             size, forces = weight * np.abs(determinant) * self.around(part), np.zeros_like(nodal)
             stress, density = law(cells, gradient, None if initial is None else initial(part))
             energy += float(np.sum(size * density)) if initial is not None else 0.0
@@ -398,6 +391,27 @@ class NodalForces(SurfaceQuadrature):
                 added = np.bincount((nodes - lowest).ravel(), forces[:, :, i].ravel())
                 total[lowest : lowest + added.size, i] += added
         return total, energy
+
+    def gradients(self, u: Array, points: Array) -> Iterator[tuple[QuadratureFacets, Array, Array, Array]]:
+        """The gradient of nodal displacements with ghosts at points of the reference cell, cells by cells.
+
+        Returns:
+            The cells, the gradient, shape (k, k, c, q), in space where it has parts across the mesh, and of the map of
+            the cells its inverse, shape (across, across, c, q), and determinant, shape (c, q).
+        """
+        turning, table, axes = self.kinematics.third_column, self._table(points), range(self.dimension)
+        for cells in self._chunks():
+            inverse, determinant = adjugates(self.jacobian(cells, table))
+            inverse /= determinant  # dX_k / dx_j
+            nodal = u[self.cell_nodes[cells]]
+            reference = np.array([[nodal[:, :, i] @ slope.T for slope in table.slope] for i in axes])
+            gradient = _products(reference, inverse)
+            part = QuadratureFacets(cells, table, np.empty(0))
+            if turning is not None:
+                radius = self.positions(part)[..., 0]
+                gradient = np.pad(gradient, [(0, 3 - length) for length in gradient.shape[:2]] + [(0, 0)] * 2)
+                gradient[:, 2] = np.einsum("ik,cnk,qn->icq", turning, nodal, table.shape) / radius
+            yield part, gradient, inverse, determinant
 
     def _stress(
         self, a: Array, b: Array, cells: Indices, gradient: Array, initial: Array | None

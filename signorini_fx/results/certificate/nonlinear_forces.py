@@ -7,7 +7,10 @@ materials with a state that of the last load step.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
+import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
@@ -22,6 +25,23 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
 
+@dataclass(frozen=True)
+class PointStress:
+    """The Cauchy stress at the points of quadrature of the cells that this rank owns; at small strains the stress.
+
+    Attributes:
+        points: of the reference cell, shape (q, t), with t the dimension of the cells.
+        weights: of the points, shape (q,).
+        x: the places in the undeformed body, length, shape (c, q, t).
+        stress: force per deformed area, tension positive, shape (c, q, 3, 3).
+    """
+
+    points: Array
+    weights: Array
+    x: Array
+    stress: Array
+
+
 class NonlinearForces(NodalForces):
     """Forces on the nodes of a body of nonlinear materials, see ``NodalForces``.
 
@@ -29,14 +49,17 @@ class NonlinearForces(NodalForces):
         statement: what is stated of the problem.
         tagged: its mesh.
         space: of the displacement.
+
+    Attributes:
+        materials: of the statement.
     """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         super().__init__(at_rest(statement), tagged, space)
-        self._materials, self._reduced = statement.material, volume_degree(statement, tagged)
+        self.materials, self._reduced = statement.material, volume_degree(statement, tagged)
         owned = len(self._owned_cells)
         self._made_of, self._place = np.zeros(owned, dtype=np.int64), np.zeros(owned, dtype=np.int64)
-        for number, material in enumerate(self._materials):
+        for number, material in enumerate(self.materials):
             cells = cells_of(material, statement, tagged)
             self._made_of[cells], self._place[cells] = number, np.arange(cells.size)
         self._states: Mapping[int, Array] = {}
@@ -55,21 +78,86 @@ class NonlinearForces(NodalForces):
         total += self._part_of_work(y, self._reduced or degree, self._of_volume, None)[0]
         return self.over_ranks(total)
 
+    def cauchy(self, displacement: fem.Function, states: Mapping[int, Array]) -> PointStress:
+        """The Cauchy stress at the points of quadrature; for the arguments see ``of_body``.
+
+        A mean stress that is integrated with fewer points is the polynomial through them.
+        """
+        y, self._states = displacement.x.array.reshape(-1, self.dimension), states
+        points, weights = basix.make_quadrature(self.cell_type, max(1, self.degree))
+        x, shape = self._at_points(y, points, shape=True)
+        if self._reduced is None:
+            return PointStress(points, weights, x, shape + self._at_points(y, points, shape=False)[1])
+        fewer, their_weights = basix.make_quadrature(self.cell_type, self._reduced)
+        mean = self._at_points(y, fewer, shape=False)[1]
+        between = _between(self.cell_type, self._shapes.degree - 1, fewer, their_weights, points)
+        return PointStress(points, weights, x, shape + np.einsum("pq,cqij->cpij", between, mean))
+
+    def advanced(self, displacement: fem.Function, states: Mapping[int, Array]) -> dict[int, Array]:
+        """The states at the end of a load step from those at its begin; for the arguments see ``of_body``."""
+        y, new = displacement.x.array.reshape(-1, self.dimension), {key: np.empty_like(s) for key, s in states.items()}
+        if not states:
+            return new
+        points, _ = basix.make_quadrature(self.cell_type, max(1, self.degree))
+        for part, gradient, _, _ in self.gradients(y, points):
+            change = _in_space(gradient)
+            for number, begun in states.items():
+                inside, material = self._made_of[part.cells] == number, self.materials[number]
+                rows, strain = self._place[part.cells[inside]], (change + change.swapaxes(-1, -2))[inside] / 2
+                state = begun[rows].reshape(-1, material.state_size)
+                new[number][rows] = material.respond(strain.reshape(-1, 3, 3), state)[2].reshape(begun[rows].shape)
+        return new
+
+    def unstrained(self) -> dict[int, Array]:
+        """The states of the materials that have one before the first load step, by their numbers."""
+        count = len(basix.make_quadrature(self.cell_type, max(1, self.degree))[1])
+        return {
+            number: np.zeros((np.count_nonzero(self._made_of == number), count, material.state_size))
+            for number, material in enumerate(self.materials)
+            if isinstance(material, PathDependent)
+        }
+
+    def plastic_strain(self, states: Mapping[int, Array]) -> Array | None:
+        """The accumulated plastic strain at the points of quadrature of the cells that this rank owns, shape (c, q),
+        zero in materials that have none; None: there is no other; for ``states`` see ``of_body``.
+        """
+        total: Array | None = None
+        for number, state in states.items():
+            material = self.materials[number]
+            assert isinstance(material, PathDependent)
+            reached = material.plastic_strain(state.reshape(-1, material.state_size))
+            if reached is not None:
+                total = np.zeros((len(self._made_of), state.shape[1])) if total is None else total
+                inside = np.flatnonzero(self._made_of == number)
+                total[inside] = reached.reshape(state.shape[:2])[self._place[inside]]
+        return total
+
+    def _at_points(self, y: Array, points: Array, *, shape: bool) -> tuple[Array, Array]:
+        """The places, and the Cauchy stress of the shape, or of the volume, shape (c, q, 3, 3)."""
+        places, stresses = [np.zeros((0, len(points), self.across))], [np.zeros((0, len(points), 3, 3))]
+        finite = any(isinstance(material, Hyperelastic) for material in self.materials)
+        for part, gradient, _, _ in self.gradients(y, points):
+            change = _in_space(gradient)
+            stress = self._by_material(part.cells, change, shape=shape)
+            if finite:
+                deformed = np.eye(3) + change
+                stress = stress @ deformed.swapaxes(-1, -2) / np.linalg.det(deformed)[..., None, None]
+            places.append(self.positions(part))
+            stresses.append(stress)
+        return np.concatenate(places), np.concatenate(stresses)
+
     def _of_shape(self, cells: Indices, gradient: Array, initial: Array | None) -> tuple[Array, float]:
-        return self._by_material(cells, gradient, shape=True), 0.0
+        return _in_mesh(self._by_material(cells, _in_space(gradient), shape=True), len(gradient)), 0.0
 
     def _of_volume(self, cells: Indices, gradient: Array, initial: Array | None) -> tuple[Array, float]:
-        return self._by_material(cells, gradient, shape=False), 0.0
+        return _in_mesh(self._by_material(cells, _in_space(gradient), shape=False), len(gradient)), 0.0
 
-    def _by_material(self, cells: Indices, gradient: Array, *, shape: bool) -> Array:
-        """The stress of the shape, or of the volume, shape (k, k, c, q); of finite strains the first Piola-Kirchhoff
-        one.
+    def _by_material(self, cells: Indices, change: Array, *, shape: bool) -> Array:
+        """The stress of the shape, or of the volume, from the gradient of the displacement, shapes (c, q, 3, 3); of
+        finite strains the first Piola-Kirchhoff one.
         """
-        dim = len(gradient)
-        change = np.zeros((*gradient.shape[2:], 3, 3))
-        change[..., :dim, :dim] = np.moveaxis(gradient, (0, 1), (2, 3))
         stress = np.zeros_like(change)
-        for number, material in enumerate(self._materials):
+        for number, material in enumerate(self.materials):
             inside = self._made_of[cells] == number
             if not inside.any():
                 continue
@@ -88,7 +176,45 @@ class NonlinearForces(NodalForces):
                 stress[inside] = responded.reshape(-1, points, 3, 3)
             else:
                 stress[inside] = deviator(material.stress_at(strain))
-        return np.moveaxis(stress[..., :dim, :dim], (2, 3), (0, 1))
+        return stress
+
+
+def _in_space(gradient: Array) -> Array:
+    """From shape (k, k, c, q) to (c, q, 3, 3), with zeros across a plane mesh."""
+    dim = len(gradient)
+    change = np.zeros((*gradient.shape[2:], 3, 3))
+    change[..., :dim, :dim] = np.moveaxis(gradient, (0, 1), (2, 3))
+    return change
+
+
+def _in_mesh(stress: Array, dim: int) -> Array:
+    """From shape (c, q, 3, 3) to (dim, dim, c, q)."""
+    return np.moveaxis(stress[..., :dim, :dim], (2, 3), (0, 1))
+
+
+def through_points(element: Any, points: Array, weights: Array) -> Array | None:
+    """What takes values at points of a reference cell to the coefficients of the nearest function of a Lagrange
+    element, shape (n, q); None: the points do not determine it.
+
+    Args:
+        element: of basix, with n functions.
+        points: of the cell, shape (q, t).
+        weights: of the points, shape (q,).
+    """
+    root = np.sqrt(weights)[:, None]
+    basis = root * element.tabulate(0, points)[0, :, :, 0]
+    return np.asarray(np.linalg.pinv(basis) * root.T) if np.linalg.matrix_rank(basis) == basis.shape[1] else None
+
+
+def _between(cell_type: basix.CellType, degree: int, points: Array, weights: Array, wanted: Array) -> Array:
+    """What takes values at points, shape (q, t), to those at others, shape (p, t), of the nearest polynomial of a
+    degree, or of the largest below it that the points determine, shape (p, q).
+    """
+    family, variant = basix.ElementFamily.P, basix.LagrangeVariant.gll_warped
+    element = basix.create_element(family, cell_type, degree, variant, discontinuous=degree == 0)
+    if (coefficients := through_points(element, points, weights)) is None:
+        return _between(cell_type, degree - 1, points, weights, wanted)
+    return np.asarray(element.tabulate(0, wanted)[0, :, :, 0] @ coefficients)
 
 
 def _finite(material: Hyperelastic, gradient: Array, *, shape: bool) -> Array:

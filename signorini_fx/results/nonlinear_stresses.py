@@ -1,0 +1,216 @@
+"""The Cauchy stress of bodies of nonlinear materials, from what these say a second time in NumPy.
+
+It is evaluated at the points of quadrature, where the material is; extremes are those of these points.  The fields are
+polynomials of degree k - 1 in each cell of degree k, the nearest ones to the values at its points: those of a higher
+degree would leave the yield surface at the nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from signorini_fx.mechanics.body.element_stress import ElementStress
+from signorini_fx.mechanics.model import Model
+from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces, PointStress, through_points
+from signorini_fx.results.mechanics import NO_ESTIMATE
+from signorini_fx.results.stresses import (
+    COMPONENTS,
+    Extreme,
+    RawStresses,
+    RecoveredStresses,
+    check_has_extremes,
+    extreme_at,
+    part_of,
+    principal_of,
+    von_mises_of,
+)
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass
+class StatesOnPath:
+    """The states of materials at the ends of load steps, which follow from the displacements of these.
+
+    Kept are those of the load step that was asked for last: the states of all of them would take many times the memory
+    of the displacements.
+
+    Attributes:
+        forces: of the body.
+    """
+
+    forces: NonlinearForces
+    _path: tuple[fem.Function, ...] = ()
+    _states: Mapping[int, Array] | None = None
+
+    def after(self, path: Sequence[fem.Function]) -> Mapping[int, Array]:
+        """Those at the end of load steps.
+
+        Args:
+            path: the displacements of all of them, the first one first; none: before the first one.
+        """
+        known = len(self._path)
+        if self._states is None or known > len(path) or any(a is not b for a, b in zip(self._path, path, strict=False)):
+            known, self._states = 0, self.forces.unstrained()
+        for displacement in path[known:]:
+            self._states = self.forces.advanced(displacement, self._states)
+        self._path = tuple(path)
+        return self._states
+
+
+@dataclass(frozen=True, repr=False)
+class NonlinearStresses(RawStresses):
+    """The Cauchy stress of a displacement, at small strains the stress; nothing is recovered, and no error estimated.
+
+    Attributes:
+        filled: its tensor, a function on cells.
+        at_points: the same at the points of quadrature.
+        model: the body.
+        plastic: the accumulated plastic strain at these points, shape (c, q); None: there is none.
+    """
+
+    filled: fem.Function = field(kw_only=True)
+    at_points: PointStress = field(kw_only=True)
+    model: Model = field(kw_only=True)
+    plastic: Array | None = field(kw_only=True)
+
+    @classmethod
+    def of(cls, model: Model, states: StatesOnPath, path: Sequence[fem.Function]) -> NonlinearStresses:
+        """That at the end of a load step; collective.
+
+        Args:
+            model: the body.
+            states: of its materials.
+            path: the displacements of the load steps up to this one.
+        """
+        y, forces, kinematics = path[-1], states.forces, model.statement.kinematics_in(model.tagged.dimension)
+        at_points = forces.cauchy(y, states.after(path[:-1]))
+        plastic = forces.plastic_strain(states.after(path))
+        mesh, degree, dim = y.function_space.mesh, y.function_space.element.basix_element.degree, kinematics.dimension
+        tensor = fem.Function(fem.functionspace(mesh, ("DG", degree - 1, (3, 3))), name="stress")
+        _fill(tensor, at_points, at_points.stress)
+        stress = ElementStress(
+            y,
+            ufl.as_matrix([[tensor[i, j] for j in range(dim)] for i in range(dim)]),
+            tensor[2, 2] if dim == 2 else None,
+            _not_recovered,
+            _not_recovered,
+            None,
+            None,
+            (),
+            kinematics,
+        )
+        recovers = _not_recovered, _not_recovered
+        return cls(stress, *recovers, filled=tensor, at_points=at_points, model=model, plastic=plastic)
+
+    @property
+    def recovers(self) -> bool:
+        """See ``RawStresses``."""
+        return False
+
+    @cached_property
+    def tensor(self) -> fem.Function:
+        """The Cauchy stress with all components in space, shape (3, 3), discontinuous and of degree k - 1."""
+        return self.filled
+
+    @cached_property
+    def recovered(self) -> RecoveredStresses:
+        """See ``RawStresses``.
+
+        Raises:
+            RuntimeError: always.
+        """
+        return _not_recovered()
+
+    @cached_property
+    def error(self) -> float | None:
+        """None: it is not estimated."""
+        return None
+
+    @cached_property
+    def squares(self) -> Array:
+        """See ``RawStresses``.
+
+        Raises:
+            RuntimeError: always.
+        """
+        return _not_recovered()
+
+    @cached_property
+    def plastic_strain(self) -> fem.Function | None:
+        """See ``RawStresses``: in each cell within the values at its points."""
+        if self.plastic is None:
+            return None
+        space = self.tensor.function_space
+        function = fem.Function(
+            fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree)), name="plastic_strain"
+        )
+        _fill(function, self.at_points, self.plastic)
+        return function
+
+    def largest_plastic_strain(self) -> Extreme | None:
+        """See ``RawStresses``."""
+        return None if self.plastic is None else self._extreme_of_points(self.plastic, 1.0)
+
+    def as_dict(self) -> dict[str, Any]:
+        """See ``RawStresses``: extremes at the points of quadrature."""
+        extremes = self._extremes()
+        remarks = self._remarks([*extremes.values()], finite=True)
+        rows = {name: {"value": e.value, "place": [*e.place], **remarks[e]} for name, e in extremes.items()}
+        return {**rows, "recovered": None, "error": self.error}
+
+    def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
+        """See ``RawStresses``: the region of the material.  Whether there is a limit as the mesh is refined is known of
+        linear elasticity alone.
+        """
+        regions = [material.region for material in self.model.statement.material]
+        if len(regions) == 1:
+            return {extreme: {} for extreme in extremes}
+        return {extreme: {"region": part_of(self.model, extreme.cell, regions)} for extreme in extremes}
+
+    def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
+        """See ``StressFields``: at the points of quadrature."""
+        check_has_extremes(field)
+        stress = self.at_points.stress
+        if field in COMPONENTS:
+            return self._extreme_of_points(stress[..., *COMPONENTS[field]], sign)
+        tensors = stress.reshape(-1, 3, 3)
+        values = von_mises_of(tensors) if field == "von_mises" else principal_of(tensors)[:, component]
+        return self._extreme_of_points(values, sign)
+
+    def _extreme_of_points(self, values: Array, sign: float) -> Extreme:
+        """The largest or smallest of values at the points; collective."""
+        x, mesh = self.at_points.x, self.tensor.function_space.mesh
+
+        def cell_of(at: int) -> int:
+            cell = np.array([at // x.shape[1]], dtype=np.int32)
+            return int(mesh.topology.index_map(mesh.topology.dim).local_to_global(cell)[0])
+
+        return extreme_at(self.comm, values.ravel(), x.reshape(-1, x.shape[2]), cell_of, sign)
+
+
+def _fill(function: fem.Function, at_points: PointStress, values: Array) -> None:
+    """Give a function on cells the values of the nearest polynomials to those at points, of numbers, shape (c, q), no
+    less or more than these; collective.
+    """
+    space = function.function_space
+    coefficients = through_points(space.element.basix_element, at_points.points, at_points.weights)
+    assert coefficients is not None
+    rows = values.reshape(*values.shape[:2], -1)
+    fitted = np.einsum("nq,cqm->cnm", coefficients, rows)
+    if values.ndim == 2:
+        fitted = np.clip(fitted, rows.min(axis=1, keepdims=True), rows.max(axis=1, keepdims=True))
+    function.x.array.reshape(-1, rows.shape[2])[space.dofmap.list[: len(rows)]] = fitted
+    function.x.scatter_forward()
+
+
+def _not_recovered(*_: Any) -> NoReturn:
+    raise RuntimeError(f"there is no recovered stress: {NO_ESTIMATE}")

@@ -1,0 +1,328 @@
+"""The Cauchy stress of scenes with nonlinear materials: closed forms, linear scenes, balance, units and ranks."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from scipy.optimize import brentq
+from support.nonlinear_scenes import block, indented, material
+
+from signorini_fx import solve, write_results
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.scenes.reading import parse_scene
+
+RUBBER = {"young": 100.0, "poisson": 0.3}
+METAL = {"young": 100.0, "poisson": 0.3, "yield_stress": 2.0, "hardening": 20.0}
+CLOSE = {"tolerance": 1e-13}
+PRESSED_BLOCKS = {
+    "plane strain": ({}, {}, (0,)),
+    "plane strain, degree 2": ({}, {"degree": 2}, (0,)),
+    "plane strain, reduced": ({}, {"volumetric": "reduced"}, (0,)),
+    "plane strain, degree 2, reduced": ({}, {"degree": 2, "volumetric": "reduced"}, (0,)),
+    "axisymmetric": ({"hypothesis": "axisymmetric"}, {}, (0, 2)),
+    "axisymmetric, degree 2": ({"hypothesis": "axisymmetric"}, {"degree": 2}, (0, 2)),
+}
+
+
+def cube(law, path, **further):
+    """A cube on rollers under a plate."""
+    plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0], "shift": [0.0, 0.0, f"-({path})"]}
+    size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 2, "ny": 2, "nz": 2}
+    rollers = [{"boundary": side, key: 0.0} for side, key in (("left", "x"), ("front", "y"), ("bottom", "z"))]
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "material": law,
+        "displacement": rollers,
+        "contact": {"boundary": "top", "foundation": plate},
+        "solver": {"algorithm": "alm"},
+    }
+    return parse_scene(scene | further)
+
+
+def tensors(solution):
+    """The stress on all cells of this rank."""
+    return solution.stress.tensor.x.array.reshape(-1, 3, 3)
+
+
+def neo_hooke(high, free):
+    """Principal Cauchy stresses of E = 100, nu = .3 where the stretches along the axes ``free`` adjust themselves, from
+    W = mu / 2 (sum of squares - 3) - mu ln J + lambda / 2 ln^2 J.
+    """
+    mu = 100.0 / 2.6
+    lame = 2 * mu * 0.3 / 0.4
+
+    def stresses(wide):
+        stretches = np.array([high if axis == 1 else wide if axis in free else 1.0 for axis in range(3)])
+        volume = stretches.prod()
+        return (mu * (stretches**2 - 1) + lame * np.log(volume)) / volume
+
+    return stresses(brentq(lambda wide: stresses(wide)[free[0]], 0.9, 2.0, xtol=1e-15))
+
+
+@pytest.mark.parametrize("kind", PRESSED_BLOCKS)
+def test_a_block_of_rubber_between_plates(kind):
+    """The same stress everywhere, at finite strains: neither the nominal one nor that of the undeformed area."""
+    further, element, free = PRESSED_BLOCKS[kind]
+    steps = {"times": [1.0, 2.0]}
+    law = material("neo-hooke", **RUBBER, **further)
+    solution = solve(block(law, "0.15*t", cells=(2, 2), element=element, load_steps=steps), MPI.COMM_SELF)
+    for step, high in zip(solution.steps, (0.85, 0.7), strict=True):
+        at_step, expected = solution.at(step), neo_hooke(high, free)
+        wanted = np.broadcast_to(np.diag(expected), tensors(at_step).shape)
+        np.testing.assert_allclose(tensors(at_step), wanted, atol=1e-9 * abs(expected[1]))
+        largest = at_step.stress.as_dict()
+        assert largest["smallest_principal"]["value"] == pytest.approx(expected[1], rel=1e-9)
+        assert largest["recovered"] is largest["error"] is None
+
+
+@pytest.mark.mpi
+def test_a_cube_of_rubber_between_plates():
+    """In space, where the free sides are two; of each rank."""
+    solution = solve(cube(material("neo-hooke", **RUBBER), "0.3*t"))
+    across, along, _ = neo_hooke(0.7, (0, 2))
+    assert abs(across) < 1e-12
+    wanted = np.broadcast_to(np.diag([0.0, 0.0, along]), tensors(solution).shape)
+    np.testing.assert_allclose(tensors(solution), wanted, atol=1e-9 * abs(along))
+    assert solution.stress.largest().value == pytest.approx(abs(along), rel=1e-9)
+
+
+def confined(depths, young, poisson, yields, hardening):
+    """Stresses across and along, and plastic strains, of a metal that is pressed between smooth walls, by the return to
+    the yield surface along the axis: the deviator of the strain is 2/3 of it.
+    """
+    bulk, shear = young / 3 / (1 - 2 * poisson), young / 2 / (1 + poisson)
+    plastic = hardened = 0.0
+    for depth in depths:
+        mises = 2 * shear * (depth - 1.5 * plastic)
+        flow = max(abs(mises) - yields - hardening * hardened, 0.0) / (3 * shear + hardening)
+        plastic, hardened = plastic + flow * np.sign(mises), hardened + flow
+        reached = mises - 3 * shear * flow * np.sign(mises)
+        yield -bulk * depth + reached / 3, -bulk * depth - 2 * reached / 3, hardened
+
+
+@pytest.mark.parametrize("body", ["plane strain", "degree 2", "reduced", "axisymmetric", "space"])
+def test_a_block_of_metal_between_walls(body):
+    """Loaded, unloaded without flow, and loaded again; whichever load step is looked at first."""
+    depths, times = (0.02, 0.06, 0.05, 0.08), [1.0, 2.0, 3.0, 4.0]
+    path = "0.02*t if t <= 1 else (0.04*t - 0.02 if t <= 2 else (0.08 - 0.01*t if t <= 3 else 0.03*t - 0.04))"
+    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [{"boundary": "bottom", "y": 0.0}]
+    steps, along = {"times": times}, 1
+    if body == "space":
+        walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")]
+        walls += [{"boundary": side, "y": 0.0} for side in ("front", "back")] + [{"boundary": "bottom", "z": 0.0}]
+        scene, along = cube(material("j2", **METAL), path, displacement=walls, load_steps=steps), 2
+    else:
+        element = {"degree 2": {"degree": 2}, "reduced": {"volumetric": "reduced"}}.get(body, {})
+        further = {"hypothesis": "axisymmetric"} if body == "axisymmetric" else {}
+        law = material("j2", **METAL, **further)
+        scene = block(law, path, cells=(2, 2), element=element, displacement=walls, load_steps=steps)
+    solution, expected = solve(scene, MPI.COMM_SELF), list(confined(depths, *METAL.values()))
+    assert [hardened > 0 for _, _, hardened in expected] == [False, True, True, True]
+    assert expected[3][2] > 1.5 * expected[2][2]
+    for number in (3, 1, 2, 0):
+        at_step, (aside, down, hardened) = solution.at(solution.steps[number]), expected[number]
+        wanted = np.full((3, 3), 0.0)
+        np.fill_diagonal(wanted, [down if axis == along else aside for axis in range(3)])
+        found = tensors(at_step)
+        size = max(abs(down), abs(aside))
+        np.testing.assert_allclose(found, np.broadcast_to(wanted, found.shape), atol=1e-9 * size)
+        np.testing.assert_allclose(at_step.stress.plastic_strain.x.array, hardened, atol=1e-11)
+        assert at_step.stress.largest().value == pytest.approx(abs(aside - down), rel=1e-8)
+        assert at_step.stress.plastic_extreme()["value"] == pytest.approx(hardened, abs=1e-11)
+
+
+def at_quadrature(solution, points, expression=None):
+    """The stress of a linear scene, or another expression, at points of the cells, compiled."""
+    stress, mesh = solution.stress.stress, solution.model.tagged.mesh
+    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
+    stress.refresh(0.0)
+    expression = stress.in_space if expression is None else expression
+    values = fem.Expression(expression, points).eval(mesh, cells)
+    return np.asarray(values).reshape(len(cells), len(points), *expression.ufl_shape)
+
+
+LIMITS = [
+    ("neo-hooke", {}, {}),
+    ("j2", {}, {"degree": 2}),
+    pytest.param("saint-venant-kirchhoff", {"hypothesis": "axisymmetric"}, {"degree": 2}, marks=pytest.mark.slow),
+    pytest.param("j2", {"hypothesis": "axisymmetric"}, {}, marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("name", "further", "element"), LIMITS)
+def test_small_depths_have_the_stress_of_the_linear_scene(name, further, element):
+    """Point by point, of a stress that varies, at a depth of 1e-6, on each rank; and the field on cells, the projection
+    of that stress.
+    """
+    law, comm, depth = material(name, **further), MPI.COMM_WORLD, 1e-6
+    plain = {key: law[key] for key in ("young", "poisson", "hypothesis") if key in law}
+    ground = [{"boundary": "bottom", "x": 0.0, "y": 0.0}]
+    bump = {"shape": "circle", "centre": [0.0, 1.0 + 0.5 - depth], "radius": 0.5}
+    scenes = [
+        block(one, "0", length=2.0, cells=(6, 3), element=element, foundation=bump, displacement=ground)
+        for one in (law, plain)
+    ]
+    nonlinear, linear = (solve(scene, comm) for scene in scenes)
+    at_points = nonlinear.stress.at_points
+    wanted = at_quadrature(linear, at_points.points)
+    size = comm.allreduce(np.abs(wanted).max(), op=MPI.MAX)
+    np.testing.assert_allclose(at_points.stress, wanted, atol=3e-5 * size)
+    deviator = wanted - np.trace(wanted, axis1=2, axis2=3)[..., None, None] / 3 * np.eye(3)
+    mises, largest = np.sqrt(1.5) * np.linalg.norm(deviator, axis=(2, 3)), nonlinear.stress.largest()
+    assert largest.value == pytest.approx(comm.allreduce(mises.max(), op=MPI.MAX), rel=1e-4)
+    places = at_quadrature(linear, at_points.points, ufl.SpatialCoordinate(linear.model.tagged.mesh))
+    at = np.unravel_index(mises.argmax(), mises.shape)
+    ranks = comm.allgather((mises[at], tuple(places[at])))
+    assert largest.place == pytest.approx(max(ranks)[1], abs=1e-9)
+    if not further:
+        np.testing.assert_allclose(projected(linear), nonlinear.stress.tensor.x.array, atol=3e-5 * size)
+
+
+def projected(solution):
+    """The stress of a linear scene, projected onto functions of degree k - 1 on cells by assembled forms."""
+    mesh, degree = solution.model.tagged.mesh, solution.model.space.element.basix_element.degree
+    space = fem.functionspace(mesh, ("DG", degree - 1, (3, 3)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    stress = solution.stress.stress.in_space
+    dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2})
+    options = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+    problem = fem_petsc.LinearProblem(ufl.inner(u, v) * dx, ufl.inner(stress, v) * dx, petsc_options=options)
+    return problem.solve().x.array
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("name", "element"),
+    [
+        ("neo-hooke", {}),
+        pytest.param("neo-hooke, isochoric", {"volumetric": "reduced"}, marks=pytest.mark.slow),
+        pytest.param("ogden", {"degree": 2}, marks=pytest.mark.slow),
+        pytest.param("j2", {}, marks=pytest.mark.slow),
+        pytest.param("j2", {"degree": 2, "volumetric": "reduced"}, marks=pytest.mark.slow),
+    ],
+)
+def test_a_section_carries_the_force_of_contact(name, element):
+    """The tractions of the stress over the section in the middle, on its deformed area, are what the circle exerts
+    within discretisation error.
+    """
+    comm, finite = MPI.COMM_WORLD, name != "j2"
+    law = material(name, **({} if finite else {"yield_stress": 5.0, "hardening": 20.0}))
+    cells = (20, 10) if element.get("degree", 1) == 1 else (10, 6)
+    scene = indented(law, cells=cells, element=element, depth=0.15)
+    solution = solve(scene, comm)
+    assert finite or solution.stress.plastic_extreme()["value"] > 0.05
+    mesh, y = solution.model.tagged.mesh, solution.displacement
+    facets = dmesh.locate_entities(mesh, 1, lambda x: np.isclose(x[1], 0.5))
+    tags = dmesh.meshtags(mesh, 1, facets, np.ones(facets.size, dtype=np.int32))
+    dS = ufl.Measure("dS", domain=mesh, subdomain_data=tags)
+    stress = solution.stress.tensor
+    plane = ufl.as_matrix([[stress[i, j] for j in range(2)] for i in range(2)])
+    area = ufl.as_vector((0.0, 1.0))
+    if finite:
+        gradient = ufl.Identity(2) + ufl.grad(y)
+        area = ufl.dot(ufl.cofac(gradient), area)
+    traction = ufl.avg(ufl.dot(plane, area))
+    carried = [comm.allreduce(fem.assemble_scalar(fem.form(traction[i] * dS(1))), op=MPI.SUM) for i in range(2)]
+    pressed = solution.resultants.of("top").force
+    assert abs(pressed[1]) > 1.0
+    np.testing.assert_allclose(carried, pressed, atol=0.02 * abs(pressed[1]))
+
+
+@pytest.mark.parametrize("name", ["neo-hooke", pytest.param("j2", marks=pytest.mark.slow)])
+def test_units(name):
+    """Lengths in micrometres and another unit of stress: the same strains, and stresses of the same digits."""
+    unit, stress = 1e-6, 1e3
+    law = material(name, **({"yield_stress": 2.0, "hardening": 20.0} if name == "j2" else {}))
+    keys = ("young", "yield_stress", "hardening")
+    scaled = {key: value * stress if key in keys else value for key, value in law.items()}
+    first, second = (solve(scene, MPI.COMM_SELF) for scene in (indented(law), indented(scaled, unit=unit)))
+    np.testing.assert_allclose(tensors(second) / stress, tensors(first), atol=1e-6 * np.abs(tensors(first)).max())
+    mine, theirs = second.stress.largest(), first.stress.largest()
+    assert mine.value / stress == pytest.approx(theirs.value, rel=1e-6)
+    assert np.array(mine.place) / unit == pytest.approx(np.array(theirs.place), rel=1e-9)
+    if name == "j2":
+        strains = [solution.stress.plastic_extreme()["value"] for solution in (second, first)]
+        assert strains[0] == pytest.approx(strains[1], rel=1e-6)
+        assert strains[1] > 0.1
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", [pytest.param("neo-hooke", marks=pytest.mark.slow), "j2"])
+def test_ranks_and_restart(name, tmp_path):
+    """Extremes of all load steps are those of one rank, and those of a run that goes on from its last load step."""
+    law = material(name, **({"yield_stress": 2.0, "hardening": 20.0} if name == "j2" else {}))
+    comm, scene = MPI.COMM_WORLD, indented(law, cells=(6, 3))
+    folder = Path(comm.bcast(str(tmp_path)))
+    several, alone = solve(scene, comm, checkpoint=folder), solve(scene, MPI.COMM_SELF)
+    again = solve(scene, comm, checkpoint=folder, restart=True)
+    assert again.history.events[0].startswith("restart: 2 complete load steps")
+    for number, theirs in enumerate(alone.steps):
+        wanted = alone.at(theirs).stress
+        for solution in (several, again):
+            stress = solution.at(solution.steps[number]).stress
+            assert stress.largest().value == pytest.approx(wanted.largest().value, rel=1e-6)
+            assert stress.largest().place == pytest.approx(wanted.largest().place, abs=1e-9)
+            assert stress.smallest("yy").value == pytest.approx(wanted.smallest("yy").value, rel=1e-6)
+            if name == "j2":
+                assert stress.plastic_extreme()["value"] == pytest.approx(wanted.plastic_extreme()["value"], rel=1e-6)
+
+
+@pytest.mark.mpi
+def test_two_regions():
+    """An elastic half below one that yields, between smooth walls: both carry the same pressure, and are named."""
+    comm = MPI.COMM_WORLD
+    tagged = generate_mesh("rectangle", {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}, comm)
+    index_map = tagged.mesh.topology.index_map(2)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    below = dmesh.compute_midpoints(tagged.mesh, 2, cells)[:, 1] < 0.5
+    tags = dmesh.meshtags(tagged.mesh, 2, cells, np.where(below, 1, 2).astype(np.int32))
+    tagged = replace(tagged, cell_tags=tags, regions={"lower half": 1, "upper half": 2})
+    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [{"boundary": "bottom", "y": 0.0}]
+    constants = {"young": 100.0, "poisson": 0.0}
+    parts = [constants | {"region": "lower half"}]
+    parts += [{"law": "j2", **constants, "yield_stress": 1.0, "hardening": 20.0, "region": "upper half"}]
+    solution = solve(block(parts, "0.04", mesh=tagged, displacement=walls), comm)
+
+    def metal(strain):
+        return next(confined([strain], 100.0, 0.0, 1.0, 20.0))
+
+    strain = brentq(lambda strain: metal(strain)[1] + 100.0 * (0.08 - strain), 0.0, 0.08, xtol=1e-15)
+    aside, down, hardened = metal(strain)
+    summary = solution.stress.as_dict()
+    assert summary["von_mises"]["value"] == pytest.approx(-down, rel=1e-8)
+    assert summary["von_mises"]["region"] == "lower half"
+    assert solution.stress.smallest("xx").value == pytest.approx(aside, rel=1e-8)
+    assert solution.stress.smallest("xx").place[1] > 0.5
+    plastic = solution.stress.plastic_extreme()
+    assert (plastic["value"], plastic["region"]) == (pytest.approx(hardened, rel=1e-8), "upper half")
+    assert solution.stress.plastic_strain.x.array.min() == 0.0 or comm.size > 1
+    assert hardened > 0.01
+
+
+def test_fields_and_summary(tmp_path):
+    """Files have the field, with zeros where nothing has yielded, and what is not recovered is not there."""
+    scene = indented(material("j2", yield_stress=2.0, hardening=20.0), cells=(6, 3))
+    solution = solve(scene, MPI.COMM_SELF)
+    summary = write_results(solution, tmp_path, pictures=False)
+    assert summary["stress"]["von_mises"]["value"] == solution.stress.largest().value
+    assert summary["plastic_strain"] == solution.stress.plastic_extreme()
+    assert "utilisation" not in summary
+    text = (tmp_path / "fields" / "0001.vtu").read_bytes()
+    for name in ("stress", "von_mises", "principal_stresses", "plastic_strain"):
+        assert f'Name="{name}"'.encode() in text
+    assert b"recovered" not in text
+    assert b'Name="density"' not in text
+    plastic = solution.stress.plastic_strain.x.array
+    assert plastic.min() == 0.0
+    assert 0.0 < plastic.max() <= summary["plastic_strain"]["value"]
+    with pytest.raises(RuntimeError, match="nonlinear bodies have no estimate"):
+        solution.stress.recovered  # noqa: B018
+    with pytest.raises(ValueError, match="is no field with extremes"):
+        solution.stress.largest("density")
