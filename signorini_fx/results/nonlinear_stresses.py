@@ -57,10 +57,10 @@ class StatesOnPath:
         Args:
             path: the displacements of all of them, the first one first; none: before the first one.
         """
-        known = len(self._path)
-        if self._states is None or known > len(path) or any(a is not b for a, b in zip(self._path, path, strict=False)):
-            known, self._states = 0, self.forces.unstrained()
-        for displacement in path[known:]:
+        count = len(self._path)
+        if self._states is None or count > len(path) or any(a is not b for a, b in zip(self._path, path, strict=False)):
+            count, self._states = 0, self.forces.unstrained()
+        for displacement in path[count:]:
             self._states = self.forces.advanced(displacement, self._states)
         self._path = tuple(path)
         return self._states

@@ -65,7 +65,9 @@ def neo_hooke(high, free):
     return stresses(brentq(lambda wide: stresses(wide)[free[0]], 0.9, 2.0, xtol=1e-15))
 
 
-@pytest.mark.parametrize("kind", PRESSED_BLOCKS)
+@pytest.mark.parametrize(
+    "kind", [kind if kind == "plane strain" else pytest.param(kind, marks=pytest.mark.slow) for kind in PRESSED_BLOCKS]
+)
 def test_a_block_of_rubber_between_plates(kind):
     """The same stress everywhere, at finite strains: neither the nominal one nor that of the undeformed area."""
     further, element, free = PRESSED_BLOCKS[kind]
@@ -106,7 +108,13 @@ def confined(depths, young, poisson, yields, hardening):
         yield -bulk * depth + reached / 3, -bulk * depth - 2 * reached / 3, hardened
 
 
-@pytest.mark.parametrize("body", ["plane strain", "degree 2", "reduced", "axisymmetric", "space"])
+@pytest.mark.parametrize(
+    "body",
+    [
+        "plane strain",
+        *(pytest.param(body, marks=pytest.mark.slow) for body in ("degree 2", "reduced", "axisymmetric", "space")),
+    ],
+)
 def test_a_block_of_metal_between_walls(body):
     """Loaded, unloaded without flow, and loaded again; whichever load step is looked at first."""
     depths, times = (0.02, 0.06, 0.05, 0.08), [1.0, 2.0, 3.0, 4.0]
@@ -149,7 +157,7 @@ def at_quadrature(solution, points, expression=None):
 
 LIMITS = [
     ("neo-hooke", {}, {}),
-    ("j2", {}, {"degree": 2}),
+    pytest.param("j2", {}, {"degree": 2}, marks=pytest.mark.slow),
     pytest.param("saint-venant-kirchhoff", {"hypothesis": "axisymmetric"}, {"degree": 2}, marks=pytest.mark.slow),
     pytest.param("j2", {"hypothesis": "axisymmetric"}, {}, marks=pytest.mark.slow),
 ]
@@ -201,7 +209,7 @@ def projected(solution):
 @pytest.mark.parametrize(
     ("name", "element"),
     [
-        ("neo-hooke", {}),
+        pytest.param("neo-hooke", {}, marks=pytest.mark.slow),
         pytest.param("neo-hooke, isochoric", {"volumetric": "reduced"}, marks=pytest.mark.slow),
         pytest.param("ogden", {"degree": 2}, marks=pytest.mark.slow),
         pytest.param("j2", {}, marks=pytest.mark.slow),
@@ -235,7 +243,8 @@ def test_a_section_carries_the_force_of_contact(name, element):
     np.testing.assert_allclose(carried, pressed, atol=0.02 * abs(pressed[1]))
 
 
-@pytest.mark.parametrize("name", ["neo-hooke", pytest.param("j2", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["neo-hooke", "j2"])
 def test_units(name):
     """Lengths in micrometres and another unit of stress: the same strains, and stresses of the same digits."""
     unit, stress = 1e-6, 1e3
@@ -254,7 +263,8 @@ def test_units(name):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", [pytest.param("neo-hooke", marks=pytest.mark.slow), "j2"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["neo-hooke", "j2"])
 def test_ranks_and_restart(name, tmp_path):
     """Extremes of all load steps are those of one rank, and those of a run that goes on from its last load step."""
     law = material(name, **({"yield_stress": 2.0, "hardening": 20.0} if name == "j2" else {}))

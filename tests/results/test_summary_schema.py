@@ -98,6 +98,21 @@ def twisted():
     )
 
 
+def dented():
+    """A metal that yields under a plate."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
+            "material": {"law": "j2", "young": 1000.0, "poisson": 0.3, "yield_stress": 5.0},
+            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            "contact": {
+                "boundary": "top",
+                "foundation": {"shape": "plane", "point": [0.0, 0.99], "normal": [0.0, -1.0]},
+            },
+        }
+    )
+
+
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
 SCENES = {
     "plane": lambda: example1(bound=1.5, nx=12, ny=4),
@@ -113,6 +128,7 @@ SCENES = {
     "tool": tool,
     "tool in space": lambda: tool(3),
     "preload": preloaded,
+    "metal": dented,
     "slides": lambda: standing(0.5, COULOMB),
     "opens": lambda: standing(0.0, COULOMB, press=-1.0),
     "stopped": lambda: example1(coefficient=0.3, nx=12, ny=4, max_iterations=1, fallbacks=False),

@@ -94,7 +94,7 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
     """
     y: Array = np.zeros(len(loads))
 
-    def rest(unbalanced: Array) -> float:
+    def imbalance(unbalanced: Array) -> float:
         return float((np.abs(unbalanced) - small).max())
 
     def tried(multipliers: Array) -> tuple[list[tuple[Array, Array]], Array, float]:
@@ -105,7 +105,7 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
 
     tractions, unbalanced, value = tried(y)
     for _ in range(BALANCING_STEPS):
-        if (last := rest(unbalanced)) <= 0:
+        if (last := imbalance(unbalanced)) <= 0:
             return tractions
         slope = sum((contact.slope(y) for contact in contacts), np.zeros((len(y), len(y))))
         # Where the vertices that carry resist no motion that is not balanced, the step is along it, as far as others.
@@ -114,11 +114,11 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
         while True:
             tractions, unbalanced, reached = tried(y + length * step)
             # Near the maximum its change is round-off, which says nothing; what is not balanced does.
-            if reached >= value or length < SINGULAR or rest(unbalanced) < last:
+            if reached >= value or length < SINGULAR or imbalance(unbalanced) < last:
                 break
             length /= 2
         y, value = y + length * step, reached
-    if rest(unbalanced) <= 0:
+    if imbalance(unbalanced) <= 0:
         return tractions
     raise Refused(UNBALANCED)
 

@@ -201,9 +201,9 @@ class BodyCells:
         limit, of_cell, yielding = limits
         kind = self.element.cell_type
         corners = np.asarray(basix.geometry(kind), dtype=np.float64)
-        whole = np.vstack((corners.mean(axis=0), corners))
+        sampled = np.vstack((corners.mean(axis=0), corners))
         all_cells = np.arange(len(self.nodes))
-        x = self._positions(places, all_cells, np.broadcast_to(whole, (all_cells.size, *whole.shape)))
+        x = self._positions(places, all_cells, np.broadcast_to(sampled, (all_cells.size, *sampled.shape)))
         reach = np.linalg.norm(x[:, 1:] - x[:, :1], axis=2).max(axis=1, initial=0.0)
         allowed = np.minimum(limit, of_cell * reach) + yielding
         boxes = _boxes(kind, x[:, 1:])
@@ -310,10 +310,10 @@ def _boxes(kind: basix.CellType, x: Array) -> ElongatedCells:
     elongated = spread[:, -1] * ELONGATED < spread[:, 0]
     lengths = np.linalg.norm(x[elongated, :, None] - x[elongated, None], axis=3)
     products = (lengths + np.eye(dim + 1)).prod(axis=2)
-    others = np.array([[k for k in range(dim + 1) if k != first] for first in range(dim + 1)])
+    remaining = np.array([[k for k in range(dim + 1) if k != first] for first in range(dim + 1)])
     first = products.argmin(axis=1)
     moved = corners[first]
-    turned = np.swapaxes(corners[others[first]] - moved[:, None], 1, 2)
+    turned = np.swapaxes(corners[remaining[first]] - moved[:, None], 1, 2)
     box = basix.CellType.quadrilateral if dim == 2 else basix.CellType.hexahedron
     return ElongatedCells(elongated, box, turned, moved, cut=True)
 

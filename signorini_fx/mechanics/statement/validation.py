@@ -29,10 +29,10 @@ def plain_message(detail: Any) -> str:
             return "must be a table" + friction * ', such as { law = "coulomb", coefficient = 0.3 }'
         case {"type": "tuple_type"}:
             return "must be a list in brackets, such as [0.5, 1.0]"
-        case {"type": "too_short", "ctx": {"min_length": least, "actual_length": given}}:
-            return f"must have at least {_entries(least)}, got {given}"
-        case {"type": "too_long", "ctx": {"max_length": most, "actual_length": given}} if given is not None:
-            return f"must have at most {_entries(most)}, got {given}"
+        case {"type": "too_short", "ctx": {"min_length": least, "actual_length": count}}:
+            return f"must have at least {_entries(least)}, got {count}"
+        case {"type": "too_long", "ctx": {"max_length": most, "actual_length": count}} if count is not None:
+            return f"must have at most {_entries(most)}, got {count}"
         case {"type": "too_long", "ctx": {"max_length": most}}:
             return f"must have at most {_entries(most)}"
         case {"type": "dict_type" | "mapping_type"}:

@@ -117,7 +117,8 @@ class PlasticStrain(Quantity):
         """See ``Quantity``: the value and its place; or that nothing has yielded."""
         if self.key not in summary:
             return []
-        return [Card(self.report, *yielding_in_words(summary))]
+        text, remark = yielding_in_words(summary)
+        return [Card(self.report, text, remark=remark)]
 
 
 class Utilisation(Quantity):

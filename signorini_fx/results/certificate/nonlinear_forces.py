@@ -85,11 +85,11 @@ class NonlinearForces(NodalForces):
         """
         y, self._states = displacement.x.array.reshape(-1, self.dimension), states
         points, weights = basix.make_quadrature(self.cell_type, max(1, self.degree))
-        x, shape = self._at_points(y, points, shape=True)
+        x, shape = self._cauchy_of_part(y, points, shape=True)
         if self._reduced is None:
-            return PointStress(points, weights, x, shape + self._at_points(y, points, shape=False)[1])
+            return PointStress(points, weights, x, shape + self._cauchy_of_part(y, points, shape=False)[1])
         fewer, their_weights = basix.make_quadrature(self.cell_type, self._reduced)
-        mean = self._at_points(y, fewer, shape=False)[1]
+        mean = self._cauchy_of_part(y, fewer, shape=False)[1]
         between = _between(self.cell_type, self._shapes.degree - 1, fewer, their_weights, points)
         return PointStress(points, weights, x, shape + np.einsum("pq,cqij->cpij", between, mean))
 
@@ -132,9 +132,10 @@ class NonlinearForces(NodalForces):
                 total[inside] = reached.reshape(state.shape[:2])[self._place[inside]]
         return total
 
-    def _at_points(self, y: Array, points: Array, *, shape: bool) -> tuple[Array, Array]:
+    def _cauchy_of_part(self, y: Array, points: Array, *, shape: bool) -> tuple[Array, Array]:
         """The places, and the Cauchy stress of the shape, or of the volume, shape (c, q, 3, 3)."""
-        places, stresses = [np.zeros((0, len(points), self.across))], [np.zeros((0, len(points), 3, 3))]
+        places: list[Array] = [np.zeros((0, len(points), self.across))]
+        stresses: list[Array] = [np.zeros((0, len(points), 3, 3))]
         finite = any(isinstance(material, Hyperelastic) for material in self.materials)
         for part, gradient, _, _ in self.gradients(y, points):
             change = _in_space(gradient)
