@@ -72,8 +72,10 @@ def loose_at_rest(body: Model, steps: Sequence[StepResult]) -> list[Finding]:
         body: the model.
         steps: results of load steps that have a solution.
     """
+    if len(steps) == 1 or not body.motions.free.shape[1]:
+        return []
     resting = [step for step in steps if not parallel.any_rank(body.comm, bool(step.displacement.x.array.any()))]
-    if len(steps) == 1 or not body.motions.free.shape[1] or not resting:
+    if not resting:
         return []
     numbers = [str(step.step) for step in resting]
     which = f"load step{'s' * (len(numbers) > 1)} {', '.join(numbers)}"
