@@ -13,6 +13,7 @@ from signorini_fx.mechanics.statement.overclosure import (
     LinearOverclosure,
     TabularOverclosure,
 )
+from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import CERTIFICATE_TOLERANCE
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.solver import solve
@@ -124,6 +125,41 @@ def test_load_steps():
         assert step.certificate.holds
         meant = brentq(lambda h, p=pressure: _pressure("exponential", h) - p, -0.02, 0.1, xtol=1e-15)
         assert step.displacement.x.array[1::2].min() == pytest.approx(-meant - pressure / YOUNG, rel=1e-7)
+
+
+def corner(law, degree, poisson, **traction):
+    """A body that is pressed on a floor with friction and into a wall, both soft."""
+    walls = [
+        {"boundary": "bottom", "overclosure": law, "friction": {"law": "coulomb", "coefficient": 0.3}},
+        {"boundary": "right", "overclosure": law, "gap": 0.0005},
+    ]
+    size = {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4, "cell": "quadrilateral"}
+    return block(
+        law,
+        mesh={"generator": "rectangle", "parameters": size},
+        material={"young": YOUNG, "poisson": poisson},
+        element={"degree": degree},
+        traction=[{"boundary": "top", "x": 6.0, "y": -10.0} | traction],
+        contact=walls,
+    )
+
+
+def test_a_point_that_its_tangent_left_open():
+    """The steep line of a table leaves a point of the wall open that is closed by the flat one."""
+    solution = solve(corner({"law": "tabular", "rows": [[0, 0], [5, 0.001], [50, 0.004]]}, 1, 0.499))
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+    assert any("solved again" in event for event in solution.history.events)
+
+
+@pytest.mark.mpi
+def test_steps_that_need_fall_backs():
+    """Nearly incompressible, between a floor and a wall, with steps that unload: on one rank as on two."""
+    solution = solve(
+        corner({"law": "exponential", "clearance": 0.002, "pressure": 3.0}, 2, 0.499, factors=[0.5, 1, 0.3])
+    )
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
 
 
 def test_two_bodies():

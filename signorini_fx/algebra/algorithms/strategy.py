@@ -136,8 +136,9 @@ def _augmented_or_regularised(task: Task, start: Start) -> Outcome:
 
 
 def _may_augment(task: Task, start: Start) -> bool:
-    """Whether augmentation is a fall-back of the scene here."""
-    return task.settings.fallbacks and task.settings.algorithm != "alm" and not start.without_fall_backs
+    """Whether augmentation is a fall-back of the scene here: not of soft contact, which it would make hard."""
+    asked = task.settings.fallbacks and task.settings.algorithm != "alm" and not start.without_fall_backs
+    return asked and start.data.yielding is None
 
 
 def _by_method(task: Task, start: Start) -> Outcome:

@@ -28,7 +28,7 @@ class Overclosures(Interface):
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
         """See ``Interface``."""
-        d, start, newton = step.d, replace(step.start, without_fall_backs=True), step.task.iterate.newton
+        d, start, newton = step.d, step.start, step.task.iterate.newton
         assert d.boundary is not None
         pressure = self._first(d, start.multipliers)
         for _ in range(OVERCLOSURE_PROBLEMS):
@@ -43,9 +43,15 @@ class Overclosures(Interface):
                 return end
             reached = np.maximum(end.outcome.newton.multipliers()[0], 0.0)
             meant = overclosure + slope * (reached - pressure)
-            away = np.abs(self._tangent(d, reached, start.data.gamma_n)[0] - meant)
+            by_law = self._tangent(d, reached, start.data.gamma_n)[0]
+            overlap = end.outcome.problem.system.contact.traces(end.outcome.newton.x)[0] - start.data.gap
+            # A point that its tangent leaves open may be closed by the law.
+            closed = np.maximum(overlap - by_law, 0.0)
+            if start.data.immovable is not None:
+                closed[start.data.immovable] = 0.0
+            away = np.where(reached > 0, np.abs(by_law - meant), closed)
             scale = parallel.largest(d.comm, np.abs(meant))
-            missed = float(parallel.largest(d.comm, np.where(reached > 0, away, 0.0)) / scale) if scale > 0 else 0.0
+            missed = float(parallel.largest(d.comm, away) / scale) if scale > 0 else 0.0
             if missed <= OVERCLOSURE_MISSED:
                 return end
             step.task.history.add(f"soft contact: overclosures miss the law by {missed:.1e}: solved again")
