@@ -107,7 +107,7 @@ class Mutant:
 
 MUTANTS = (
     # --- pointwise maps ----------------------------------------------------------------------------------------------
-    Mutant("contact/complementarity", "u_n - data.gap", "u_n + data.gap", "gap, sign"),
+    Mutant("contact/complementarity", "u_n - data.distance", "u_n + data.distance", "gap, sign"),
     Mutant(
         "contact/active_sets",
         "np.where(sets.contact, trial_pressure(u_n, data), 0.0)",
@@ -149,8 +149,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/active_sets",
-        "np.where(pressing, data.gamma_n, 0.0)",
-        "np.where(~pressing, data.gamma_n, 0.0)",
+        "np.where(pressing, data.stiffness, 0.0)",
+        "np.where(~pressing, data.stiffness, 0.0)",
         "tangent: contact set swapped",
     ),
     Mutant(
@@ -3660,8 +3660,22 @@ MUTANTS = (
     ),
     Mutant(
         "algorithms/strategy",
-        "data.bilateral & (data.gap != 0)",
-        "data.bilateral & (data.gap < 0)",
+        "pushed = data.distance < -task.coordinate_error",
+        "pushed = data.distance < 0.0",
+        "the round-off of a gap pushes a body that nothing loads",
+        tests=("load_steps::test_the_round_off_of_coordinates_does_not_wake_a_loose_body",),
+    ),
+    Mutant(
+        "interfaces/overclosures",
+        "np.where(reached > 0, np.abs(by_law - meant), closed)",
+        "np.where(reached > 0, np.abs(by_law - meant), 0.0)",
+        "soft contact: a point that its tangent leaves open stays open",
+        tests=("soft_contact::test_a_point_that_its_tangent_left_open",),
+    ),
+    Mutant(
+        "algorithms/strategy",
+        "data.bilateral & (np.abs(data.gap) > task.coordinate_error)",
+        "data.bilateral & (data.gap < -task.coordinate_error)",
         "bilateral contact at a distance pulls nothing",
         tests=("strategy::test_what_moves_a_body_without_load",),
     ),

@@ -340,6 +340,7 @@ class FormSolver:
             *self._point_data(shapes),
             coarser=self.coarser.level,
             natural_gamma=self.scales.gamma,
+            coordinate_error=self.scales.coordinate_error,
             history=self.history,
             has_coulomb=self.forms.has_coulomb,
         )

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.tuned import ZERO_COMPONENT
+
 Array = npt.NDArray[np.float64]
 
 
@@ -44,6 +46,11 @@ class Scales:
     def gamma(self) -> float:
         """The natural unit of gamma, stress per length."""
         return self.modulus / self.size
+
+    @property
+    def coordinate_error(self) -> float:
+        """The round-off of coordinates, and so of gaps, length."""
+        return ZERO_COMPONENT * self.size
 
     def spacing(self, nodes: int) -> float:
         """Length between neighbours of so many nodes in a body of this size."""

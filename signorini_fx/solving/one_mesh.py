@@ -361,6 +361,7 @@ def contact_task(
         allowed=_allowed(d),
         choose=choose,
         natural_gamma=d.scales.gamma,
+        coordinate_error=d.scales.coordinate_error,
         has_coulomb=d.statement.has_coulomb,
         history=history,
     )

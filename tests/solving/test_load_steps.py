@@ -272,6 +272,23 @@ def test_a_loose_body_waits_for_its_load(law, method, factors):
     np.testing.assert_allclose(last.displacement.x.array, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("soft", [False, True], ids=["hard", "soft"])
+@pytest.mark.parametrize("gap", ["-1e-16", "1e-3*x[0] - 1e-17"])
+def test_the_round_off_of_coordinates_does_not_wake_a_loose_body(gap, soft):
+    """A gap that is negative by round-off alone pushes nothing; an overlap does, and then nothing holds the body."""
+    contact = {"boundary": "bottom", "gap": gap}
+    if soft:
+        contact["overclosure"] = {"law": "tabular", "rows": [[0.0, 0.0], [5.0, 1e-3], [50.0, 4e-3]]}
+    held = {"displacement": {"boundary": "left", "x": 0.0}, "contact": contact}
+    loads = {"traction": {"boundary": "top", "y": -PRESSURE, "factors": [0.0, 1.0]}}
+    solution = alone(block(6, held | loads))
+    assert [step.status for step in solution.steps] == [Status.CONVERGED, Status.CONVERGED]
+    assert not solution.steps[0].displacement.x.array.any()
+    assert solution.steps[1].contact.pressure.max() > 0
+    contact["gap"] = -1e-6
+    assert alone(block(6, held | loads), check=False).status is Status.OPEN
+
+
 def test_a_load_that_grows_from_time_zero():
     """In the first of two load steps there is none yet."""
     loads = {"traction": {"boundary": "top", "y": f"-{PRESSURE} * t"}, "load_steps": {"times": [0.0, 1.0]}}

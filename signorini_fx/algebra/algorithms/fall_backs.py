@@ -82,9 +82,8 @@ def _ways(
         FULL_STEPS: lambda: failed,
         THROUGH_STICK: lambda: newton.solve_once(through, first_sets, measure),
         SMALLER_GAMMA: lambda: _path(newton, through, first_sets, measure),
+        CONVEX: lambda: interior_point(newton, through, measure),
     }
-    if data.yielding is None:  # the convex program has one gamma for all points
-        ways[CONVEX] = lambda: interior_point(newton, through, measure)
     touching = None if np.isinf(data.gamma_n) else _touching(newton, data)
     if touching is not None:
         ways[AT_REST] = lambda: newton.solve_once(through, touching, measure)

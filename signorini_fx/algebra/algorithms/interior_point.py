@@ -241,10 +241,10 @@ class _Programme:
         data, size, contact = self._data, self._points.dimension - 1, self._problem.system.contact
         usual = SOFT_FOUNDATION * contact.natural_stiffness(self._problem.system.matrix.getDiagonal())
         stiffness = max(SOFTEST_FOUNDATION * usual, min(usual, softest))
-        soft = replace(data, gamma_n=min(data.gamma_n, stiffness), gamma_t=min(data.gamma_t, stiffness))
+        soft = data.softer(stiffness)
         rough, x = (self._bound > 0)[:, None], self._newton.x
         blocks = np.zeros((rough.size, 1 + size, 1 + size))
-        blocks[:, 0, 0] = soft.gamma_n
+        blocks[:, 0, 0] = soft.stiffness
         blocks[:, 1:, 1:] = np.where(rough, soft.gamma_t, 0.0)[:, None] * np.eye(size)
 
         def tractions() -> tuple[Nodal, Nodal]:
@@ -255,8 +255,8 @@ class _Programme:
             return None
         pressure, shear = tractions()
         stress = float(parallel.global_sum(self._comm, np.abs(pressure).sum())) / self._number(self._points.everywhere)
-        product, apart = stress**2 / soft.gamma_n, np.sqrt(pressure**2 + 4 * stress**2)
-        opening = np.asarray((apart - pressure) / (2 * soft.gamma_n), dtype=np.float64)
+        product, apart = stress**2 / soft.stiffness, np.sqrt(pressure**2 + 4 * stress**2)
+        opening = np.asarray((apart - pressure) / (2 * soft.stiffness), dtype=np.float64)
         shear = np.where(self._rubs[:, None], onto_disc(shear, FIRST_SHEAR * self._bound), shear)
         return _Inside(
             np.where(self._one_sided, (apart + pressure) / 2, pressure),
@@ -306,7 +306,7 @@ class _Programme:
         none, traces = np.zeros_like(room), self._problem.system.contact.traces
         u_n, u_t = traces(self._newton.x)
         # What the equations miss, the changes of s and r eliminated.
-        normal = u_n - data.gap - (at.pressure - data.lambda_hat) / data.gamma_n
+        normal = u_n - data.distance - (at.pressure - data.lambda_hat) / data.stiffness
         normal += np.divide(normal_target, at.pressure, out=none.copy(), where=one)
         pull = np.divide(disc_target, room, out=none.copy(), where=rubs)[:, None] * at.shear
         across = slip_of(u_t, data) - (at.shear - data.mu_hat) / data.gamma_t - pull
@@ -315,7 +315,7 @@ class _Programme:
             return blocks[:, 0, 0] * normal, np.einsum("nij,nj->ni", blocks[:, 1:, 1:], across)
 
         pressure, shear = answer(normal, across)
-        closed = one & (at.pressure > data.gamma_n * at.opening)
+        closed = one & (at.pressure > data.stiffness * at.opening)
         if not self._moves(at.pressure + pressure, at.shear + shear, blocks, np.count_nonzero(closed), exact=exact):
             return None
         w_n, w_t = traces(self._newton.x)
@@ -329,7 +329,7 @@ class _Programme:
         data, size = self._data, self._points.dimension - 1
         blocks = np.zeros((room.size, 1 + size, 1 + size))
         opens = np.divide(at.opening, at.pressure, out=np.zeros_like(room), where=self._one_sided)
-        blocks[:, 0, 0] = 1.0 / (1.0 / data.gamma_n + opens)
+        blocks[:, 0, 0] = 1.0 / (1.0 / data.stiffness + opens)
         soft, grows = 1.0 / data.gamma_t + at.rate, np.where(self._rubs, at.rate / room, 0.0)
         share = grows / (soft + grows * inner(at.shear, at.shear))
         along = share[:, None, None] * at.shear[:, :, None] * at.shear[:, None, :]

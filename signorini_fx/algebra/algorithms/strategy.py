@@ -187,9 +187,9 @@ def _nothing_acts(task: Task, start: Start) -> bool:
         return False
     if task.system.load.norm() > 0 or task.system.start.norm() > 0:
         return False
-    pushed = data.gap < 0
+    pushed = data.distance < -task.coordinate_error
     if data.bilateral is not None:
-        pushed = pushed | (data.bilateral & (data.gap != 0))
+        pushed = pushed | (data.bilateral & (np.abs(data.gap) > task.coordinate_error))
     return not parallel.any_rank(task.system.comm, bool(pushed.any()))
 
 

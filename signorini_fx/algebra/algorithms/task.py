@@ -143,6 +143,7 @@ class Task:
         linear_algebra: which kind of elastic system it is, and why; for its owner.
         goal: the regularisation error allowed for path-following, in the energy norm, evaluated at an iterate.
         rest: the resting place from which displacements are counted; None: from the initial position.
+        coordinate_error: what gaps are uncertain by, the round-off of coordinates, length.
     """
 
     settings: Settings
@@ -155,6 +156,7 @@ class Task:
     linear_algebra: str = ""
     goal: Callable[[PETSc.Vec], float] = lambda x: 0.0
     rest: RestingMotion | None = None
+    coordinate_error: float = 0.0
 
     @classmethod
     def of(

@@ -232,9 +232,7 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
     count, tangents = sets.direction.shape
     blocks = np.zeros((count, 1 + tangents, 1 + tangents))
     pressing = sets.contact if data.immovable is None else sets.contact & ~data.immovable
-    blocks[:, 0, 0] = np.where(pressing, data.gamma_n, 0.0)
-    if data.yielding is not None:
-        blocks[:, 0, 0] *= data.yielding.share
+    blocks[:, 0, 0] = np.where(pressing, data.stiffness, 0.0)
     if data.bound is None:
         return blocks
     identity = np.eye(tangents)

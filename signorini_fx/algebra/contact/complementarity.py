@@ -17,7 +17,7 @@ form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -112,6 +112,23 @@ class RegularisedData:
             immovable=immovable,
         )
 
+    @property
+    def stiffness(self) -> Nodal | float:
+        """gamma_1, or that of soft contact, stress per length, shape (n,)."""
+        return self.gamma_n if self.yielding is None else self.gamma_n * self.yielding.share
+
+    @property
+    def distance(self) -> Nodal:
+        """d, and with soft contact its offset, length, shape (n,)."""
+        return self.gap if self.yielding is None else self.gap + self.yielding.offset
+
+    def softer(self, stiffness: float) -> RegularisedData:
+        """The same with neither gamma above this stiffness, stress per length."""
+        gamma_n, soft = min(self.gamma_n, stiffness), self.yielding
+        if soft is not None:
+            soft = replace(soft, share=np.minimum(self.stiffness, stiffness) / gamma_n)
+        return replace(self, gamma_n=gamma_n, gamma_t=min(self.gamma_t, stiffness), yielding=soft)
+
     def friction_bound(self, pressure: Nodal) -> Nodal:
         """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without friction."""
         if self.bound is None:
@@ -129,10 +146,7 @@ def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
 
 def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
     """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable points."""
-    overlap = u_n - data.gap
-    if data.yielding is not None:
-        overlap = data.yielding.share * (overlap - data.yielding.offset)
-    trial = data.lambda_hat + data.gamma_n * overlap
+    trial = data.lambda_hat + data.stiffness * (u_n - data.distance)
     return trial if data.immovable is None else np.where(data.immovable, 0.0, trial)
 
 

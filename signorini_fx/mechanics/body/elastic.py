@@ -385,7 +385,7 @@ class ElasticBody:
             allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
                 that of the settings, relative to the energy norm of the displacement.
             choose: the elastic system, and the reason for its kind.
-            options: natural_gamma, has_coulomb and history, see ``Task``.
+            options: natural_gamma, coordinate_error, has_coulomb and history, see ``Task``.
         """
         assert self.at_contact is not None
         system, reason = choose(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)

@@ -319,8 +319,8 @@ def judged(
     # With a larger gamma nothing is known of the tractions.  Those of a body without stress are the method's round-off.
     strains = mean > LOST_UNITS * NO_FORCE * moduli * reach / sizes
     penalty = np.where(strains, np.minimum(penalty, ABOVE_THE_MEAN * mean), np.maximum(penalty, terms * law.penalty))
-    # Where shapes are met at X + u, distances have the round-off of X, however small u is.
-    placed = NO_FORCE * sizes if balance.with_loads else np.zeros_like(terms)
+    # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of a body at rest, too.
+    placed = NO_FORCE * sizes if balance.with_loads or reach == 0 else np.zeros_like(terms)
     length, stress = np.maximum(length, np.maximum(terms, placed)), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
