@@ -86,13 +86,14 @@ class Increments:
     Args:
         path: the load steps.
         settings: of the solver.
-        has_coulomb: whether any friction bound depends on the contact pressure.
+        may_augment: whether augmentation may help: a friction bound depends on the contact pressure, and no contact
+            is soft, which it would make hard.
 
     Attributes:
         at: where it is.
     """
 
-    def __init__(self, path: LoadPath, settings: SolverSettings, *, has_coulomb: bool) -> None:
+    def __init__(self, path: LoadPath, settings: SolverSettings, *, may_augment: bool) -> None:
         self._last, self._time = len(path.times) - 1, path.time_at
         self._iterations = settings.max_iterations
         self._step_limit = step_limit(self._iterations)
@@ -100,7 +101,7 @@ class Increments:
         # The first of several factors is reached in one step, whose law is static.
         self._from_nothing = path.from_nothing
         self._nominal = 1.0 if self._divided is None else 1.0 / self._divided
-        self._may_augment = has_coulomb and settings.fallbacks and settings.algorithm != "alm"
+        self._may_augment = may_augment and settings.fallbacks and settings.algorithm != "alm"
         self._begin = Position(increment=self._nominal if self._from_nothing else 1.0)
         self.at = self._begin
 

@@ -32,6 +32,7 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate, certify
+from signorini_fx.results.certificate.promised_law import overclosures_of
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.last_digits import left_by_last_digits
 from signorini_fx.results.solution import Solution, StepResult
@@ -164,7 +165,8 @@ def contact_solution(
 
 
 def _increments(statement: Statement) -> Increments:
-    return Increments(statement.path, statement.solver, has_coulomb=statement.has_coulomb)
+    may_augment = statement.has_coulomb and not overclosures_of(statement)
+    return Increments(statement.path, statement.solver, may_augment=may_augment)
 
 
 def _shown(steps: Sequence[StepResult]) -> StepResult:

@@ -39,7 +39,7 @@ def ramp(push, steps=10, *, factors=(0.0, 1.0), nx=30, friction=None, load_steps
 
 
 def increments(scene):
-    return Increments(scene.statement.path, scene.solver, has_coulomb=scene.statement.has_coulomb)
+    return Increments(scene.statement.path, scene.solver, may_augment=scene.statement.has_coulomb)
 
 
 def test_factors_between_load_steps():
@@ -65,7 +65,7 @@ def test_a_path_without_a_scene():
     assert [path.time_at(place) for place in (-0.5, 0.0, 0.5)] == [0.25, 0.5, 1.25]
     assert [path.name_at(place) for place in (-0.5, 0.0, 0.5)] == ["press", "press", "push"]
     assert scene.statement.path == LoadPath((0.0, 1.0), steps=10)
-    assert walk(Increments(path, SolverSettings(), has_coulomb=False), 9.0) == [-0.5, 0.0, 1.0]
+    assert walk(Increments(path, SolverSettings(), may_augment=False), 9.0) == [-0.5, 0.0, 1.0]
 
 
 @pytest.mark.parametrize(
@@ -660,7 +660,7 @@ def test_a_ramp_goes_on_where_only_monolithic_newton_converges():
 
 def test_a_first_load_step_that_only_fall_backs_solve():
     """As the plate below: without fall-backs it fails at any increment, and half of all solves are gone by then."""
-    path = Increments(LoadPath((1.0,), steps=1, from_nothing=True), SolverSettings(), has_coulomb=True)
+    path = Increments(LoadPath((1.0,), steps=1, from_nothing=True), SolverSettings(), may_augment=True)
     path.begin_again(Status.CYCLING, 47)
     while path.without_fall_backs:
         assert path.shorten(Status.MAX_ITERATIONS, path.allowed)

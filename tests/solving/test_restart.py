@@ -467,7 +467,7 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     result = SimpleNamespace(displacement=d.from_rest(task.rest, outcome.displacement()))
     start = replace(task.start, place=0.5)
     stored = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
-    path = Increments(given.statement.path, given.solver, has_coulomb=given.statement.has_coulomb)
+    path = Increments(given.statement.path, given.solver, may_augment=given.statement.has_coulomb)
     steps = stated_body(d, Timings(), lambda d: tasks[1])
     MeshCheckpoint(stored, 0).store(steps, task, start, outcome, result, path, (0, 0, 0))
     again = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)

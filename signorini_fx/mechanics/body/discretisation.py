@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.method import Settings
@@ -81,10 +83,12 @@ def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_
         path_step: place in the lists of factors, at which foundations are; -1: before any has moved.
 
     Raises:
-        SceneError: a material is not linear; or with all errors that only the mesh reveals: boundaries and regions that
-            do not exist or are empty, contact and prescribed displacement in conflict, expressions that are not finite.
+        SceneError: a material is not linear; a file is not there on some rank; or with all errors that only the mesh
+            reveals: boundaries and regions that do not exist or are empty, contact and prescribed displacement in
+            conflict, expressions that are not finite.
         MeshError: the cells of the mesh are not connected.
     """
+    _refuse_missing_files(statement, tagged.mesh.comm)
     if nonlinear := [k for k, material in enumerate(statement.material) if not material.linear]:
         raise SceneError(
             [(f"material[{nonlinear[0]}].law", "is not possible here yet: solve() and check() alone know it")]
@@ -97,6 +101,20 @@ def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_
         return _prepared(statement.placed(path_step), tagged, timings)
     except FormError as error:  # of a foundation; the allowance of a pair is the gap of a scene
         raise SceneError([(path.replace("].allowance", "].gap"), wrong) for path, wrong in error.problems]) from None
+
+
+def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:
+    """Refuse tables and surfaces that some rank does not see, as on the disk of another machine; collective.
+
+    Each rank reads them where it needs them, and one that raised an error alone would leave the others waiting.
+    """
+    if comm.size == 1:
+        return
+    places = statement.listed()
+    places += [(f"contact[{k}].foundation", effect.surface) for k, effect in enumerate(statement.contact)]
+    files = [(path, file) for path, entry in places if isinstance(file := getattr(entry, "file", None), Path)]
+    missing = [(path, f"{file}: rank {comm.rank} has no such file") for path, file in files if not file.is_file()]
+    parallel.raise_together(comm, SceneError(missing) if missing else None)
 
 
 def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
