@@ -60,6 +60,13 @@ RUN apt-get update -q \
  && apt-get clean \
  && rm -rf /var/lib/apt/lists/*
 
+# Checkpoints that other programs read: io4dolfinx since dolfinx 0.10, its predecessor before.
+RUN apt-get update -q \
+ && checkpoints=$(apt-cache pkgnames | grep -x python3-io4dolfinx || echo python3-adios4dolfinx) \
+ && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends "$checkpoints" python3-adios2 python3-adios2-mpi \
+ && apt-get clean \
+ && rm -rf /var/lib/apt/lists/*
+
 
 FROM environment
 

@@ -28,7 +28,7 @@ from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.registry import quantities, stage_of
 from signorini_fx.records import Finding, as_columns
 from signorini_fx.results import afterthoughts
-from signorini_fx.results.fields import FIELD_FILES, chosen_format, size_of_fields, write_fields
+from signorini_fx.results.fields import FIELD_FILES, FIELDS, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summary_of
@@ -51,8 +51,8 @@ FILES = (
         "contact_other_side.csv",
         "price_list.csv",
     ),
-    *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
-    *("recovered_stress.bp", "recovered_von_mises.bp", *FIELD_FILES, "contact.vtu"),
+    *(f"{name}.{kind}" for name in FIELDS for kind in ("bp", "vtkhdf")),
+    *(*FIELD_FILES, "contact.vtu"),
     *(
         f"{name}.{kind}"
         for name in ("deformed", "profiles", "history", "price_list", "contact_surface", "load_steps", *_SELDOM)

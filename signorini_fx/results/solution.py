@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dolfinx import fem
@@ -39,6 +40,7 @@ from signorini_fx.results.mechanics import NO_ESTIMATE, Mechanics, StatedMechani
 from signorini_fx.results.requested_law import AskedLaw, asked_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety
+from signorini_fx.results.shared_checkpoint import write_shared_checkpoint
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
@@ -301,6 +303,25 @@ class Solution:
             raise ValueError("the scene has no contact, hence no fields on its boundary")
         facets = [self.model.tagged.facets(entry.boundary) for entry in self.statement.contact]
         return boundary_fields(self.model.space, self.contact, facets, number)
+
+    def write_checkpoint(self, file: str | Path) -> None:
+        """Write what programs without this package read, by io4dolfinx or adios4dolfinx, on any ranks; collective.
+
+        That is the mesh, its facets with the tags ``boundaries``, and the tag of each name in the attributes
+        ``tag_of``; at the time of each load step with a solution, 0 without steps, the ``displacement`` and, with
+        contact, ``pressure``, ``shear``, ``gap`` and ``slip`` on the whole mesh, zero away from contact points.
+
+        Args:
+            file: a folder of ADIOS2, such as ``solution.bp``; an earlier checkpoint is overwritten.
+
+        Raises:
+            InstallationError: neither library is installed.
+            OutputError: the file cannot be written, or something else is there.
+        """
+        times = [step.time if self.statement.several_steps else 0.0 for step in self.shown_steps]
+        steps = zip(times, self.shown_steps, strict=True)
+        moments = [(time, step.displacement, step.contact) for time, step in steps]
+        write_shared_checkpoint(file, self.model.tagged, moments)
 
     @cached_property
     def sides(self) -> list[ContactSide]:

@@ -184,7 +184,7 @@ def test_blocks():
     assert not_run <= {
         "installs packages",
         "needs Docker",
-        "needs adios4dolfinx",
+        "needs io4dolfinx",
         "opens a window",
         "these are the commands that run the tests",
     }
