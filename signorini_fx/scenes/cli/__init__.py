@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from signorini_fx.machine import terminal
+from signorini_fx.machine.launcher import limit_threads
 from signorini_fx.scenes.cli import commands
 from signorini_fx.scenes.cli.exit_codes import on_one_process, on_ranks
 from signorini_fx.scenes.cli.options import parser
@@ -44,6 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
         del sys.argv[1:]  # dolfinx reads them when it is imported, and fails if they are not UTF-8
+    limit_threads()
     grammar = parser()
     if "_ARGCOMPLETE" in os.environ:  # a shell asks, by the script of ``completion``, and gets the answer
         import argcomplete
