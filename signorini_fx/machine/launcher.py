@@ -1,4 +1,4 @@
-"""What the launcher of the ranks (mpirun, srun) sets in the environment, and what libraries read there as they start."""
+"""What launchers of ranks (mpirun, srun) set in the environment, and what libraries read there as they start."""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
 """Meshes that do not fit their scene, or are none: the message says what is there instead."""
 
+import sys
+
 import gmsh
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.errors import InstallationError, MeshError, SceneError
 from signorini_fx.mechanics.effects.contact import UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.tagged import generate_mesh, read_mesh, tag_boundaries
@@ -125,6 +127,26 @@ def test_files_that_are_no_mesh(tmp_path, name, content, message):
     with pytest.raises(MeshError, match=message):
         alone(small(mesh=MeshFile(file=file)))
     assert not gmsh.isInitialized()
+
+
+NO_LIBRARY = 'raise OSError("libGLU.so.1: cannot open shared object file")'
+
+
+@pytest.mark.parametrize(
+    ("module", "message"),
+    [
+        ("raise ModuleNotFoundError('gmsh')", "gmsh, which is not installed: pip install gmsh, or apt install"),
+        (NO_LIBRARY, "cannot be loaded: libGLU.so.1: cannot open .*: apt install libglu1-mesa"),
+    ],
+)
+@pytest.mark.mpi
+def test_without_gmsh(tmp_path, monkeypatch, module, message):
+    """One error on all ranks says what to install."""
+    (tmp_path / "gmsh.py").write_text(module)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "gmsh")
+    with pytest.raises(InstallationError, match=message):
+        generate_mesh("block", {}, MPI.COMM_WORLD)
 
 
 GEOMETRY = """

@@ -28,7 +28,12 @@ from signorini_fx.mechanics.mesh.files import formats
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations, from_raw
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.gmsh_reader import content
-from signorini_fx.mechanics.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
+from signorini_fx.mechanics.mesh.files.gmsh_session import (
+    disjoint_groups,
+    gmsh_session,
+    kinds_of_cells,
+    loaded_gmsh,
+)
 from signorini_fx.mechanics.mesh.files.local_sizes import with_contact_sizes
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Ints
@@ -417,6 +422,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
 
     Raises:
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
+        InstallationError: gmsh is not installed, or cannot be loaded.
     """
 
     def build(gmsh: Any) -> tuple[int, formats.Tags, formats.Tags]:
@@ -444,6 +450,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
     wanted = _LOCAL_SIZES.get()
     if wanted is not None:
         wanted.taken = True
+    parallel.on_root(comm, lambda: bool(loaded_gmsh()))  # where it is missing, no rank waits for the first one
     with gmsh_session() if parallel.is_root(comm) else contextlib.nullcontext() as gmsh:
         dim, boundaries, regions = parallel.on_root(comm, lambda: build(gmsh))
         model = None if gmsh is None else gmsh.model

@@ -9,8 +9,30 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from signorini_fx.errors import InstallationError
+
 # gmsh writes the options that differ from their defaults one to a line.
 _OPTION = re.compile(r"^([A-Z]\w*\.[\w.]+) = ([\"{]?)", re.MULTILINE)
+
+
+def loaded_gmsh() -> Any:
+    """The module gmsh.
+
+    Raises:
+        InstallationError: it is not installed, or its wheel lacks a library of the system.
+    """
+    try:
+        import gmsh
+    except ImportError:
+        raise InstallationError(
+            "this mesh is made by gmsh, which is not installed: pip install gmsh, or apt install python3-gmsh"
+        ) from None
+    except OSError as error:
+        raise InstallationError(
+            f"this mesh is made by gmsh, which cannot be loaded: {error}; its wheel needs libraries of the system, on "
+            "Debian and Ubuntu: apt install libglu1-mesa libxcursor1 libxft2 libxinerama1"
+        ) from None
+    return gmsh
 
 
 @contextlib.contextmanager
@@ -19,9 +41,11 @@ def gmsh_session() -> Iterator[Any]:
 
     A session that is open already is afterwards as it was: its models, the current one of them, and its options.
     (Of several models with the same name, gmsh can make only the last one the current one.)
-    """
-    import gmsh
 
+    Raises:
+        InstallationError: see ``loaded_gmsh``.
+    """
+    gmsh = loaded_gmsh()
     if gmsh.isInitialized():
         with _of_the_caller(gmsh):
             yield gmsh
