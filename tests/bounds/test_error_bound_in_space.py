@@ -286,7 +286,6 @@ def test_an_accuracy_that_is_certified():
         ({"mesh": box("hexahedra", (1, 1, 1))}, "in space a guaranteed bound is for tetrahedra"),
         ({"traction": {"boundary": "top", "z": "-1 - x[0]**2"}}, "tractions that are linear on each facet"),
         ({"body_force": {"z": "-x[0]"}}, "body forces that are constant in each cell"),
-        ({"contact": TABLE | {"foundation": {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1]}}}, "a shape"),
         (
             {"contact": TABLE | {"friction": {"law": "tresca", "bound": 1.0, "ratio": 0.5}}},
             "friction that depends on the direction",

@@ -61,10 +61,14 @@ class PlaneLoads:
         size = float((self._t.area[:, None, None] * np.abs(self._on_edges)).sum() + np.abs(self.body).sum())
         return float(self._unknown.sum()) / size if size > 0 else 0.0
 
-    @property
-    def missed(self) -> Array:
-        """Squares of bounds of the work of what the stress does not hold of them, per unit of the energy norm, (n,)."""
-        return missed_squares(self._t, self.missed_inside, self._missed_on_edges)
+    def missed_beside(self, contact: Array) -> Array:
+        """Squares of bounds of the work of what the stress does not hold, per unit of the energy norm, shape (n,).
+
+        Args:
+            contact: norms in L2 of what it does not hold of the tractions of contact on each edge, shape (f,).
+        """
+        edges = (np.sqrt(self._missed_on_edges) + contact) ** 2
+        return missed_squares(self._t, self.missed_inside, edges)
 
     def _integrate_tractions(self, loads: list[tuple[float, Force, Ints]]) -> None:
         """Linear tractions with the moments of those given, and the square of what they miss on each edge."""
@@ -163,9 +167,10 @@ class LinearLoads:
         """See ``PlaneLoads``."""
         return Loads(self.body, self.traction)
 
-    @property
-    def missed(self) -> Array:
-        """See ``PlaneLoads``: nothing."""
+    def missed_beside(self, contact: Array) -> Array:
+        """See ``PlaneLoads``: nothing, and for tractions of contact no constants are known."""
+        if contact.any():
+            raise Refused("in space a guaranteed bound is for tractions that are linear on each facet")
         return np.zeros(len(self.body))
 
     def _linear(self, factor: float, load: Force, faces: Ints) -> Array:

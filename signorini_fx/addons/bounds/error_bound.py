@@ -33,12 +33,13 @@ from scipy.sparse.csgraph import connected_components
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
 from signorini_fx.addons.bounds.bounded_error import ROUND_OFF, out, small_rests, work_of_loads
-from signorini_fx.addons.bounds.bounded_scene import refuse_unknown, why_estimated
+from signorini_fx.addons.bounds.bounded_scene import LONG_FACETS, refuse_unknown, why_estimated
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
-from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
+from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein, cubic, times_linear
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
-from signorini_fx.addons.bounds.problem import FacetsInContact, PlainProblem
+from signorini_fx.addons.bounds.problem import FacetsInContact, PlainProblem, turn
+from signorini_fx.addons.bounds.round_foundations import RoundFacets
 from signorini_fx.addons.bounds.separated_bodies import Shut, separate
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, square
@@ -207,7 +208,7 @@ class Bounded(PlainProblem):
             # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
             v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda entry: entry.squares.sum())
         inside = np.ones(len(t.corners), dtype=bool)
-        return Enclosure(v, v.contact + between, stress, self.loads.missed, energy(t, computed), t, inside)
+        return Enclosure(v, v.contact + between, stress, self._missed, energy(t, computed), t, inside)
 
     def bound(self) -> ErrorBound:
         """The bound of the error."""
@@ -230,6 +231,14 @@ class Bounded(PlainProblem):
         round_off = enclosure.round_off
         return ErrorBound(float(total), enclosure.size, duality, missed, moved, round_off, squares, self.grounds, work)
 
+    @property
+    def _missed(self) -> Array:
+        """Squares of bounds of the work of what the stress does not hold of loads and contact, see ``PlaneLoads``."""
+        norms = np.zeros(len(self.t.facets))
+        for surface in self.contacts:
+            norms[surface.facets] += np.sqrt(self.t.area[surface.facets] * surface.missed)
+        return self.loads.missed_beside(norms)
+
     def _stress(self) -> EquilibratedStress:
         """In equilibrium with the loads and the tractions of the contacts."""
         t, d, acting = self.t, self.t.dimension, self.loads.acting
@@ -250,6 +259,8 @@ class Bounded(PlainProblem):
         """Integrals of p (d - v_n) + g |v_t| - mu . v_t over the facets, energies, shape (m,)."""
         d = self.t.dimension
         displacement = self.relative(surface, y, middle)
+        if surface.round is not None:
+            return self._on_round_contact(surface, surface.round, displacement)
         normal = np.einsum("fcd,fd->fc", displacement, surface.normal)
         slip = displacement - surface.before
         tangential = slip - np.einsum("fcd,fd,fe->fce", slip, surface.normal, surface.normal)
@@ -265,6 +276,33 @@ class Bounded(PlainProblem):
         work += (bound * size - (shear * (values @ tangential)).sum(axis=2)).clip(min=0.0)
         return np.asarray(self.t.area[surface.facets] * (work @ WEIGHTS[d]))
 
+    def _on_round_contact(self, surface: FacetsInContact, foundation: RoundFacets, displacement: Array) -> Array:
+        """The same of a round foundation, see ``round_foundations``.
+
+        Args:
+            surface: the contact.
+            foundation: of it.
+            displacement: coefficients of Bernstein, length, shape (m, 3 or 6, d).
+        """
+        d, carries = self.t.dimension, surface.pressure.any(axis=1) | surface.bound.any(axis=1)
+        if (carries & ~foundation.short).any():
+            raise Refused(LONG_FACETS)
+        linear, values = POINTS[d], bernstein(POINTS[d]) @ displacement
+        open_by = surface.gap - np.einsum("fqd,fqd->fq", linear @ foundation.direction, values)
+        work = surface.pressure @ linear.T * open_by.clip(min=0.0)
+        missed = surface.pressure.max(axis=1) * foundation.missed_gap
+        if d == 2:
+            turned = turn(foundation.direction)
+            along = times_linear(turned, displacement - surface.before)
+            size = np.abs(along) @ cubic(linear).T
+            shear = np.einsum("fad,fad->fa", surface.shear, turned) / (turned**2).sum(axis=2)
+            slip = surface.bound * size * foundation.stretch - shear @ linear.T * (along @ cubic(linear).T)
+            work += slip.clip(min=0.0)
+            # A linear bound is at an end at most as much larger as the outermost point is inside.
+            largest = surface.bound.max(axis=1) / linear.max()
+            missed += largest * np.abs(along).max(axis=1) * foundation.missed_stretch
+        return np.asarray(self.t.area[surface.facets] * (work @ WEIGHTS[d] + missed))
+
     def _balance(self) -> None:
         """Change pressures and shears of a body that supports do not hold so that they balance its loads."""
         t = self.t
@@ -279,15 +317,20 @@ class Bounded(PlainProblem):
         loads = loads + np.einsum("fad,fadk->k", self.loads.traction, moments)
         contacts = []
         for surface in self.contacts:
-            work = moments[surface.facets]
+            motions = modes[t.facets[surface.facets]]
             if (opposite := surface.opposite) is not None:
-                work = work - opposite.ratio[:, None, None, None] * opposite.over(moments[opposite.facets])
-            normal = -np.einsum("fadk,fd->fak", work, surface.normal)
-            across = -(work + np.einsum("fak,fd->fadk", normal, surface.normal))
-            lowest = -np.inf if surface.bilateral else 0.0
+                motions = motions - opposite.over(modes[t.facets[opposite.facets]])
+            normal, across = surface.work(t.area, motions)
+            count = normal.shape[1]  # of vertices with tractions of their own
             contacts.append(
                 AdmissibleTractions(
-                    surface.pressure, surface.shear, surface.least, lowest, normal, across, t.area[surface.facets]
+                    surface.pressure[:, :count],
+                    surface.shear[:, :count],
+                    surface.least[:, :count],
+                    -np.inf if surface.bilateral else 0.0,
+                    normal,
+                    across,
+                    t.area[surface.facets],
                 )
             )
         pieces = of_each_piece(t, modes.reshape(t.x.size, -1))
@@ -309,7 +352,9 @@ class Bounded(PlainProblem):
             for surface, contact, (pressure, shear) in zip(
                 self.contacts, contacts, balanced(loads[part], of_group, rests), strict=True
             ):
-                surface.pressure, surface.shear = contact.pressure, contact.shear = pressure, shear
+                contact.pressure, contact.shear = pressure, shear
+                surface.pressure = np.broadcast_to(pressure, surface.pressure.shape)
+                surface.shear = np.broadcast_to(shear, surface.shear.shape)
 
     def _free_at(self, parts: Ints, count: int, projectors: Array) -> tuple[Array, Array]:
         """Sizes and directions of what holds vertices or edges, shapes (count, d) and (count, d, d).
@@ -340,11 +385,12 @@ class Bounded(PlainProblem):
         for surface in self._on_foundations:
             for corner in range(t.dimension):
                 vertex = t.facets[surface.facets, corner]
-                depth = np.einsum("fd,fd->f", self.y[vertex], surface.normal) - surface.below[:, corner]
+                towards = surface.directions[:, corner]
+                depth = np.einsum("fd,fd->f", self.y[vertex], towards) - surface.below[:, corner]
                 slip = self.y[vertex] - surface.before[:, corner]
                 sticks = np.linalg.norm(surface.shear[:, corner], axis=1) < (1 - SAME_LENGTH) * surface.least[:, corner]
                 for selected, direction, value in (
-                    (np.ones(len(vertex), dtype=bool), surface.normal, depth.clip(min=0.0)),
+                    (np.ones(len(vertex), dtype=bool), towards, depth.clip(min=0.0)),
                     *((sticks, along, np.einsum("fd,fd->f", slip, along)) for along in surface.tangents),
                 ):
                     axes, loose = vectors[vertex], sizes[vertex] <= SAME_LENGTH
@@ -370,10 +416,12 @@ class Bounded(PlainProblem):
             shut: what is closed between two bodies.
         """
         y, middle = self.y - removed, self.middle - removed[self.t.edges].mean(axis=1)
+        t, tiny = self.t, ROUND_OFF * self._far
         if not self._pairs:
             self._leave_foundations(y, middle)
-            return y, middle
-        t, tiny = self.t, ROUND_OFF * self._far
+            if all(self._admits(surface, y, middle, 2 * tiny) for surface in self.contacts):
+                return y, middle
+            raise Refused("no displacement near the computed one keeps the body out of its foundations")
         projectors = [self._loose(parts, len(values), self.held) for parts, values in self._entities(y, middle)]
         for attempt in range(_ATTEMPTS):
             self._leave_foundations(y, middle)
@@ -386,7 +434,7 @@ class Bounded(PlainProblem):
     def _admits(self, surface: FacetsInContact, y: Array, middle: Array, tiny: float) -> bool:
         """Whether a displacement keeps to a contact."""
         relative = self.relative(surface, y, middle)
-        excess = np.einsum("fcd,fd->fc", relative, surface.normal) - surface.below
+        excess = surface.excess(relative)
         if surface.bonded:
             return bool(np.abs(relative).max(initial=0.0) <= SAME_LENGTH * self._far)
         return bool((np.abs(excess) if surface.bilateral else excess).max(initial=-np.inf) <= tiny)
@@ -406,25 +454,20 @@ class Bounded(PlainProblem):
         if any(surface.bilateral for surface in self._on_foundations):
             self._close(y, middle)
         unmoved, opening = y.copy(), [surface for surface in self._on_foundations if not surface.bilateral]
-        for (entities, values), first in zip(self._entities(y, middle), (0, t.dimension), strict=True):
-            at_vertices = first == 0
+        for kind, (entities, values) in enumerate(self._entities(y, middle)):
             free = self._loose(entities, len(values), self.held)
             wanted: dict[int, list[tuple[Array, float]]] = {}
             for surface in opening:
-                excesses = (
-                    np.einsum("fcd,fd->fc", self.on_facets(y, middle, surface.facets), surface.normal) - surface.below
-                )
-                for column in range(first, first + entities.shape[1]):
-                    for k in np.flatnonzero(excesses[:, column] > -tiny):
-                        # Twice the middle of an edge is what its coefficient of Bernstein has of it.
-                        excess = float(excesses[k, column]) if at_vertices else float(excesses[k, column]) / 2
-                        wanted.setdefault(int(entities[surface.facets[k], column - first]), []).append(
-                            (surface.normal[k], excess)
+                excess = surface.excess(self.on_facets(y, middle, surface.facets))
+                for moved, place, column, directions, share in surface.ways_out:
+                    for k in np.flatnonzero(excess[:, column] > -tiny) if moved == kind else ():
+                        wanted.setdefault(int(entities[surface.facets[k], place]), []).append(
+                            (directions[k], share * float(excess[k, column]))
                         )
             for where, rows in wanted.items():
                 normals, depths = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
                 values[where] -= out(normals, depths + tiny, free[where], tiny)
-            if at_vertices:
+            if kind == 0:
                 middle += (y - unmoved)[t.edges].mean(axis=1)
 
     def _close(self, y: Array, middle: Array) -> None:

@@ -12,6 +12,10 @@ import numpy as np
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET
 
+# Mean values on an edge of the products of three hat functions of its ends.
+TRIPLE: Array = np.full((2, 2, 2), 1 / 12)
+TRIPLE[0, 0, 0] = TRIPLE[1, 1, 1] = 1 / 4
+
 # Gauss' rule on (0, 1).
 GAUSS = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2, np.polynomial.legendre.leggauss(8)[1] / 2
 
@@ -59,3 +63,36 @@ def coefficients(nodal: Array) -> Array:
     d = 2 if nodal.shape[1] == 3 else 3
     ends = nodal[:, :d]
     return np.concatenate((ends, 2 * nodal[:, d:] - ends[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1)
+
+
+def times_linear(linear: Array, quadratic: Array) -> Array:
+    """Coefficients of Bernstein of degree 3 of the products of linear vectors with those of degree 2.
+
+    They are those of the vertices, of each edge the one near its first vertex and the one near its second, and in space
+    one inside.
+
+    Args:
+        linear: at the vertices, shape (m, d, k).
+        quadratic: coefficients, shape (m, 3 or 6, k).
+    """
+    d = linear.shape[1]
+    ends, edges = quadratic[:, :d], quadratic[:, d:]
+    parts = [np.einsum("mak,mak->ma", linear, ends)]
+    for column, (a, b) in enumerate(zip(*EDGES_OF_FACET[d].T, strict=True)):
+        parts += [
+            (2 * (linear[:, i] * edges[:, column]).sum(axis=1) + (linear[:, j] * ends[:, i]).sum(axis=1))[:, None] / 3
+            for i, j in ((a, b), (b, a))
+        ]
+    if d == 3:  # its i-th edge is opposite its i-th vertex
+        parts.append(np.einsum("mak,mak->m", linear, edges)[:, None] / 3)
+    return np.concatenate(parts, axis=1)
+
+
+def cubic(local: Array) -> Array:
+    """Values of these polynomials of degree 3 at barycentric points, shape (q, d) to (q, 4) or (q, 10)."""
+    parts = [local**3]
+    for a, b in zip(*EDGES_OF_FACET[local.shape[1]].T, strict=True):
+        parts.append(3 * np.stack((local[:, a] ** 2 * local[:, b], local[:, a] * local[:, b] ** 2), axis=1))
+    if local.shape[1] == 3:
+        parts.append(6 * local.prod(axis=1, keepdims=True))
+    return np.concatenate(parts, axis=1)

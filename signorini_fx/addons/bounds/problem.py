@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import basix
@@ -23,9 +24,10 @@ from signorini_fx.addons.bounds.bounded_scene import (
     moduli_of,
     refuse_unknown,
 )
-from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, bernstein, coefficients
+from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, TRIPLE, bernstein, coefficients, times_linear
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
-from signorini_fx.addons.bounds.simplices import Simplices, divide
+from signorini_fx.addons.bounds.round_foundations import RoundFacets, is_round
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, divide
 from signorini_fx.addons.bounds.split_triangles import SplitTriangles, with_moved_nodes
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import compat
@@ -90,6 +92,9 @@ class FacetsInContact:
             in the first load step.
         opposite: those of the other body; None: the foundation is rigid.
         bonded: whether two bodies stay together; then ``least`` is infinite.
+        round: what the foundation is where its distance is no polynomial: then ``normal`` is that of the middle,
+            ``gap``, ``below``, pressure and shear are those of ``round_foundations``, the latter at vertices p and
+            mu T, and ``least`` is a bound of |mu| |m|; None: ``normal`` is the same on all of a facet.
     """
 
     facets: Ints
@@ -104,20 +109,107 @@ class FacetsInContact:
     bilateral: bool
     opposite: OtherSide | None = None
     bonded: bool = False
+    round: RoundFacets | None = None
 
     @property
     def traction(self) -> Array:
-        """On the body at the vertices, stress, shape (m, d, d)."""
-        return -self.pressure[:, :, None] * self.normal[:, None] - self.shear
+        """On the body at the vertices, stress, shape (m, d, d); of a quadratic one what has its moments with linear
+        functions.
+        """
+        at_vertices = -self.pressure[:, :, None] * self.directions - self.shear
+        return at_vertices if self.round is None else at_vertices - self._second_difference[:, None] / 6
+
+    @property
+    def missed(self) -> Array:
+        """Mean squares of what this is not of the traction, stress squared, shape (m,)."""
+        return np.asarray((self._second_difference**2).sum(axis=1) / 180)
+
+    @property
+    def _second_difference(self) -> Array:
+        """Of the traction along facets in the plane, stress, shape (m, 2); elsewhere it is linear."""
+        if self.round is None or self.normal.shape[1] == 3:
+            return np.zeros_like(self.normal)
+        turned = turn(self.round.direction)
+        scaled = np.einsum("fad,fad->fa", self.shear, turned) / (turned**2).sum(axis=2)
+        first, second = (np.diff(values, axis=1)[:, 0] for values in (self.pressure, scaled))
+        return np.asarray(
+            -first[:, None] * np.diff(self.round.direction, axis=1)[:, 0]
+            - second[:, None] * np.diff(turned, axis=1)[:, 0]
+        )
+
+    @property
+    def directions(self) -> Array:
+        """To the foundation at the vertices, linear between them, shape (m, d, d)."""
+        if self.round is not None:
+            return self.round.direction
+        return np.repeat(self.normal[:, None], self.normal.shape[1], axis=1)
+
+    def excess(self, displacement: Array) -> Array:
+        """Coefficients of Bernstein of what a displacement is beyond the foundation, length, shape (m, c).
+
+        Args:
+            displacement: its coefficients, see ``on_facets``.
+        """
+        if self.round is None:
+            return np.einsum("fcd,fd->fc", displacement, self.normal) - self.below
+        below = times_linear(np.ones((*self.below.shape[:1], self.normal.shape[1], 1)), self.below[:, :, None])
+        return times_linear(self.round.direction, displacement) - below
+
+    @property
+    def ways_out(self) -> Iterator[tuple[int, int, int, Array, float]]:
+        """For each coefficient of ``excess`` what changes it: 0 for a vertex or 1 for the middle of an edge, its place
+        on the facet, the coefficient, the directions, shape (m, d), and the way of it along these per excess.
+        """
+        d, directions = self.normal.shape[1], self.directions
+        for corner in range(d):
+            yield 0, corner, corner, directions[:, corner], 1.0
+        for edge, ends in enumerate(zip(*EDGES_OF_FACET[d].T, strict=True)):
+            if self.round is None:  # twice the middle of an edge is what its coefficient of Bernstein has of it
+                yield 1, edge, d + edge, self.normal, 0.5
+                continue
+            for column, end in enumerate(ends):
+                yield 1, edge, d + 2 * edge + column, directions[:, end], 0.75
+            if d == 3:  # all three edges change the coefficient inside
+                yield 1, edge, 9, directions[:, edge], 0.5
+
+    def work(self, area: Array, motions: Array) -> tuple[Array, Array]:
+        """Of unit pressures and shears at the vertices on linear displacements, shapes (m, d, k) and (m, d, d, k); in
+        space, where the pressure on a round foundation is constant, with one vertex.
+
+        Args:
+            area: of all facets, shape (f,).
+            motions: at their vertices, relative to the other side, length, shape (m, d, d, k).
+        """
+        d, areas = self.normal.shape[1], area[self.facets]
+        if self.round is None:
+            moments = areas[:, None, None, None] / (d * (d + 1)) * (motions + motions.sum(axis=1, keepdims=True))
+            normal = -np.einsum("fadk,fd->fak", moments, self.normal)
+            return normal, -(moments + np.einsum("fak,fd->fadk", normal, self.normal))
+        if d == 3:
+            moments = areas[:, None, None, None] / 12 * (motions + motions.sum(axis=1, keepdims=True))
+            normal = -np.einsum("fadk,fad->fk", moments, self.round.direction)[:, None]
+            return normal, np.zeros((len(areas), 1, d, motions.shape[3]))
+        turned = turn(self.round.direction)
+        of_pressure, of_shear = (
+            -areas[:, None, None] * np.einsum("abc,fbd,fcdk->fak", TRIPLE, linear, motions)
+            for linear in (self.round.direction, turned)
+        )
+        unit = turned / (turned**2).sum(axis=2, keepdims=True)
+        return of_pressure, of_shear[:, :, None] * unit[..., None]
 
     @property
     def tangents(self) -> list[Array]:
         """One in the plane, two in space, orthonormal, shapes (m, d)."""
         if self.normal.shape[1] == 2:
-            return [np.column_stack((-self.normal[:, 1], self.normal[:, 0]))]
+            return [turn(self.normal)]
         first = np.cross(self.normal, np.eye(3)[np.abs(self.normal).argmin(axis=1)])
         first /= np.linalg.norm(first, axis=1)[:, None]
         return [first, np.asarray(np.cross(self.normal, first), dtype=np.float64)]
+
+
+def turn(vectors: Array) -> Array:
+    """Vectors of the plane by a right angle, shape (..., 2)."""
+    return np.stack((-vectors[..., 1], vectors[..., 0]), axis=-1)
 
 
 class PlainProblem:
@@ -397,6 +489,9 @@ class PlainProblem:
     def _towards(self, effect: Contact) -> tuple[Ints, Array]:
         """The facets of a contact, and unit vectors to its foundation, shape (m, d)."""
         facets, d = self._facets(effect.boundary), self._dimension
+        if effect.foundation is not None:
+            middles = self.t.x[self.t.facets[facets]].mean(axis=1)
+            return facets, -effect.foundation.distance(middles)[1]
         if effect.direction is None:
             return facets, self.t.normal[facets]
         direction = np.array(effect.direction[:d])
@@ -415,7 +510,8 @@ class PlainProblem:
             slave = self._d.pairs[number].slave.facets
             whole_facets, whole_of = self._parts[self._undivided_facets(slave)].ravel(), parts.facets[:, SLAVE]
             facets, normal, apart, opposite = self._paired(number, effect, parts)
-        fine = self.on(facets, SEEN[d]).value(0.0 if bonded else effect.gap) + apart @ SEEN[d].T
+        given_gap = 0.0 if bonded else effect.gap_in(d)
+        fine = self.on(facets, SEEN[d]).value(given_gap) + apart @ SEEN[d].T
         below = coefficients(fine[:, NODES[d]])
         above = below @ bernstein(SEEN[d]).T - fine
         if effect.opens:
@@ -425,7 +521,7 @@ class PlainProblem:
         linear = _OnFacets(self, boundary, number, whole_facets, facets, whole_of)
         points = self.on(facets, POINTS[d])
         pressure = linear(contact.pressure, positive=effect.opens)
-        gap = points.value(0.0 if bonded else effect.gap) + apart @ POINTS[d].T
+        gap = points.value(given_gap) + apart @ POINTS[d].T
         if effect.opens:
             pressure = pressure.clip(min=0.0)
         elif opposite is None:
@@ -454,7 +550,33 @@ class PlainProblem:
             shear = linear(np.einsum("nij,nj->ni", boundary.tangents, contact.shear))
             shear -= np.einsum("fad,fd,fe->fae", shear, normal, normal)
         surface.shear = onto_disc(shear, least)
-        return surface
+        return surface if not is_round(effect.foundation) else self._on_round(surface, effect, linear(contact.shear))
+
+    def _on_round(self, surface: FacetsInContact, effect: Contact, shear: Array) -> FacetsInContact:
+        """The same where the foundation is round.
+
+        Args:
+            surface: as if the foundation were straight along each facet.
+            effect: the contact.
+            shear: along the tangents at the vertices in the plane, stress, shape (m, d, d - 1).
+        """
+        d = self._dimension
+        foundation = RoundFacets.of(self.t.x[self.t.facets[surface.facets]], effect.foundation, float(effect.gap))
+        size = np.linalg.norm(foundation.direction, axis=2)
+        pressure = surface.pressure / size
+        if d == 3:
+            pressure = np.repeat(pressure.mean(axis=1, keepdims=True), d, axis=1)
+        least = surface.least * size / size.max(axis=1, keepdims=True)
+        along = shear * (turn(foundation.direction) / size[:, :, None]) if d == 2 else np.zeros_like(surface.shear)
+        return replace(
+            surface,
+            gap=foundation.gap,
+            below=foundation.below,
+            pressure=pressure,
+            shear=onto_disc(along, least),
+            least=least,
+            round=foundation,
+        )
 
     def _paired(self, number: int, effect: Contact, parts: PairedParts) -> tuple[Ints, Array, Array, OtherSide]:
         """The facets of the contact of two bodies, its normals, the distance of both sides along these at the vertices,

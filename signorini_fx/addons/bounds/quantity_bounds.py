@@ -175,7 +175,8 @@ class _Quantity(Bounded):
         t, parts = self.t, [PrescribedComponents.of_facets(self.t.edges, self.held, value)]
         parts.append(PrescribedComponents.at_rest(np.flatnonzero(~np.isin(t.piece_of_vertex, pieces)), 2))
         for surface in self.contacts:
-            slips = not (surface.bound.any() or surface.least.any())
+            # A linear displacement has no normal component all along facets only where the normal is the same.
+            slips = surface.round is None and not (surface.bound.any() or surface.least.any())
             projectors = np.zeros_like(self.held)
             for facets in (surface.facets, *([] if surface.opposite is None else [surface.opposite.facets])):
                 projectors[facets] = surface.normal[:, :, None] * surface.normal[:, None] if slips else np.eye(2)
