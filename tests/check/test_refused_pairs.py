@@ -234,11 +234,10 @@ def problems_of_bound(scene):
         ("springs", WITH["springs"]),
         ("gravity", WITH["gravity"]),
         ("preload", WITH["preload"]),
-        ("quadrilaterals of degree 2", {"element": {"degree": 2}}),
     ],
 )
 def test_the_page_says_what_has_no_bound(other, more):
-    """In the words in which the bound refuses it; temperature and quadrilaterals were not on it."""
+    """In the words in which the bound refuses it; temperature was not on it."""
     data = merged(BASE, more)
     contact, material = ({key: v for key, v in data[name].items() if v is not None} for name in ("contact", "material"))
     scene = parse_scene(data | {"contact": contact, "material": material})

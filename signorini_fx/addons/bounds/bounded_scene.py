@@ -54,7 +54,7 @@ REFUSES = {
 }
 # What else it does not know, by name.
 RANKS, CURVED, POINT = "several ranks", "curved cells", "parts that share a point"
-QUADRATIC_QUADRILATERALS, HEXAHEDRA = "quadrilaterals of degree 2", "hexahedra"
+HEXAHEDRA = "hexahedra"
 FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
 PAIR_IN_SPACE = "contact of two bodies in space"
 SHAPE = "some foundations with shapes"
@@ -66,7 +66,6 @@ REFUSES_BESIDES = {
     "with a gap that is a number, in space without friction; friction has one where none of them moves with the time",
     RANKS: "a guaranteed bound is computed on one rank so far",
     CURVED: "a guaranteed bound is for straight cells so far",
-    QUADRATIC_QUADRILATERALS: "on quadrilaterals a guaranteed bound is for degree 1 so far",
     HEXAHEDRA: "in space a guaranteed bound is for tetrahedra so far",
     PAIR_IN_SPACE: "in space a guaranteed bound is for contact with a rigid foundation so far",
     POINT: "a body whose parts share nothing but a point has no guaranteed bound yet",
@@ -178,16 +177,14 @@ def refuse_unknown(d: Model) -> None:
     Raises:
         Refused: with the reason.
     """
-    mesh, degree = d.tagged.mesh, d.space.element.basix_element.degree
-    kind = mesh.topology.cell_name()
+    mesh = d.tagged.mesh
     bounds = [value for entry in d.statement.contact for value in entry.friction.parameters.values()]
     shaped = [entry for entry in d.statement.contact if entry.foundation is not None]
     present = {
         SHAPE: not all(_is_bounded(entry, d.tagged.dimension) for entry in shaped),
         RANKS: d.comm.size > 1,
         CURVED: compat.geometry_degree(mesh) > 1,
-        QUADRATIC_QUADRILATERALS: kind == "quadrilateral" and degree > 1,
-        HEXAHEDRA: kind == "hexahedron",
+        HEXAHEDRA: mesh.topology.cell_name() == "hexahedron",
         PAIR_IN_SPACE: d.tagged.dimension == 3 and bool(d.pairs),
         POINT: d.motions.pieces.pins.size > 0,
         FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in d.statement.contact),

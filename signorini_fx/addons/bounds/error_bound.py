@@ -199,7 +199,10 @@ class Bounded(PlainProblem):
         computed = t.strain_at_corners(self.y, self.middle)
         self._balance()
         stress = self._stress()
-        between = square(t, from_strain(t, computed) - stress.stress)
+        between, size = square(t, from_strain(t, computed) - stress.stress), energy(t, computed)
+        if self.beyond is not None:
+            between = (between + self.beyond.added(from_strain(t, computed) - stress.stress)).clip(min=0.0)
+            size = (size + self.beyond.added(from_strain(t, computed))).clip(min=0.0)
         v = self._beside(self._admissible(np.zeros_like(self.y)), computed)
         if self._pairs:
             closed = [self._beside(self._admissible(np.zeros_like(self.y), shut), computed) for shut in list(Shut)[1:]]
@@ -208,15 +211,14 @@ class Bounded(PlainProblem):
             # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
             v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda entry: entry.squares.sum())
         inside = np.ones(len(t.corners), dtype=bool)
-        return Enclosure(v, v.contact + between, stress, self._missed, energy(t, computed), t, inside)
+        return Enclosure(v, v.contact + between, stress, self._missed, size, t, inside)
 
     def bound(self) -> ErrorBound:
         """The bound of the error."""
         t, enclosure = self.t, self.enclosure
         v, data = enclosure.v, enclosure.data
         duality, missed, moved = (float(np.sqrt(squares.sum())) for squares in (enclosure.duality, data, v.moved))
-        if self.moved_nodes > 0:  # (B3) of docs/theory.md: counted as a part of what is moved
-            further = np.sqrt(self.moved_nodes)
+        if (further := self.interpolated) > 0:  # (B3) of docs/theory.md: counted as a part of what is moved
             moved = float(np.sqrt(moved**2 + further * (2 * np.sqrt(duality**2 + moved**2) + further)))
         total = (np.hypot(duality, moved) + missed + enclosure.round_off) * (1 + ROUND_OFF * np.sqrt(len(t.corners)))
         squares: Array = np.zeros(self.cells)
@@ -376,7 +378,10 @@ class Bounded(PlainProblem):
         contact = np.zeros(len(t.corners))
         for surface in self.contacts:
             np.add.at(contact, t.sides[surface.facets, 0], 2 * self._on_contact(surface, *v))
-        return Admissible(*v, strain, contact, energy(t, strain - computed))
+        moved = energy(t, strain - computed)
+        if self.beyond is not None:
+            moved = (moved + self.beyond.added(from_strain(t, computed - strain))).clip(min=0.0)
+        return Admissible(*v, strain, contact, moved)
 
     def _entered(self) -> Array:
         """Of least energy with what the vertices enter the foundation, and slip where they stick; zero at supports."""
@@ -417,19 +422,15 @@ class Bounded(PlainProblem):
         """
         y, middle = self.y - removed, self.middle - removed[self.t.edges].mean(axis=1)
         t, tiny = self.t, ROUND_OFF * self._far
-        if not self._pairs:
-            self._leave_foundations(y, middle)
-            if all(self._admits(surface, y, middle, 2 * tiny) for surface in self.contacts):
-                return y, middle
-            raise Refused("no displacement near the computed one keeps the body out of its foundations")
         projectors = [self._loose(parts, len(values), self.held) for parts, values in self._entities(y, middle)]
         for attempt in range(_ATTEMPTS):
             self._leave_foundations(y, middle)
-            kind = Shut.NOTHING if attempt else shut
-            separate(t, self._pairs, self.relative, y, middle, (projectors[0], projectors[1]), tiny, kind)
+            if self._pairs:
+                kind = Shut.NOTHING if attempt else shut
+                separate(t, self._pairs, self.relative, y, middle, (projectors[0], projectors[1]), tiny, kind)
             if all(self._admits(surface, y, middle, 2 * tiny) for surface in self.contacts):
                 return y, middle
-        raise Refused("no displacement near the computed one keeps all bodies out of each other")
+        raise Refused("no displacement near the computed one keeps all bodies out of each other and of foundations")
 
     def _admits(self, surface: FacetsInContact, y: Array, middle: Array, tiny: float) -> bool:
         """Whether a displacement keeps to a contact."""

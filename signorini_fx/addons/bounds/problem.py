@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.addons.bounds.applied_loads import LinearLoads, PlaneLoads
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.balanced_tractions import onto_disc
+from signorini_fx.addons.bounds.biquadratic_cells import StrainBeyond, on_triangles
 from signorini_fx.addons.bounds.bounded_scene import (
     APART,
     PARTLY_CLOSED,
@@ -221,6 +222,8 @@ class PlainProblem:
         placed: the cells before those at the contact of two bodies are divided, with nodes where they have moved to.
         given_x: where these nodes were, length, shape (v, d).
         moved_nodes: square of the energy norm of what this takes of the displacement, an energy.
+        beyond: what the displacement of quadrilaterals of degree 2 is beyond ``y`` and ``middle``, of one body; of two
+            ``interpolated`` has it; None: nothing.
         flat: whether the sides of all pairs of bodies are parallel.
         y: the displacement at vertices, and at the middles of edges, length, shapes (v, d) and (e, d).
         middle: see ``y``.
@@ -300,11 +303,14 @@ class PlainProblem:
         self._corners_of_facets, self._cells, self._edges_of_cells = np.array(local[d - 1]), cells, np.array(local[1])
         self.owner, self._undivided, self._parts, self.t = owner, t, np.arange(len(t.facets))[:, None], t
         self.y, self.middle = self._on_cells(y)
-        if d == 2 and self._degree_2(
-            y
-        ):  # the stress is linear: on four triangles it is as accurate as that of degree 2
+        self.beyond: StrainBeyond | None = None
+        if d == 2 and self._degree_2(y):
+            # The stress is linear: on four triangles it is as accurate as that of degree 2.
             self.t, self.y, self.middle, self._parts = divide(t, self.y, self.middle)
             self.owner = np.tile(owner, 4)
+            if self._quadrilateral:
+                nodal = y.x.array.reshape(-1, d)[dofs]
+                self.y, self.middle, self.beyond = on_triangles(self.t, self.owner, x[cells], nodal)
 
     def _match(self) -> None:
         """Divide the triangles at the contact of two bodies, so that the facets of both sides match."""
@@ -312,6 +318,7 @@ class PlainProblem:
         self._sides: list[tuple[int, PairedParts]] = []
         self._split: SplitTriangles | None = None
         self.moved_nodes, self.placed, self.given_x, self.flat = 0.0, cells, cells.x, True
+        self._on_quadrilaterals = 0.0
         if not pairs:
             return
         cells = replace(cells, parts=1)
@@ -330,6 +337,8 @@ class PlainProblem:
             placed_x = changed
         placed = replace(cells, x=placed_x)
         self.y, self.middle, self.moved_nodes, _ = with_moved_nodes(cells, placed, self.y, self.middle)
+        if self.beyond is not None:
+            self._on_quadrilaterals, self.beyond = float(np.sqrt(self.beyond.squares.sum())), None
         self.placed, self._split = placed, SplitTriangles.of(placed, list(contacts.values()))
         self._sides = list(contacts.items())
         self.t, self.owner = self._split.t, self.owner[self._split.parent]
@@ -369,9 +378,12 @@ class PlainProblem:
 
     def _degree_2(self, y: fem.Function) -> bool:
         """Whether a displacement has unknowns at the middles of the edges of simplices."""
-        return (
-            len(self._undivided.corners) == len(self._cells) < y.function_space.dofmap.list.size / self._cells.shape[1]
-        )
+        return bool(y.function_space.dofmap.list.shape[1] > self._cells.shape[1])
+
+    @property
+    def _quadrilateral(self) -> bool:
+        """Whether the cells of the mesh are quadrilaterals, in two triangles each."""
+        return len(self._undivided.corners) > len(self._cells)
 
     def _on_cells(self, y: fem.Function) -> tuple[Array, Array]:
         """A displacement at the vertices of cells that are not divided, and at the middles of their edges."""
@@ -385,10 +397,11 @@ class PlainProblem:
             """Of the edges between vertices."""
             return np.searchsorted(t.keys(t.edges), t.keys(np.sort(ends, axis=-1)))
 
-        if len(t.corners) > len(cells):  # the middle of the diagonal is that of the quadrilateral
-            middle[numbers(cells[:, [0, 3]])] = values.mean(axis=1)
-        elif self._degree_2(y):
-            middle[numbers(cells[:, self._edges_of_cells])] = values[:, d + 1 :]
+        if self._quadrilateral:  # the middle of the diagonal is that of the quadrilateral
+            middle[numbers(cells[:, [0, 3]])] = values[:, -1] if self._degree_2(y) else values.mean(axis=1)
+        if self._degree_2(y):
+            corners, edges = cells.shape[1], self._edges_of_cells
+            middle[numbers(cells[:, edges])] = values[:, corners : corners + len(edges)]
         return at, middle
 
     def _begin_of_slip(self, contact: ContactState | None, before: fem.Function | None) -> tuple[Array, Array] | None:
@@ -408,6 +421,11 @@ class PlainProblem:
                 "nearly meet"
             )
         return self._split.carried(*values)
+
+    @property
+    def interpolated(self) -> float:
+        """Energy norm of what the displacement on the triangles is not of the computed one, but for ``beyond``."""
+        return float(np.sqrt(self.moved_nodes)) + self._on_quadrilaterals
 
     @property
     def paired_contacts(self) -> set[int]:
