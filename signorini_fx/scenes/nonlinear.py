@@ -229,7 +229,8 @@ class ProblemOfScene(NonlinearContactProblem):
         self._move(self.statement.placed(path_step))
         for number, shape in _drives_at(self.statement, self.model.tagged.dimension, path_step).items():
             moving = self.shapes[number]
-            moving.put(shape.model_copy(update={"shift": moving.shape.shift}))
+            carried = {"shift": moving.shape.shift, "rotation": moving.shape.rotation}
+            moving.put(shape.model_copy(update=carried))
 
     def _begins_at(self, statement: Statement) -> None:
         """Slip counts from where foundations are at time 0."""
@@ -289,7 +290,7 @@ class ProblemOfScene(NonlinearContactProblem):
 
 
 def _refuse_turning(statement: Statement, dimension: int) -> None:
-    """Refuse tools that turn.
+    """Refuse tools that turn as none can.
 
     Raises:
         SceneError: there is one.
@@ -315,7 +316,9 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
         held = Prescribed(**{name: value for name, value in named if not np.isnan(value)})
         for part in body.parts:
             shape = statement.contact[part].tool
-            driven = {"force": tuple(load[:dimension].tolist()), "moment": None, "prescribed": held}
+            force, moment = load[:dimension].tolist(), load[dimension:].tolist()
+            moments = tuple(moment) if dimension == 3 else moment[0]
+            driven = {"force": tuple(force), "moment": moments, "prescribed": held}
             shapes[part] = shape.model_copy(update=driven) if shape.drives else shape
     return shapes
 

@@ -53,7 +53,7 @@ def mechanics_at(
     places, data = u.x.array.reshape(-1, dim), list(linear.data)
     for number, moving in shapes.items():
         nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
-        nodal_gap[moving.nodes], along[moving.nodes] = moving.seen_from(places[moving.nodes])
+        nodal_gap[moving.nodes], along[moving.nodes] = moving.found_from(places[moving.nodes])
         distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
         data[number] = replace(data[number], gap=nodal_gap, shape=distances)
     previous = linear.previous_step
@@ -98,18 +98,35 @@ def certified(
     """
     places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
     if before is not None:
-        before = replace(before, moved=_motion(shapes, places, before.tractions))
+        ends = [motion for motion, _ in rigid], before.rigid
+        before = replace(before, moved=_motion(shapes, places, before.tractions, ends))
     return judged(u, mechanics.balance, mechanics.contact_sides, tractions, law=law, before=before, rigid=rigid)
 
 
-def _motion(shapes: Mapping[int, MovingShape], places: Array, points: Tractions) -> Array:
-    """How far the shape of each contact point has moved since the last step, length, shape (n, d).
+def _motion(
+    shapes: Mapping[int, MovingShape],
+    places: Array,
+    points: Tractions,
+    ends: tuple[Sequence[RigidBodyMotion], Sequence[RigidBodyMotion]],
+) -> Array:
+    """How far the shape of each contact point has moved since the last step, length, shape (n, d), beyond what the
+    motions of tools tell of the undeformed points.
 
     A node that two shapes touch has a contact point for each.
+
+    Args:
+        shapes: see ``mechanics_at``.
+        places: displacements of the nodes, shape (nodes, d).
+        points: of contact.
+        ends: motions of tools at the end of the step, and at its beginning.
     """
     motion = np.zeros((points.nodes.size, places.shape[1]))
     for number, moving in shapes.items():
         of_shape = np.flatnonzero(points.part == number)
         at = np.searchsorted(moving.nodes, nodes := points.nodes[of_shape])
         motion[of_shape] = moving.moved(moving.x[at] + places[nodes])
+        for sign, tools in zip((-1.0, 1.0), ends, strict=True):
+            for tool in tools:
+                if number in tool.body.parts:
+                    motion[of_shape] += sign * tool.at(moving.x[at])
     return motion

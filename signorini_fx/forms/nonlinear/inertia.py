@@ -21,16 +21,18 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ToolsAtPoints:
-    """Tools whose translations are unknowns, as the contact points see them.
+    """Tools whose motions are unknowns, as the contact points see them; m of each, rotations times L.
 
     Attributes:
         tool: of each contact point, -1: none, shape (n,).
-        blocks: forces of displacements relative to it, force per length, shape (n, d, d).
-        fixed: which translations are prescribed, shape (t, d).
-        stiffness: of springs to the ground, force per length, shape (t, d).
+        modes: what its unknowns do at the point, shape (n, d, m).
+        blocks: forces of displacements relative to it, and of its rotations, force per length, shape (n, m, m).
+        fixed: which unknowns are prescribed, shape (t, m).
+        stiffness: of springs to the ground, force per length, shape (t, m).
     """
 
     tool: npt.NDArray[np.int64]
+    modes: Array
     blocks: Array
     fixed: npt.NDArray[np.bool_]
     stiffness: Array
@@ -43,8 +45,8 @@ class ToolsAtPoints:
         held: Array,
         penalty: float,
     ) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
-        """A matrix of the body with what its points hold in it, and the translations of tools as further unknowns, the
-        last ones of the last rank; and which unknowns of this rank are prescribed; collective.
+        """A matrix of the body with what its points hold in it, and the motions of tools as further unknowns, the last
+        ones of the last rank; and which unknowns of this rank are prescribed; collective.
 
         Args:
             matrix: of the body, which has what the points do to each other.
@@ -59,19 +61,21 @@ class ToolsAtPoints:
         wider = with_more_unknowns(matrix, self.stiffness.ravel() if last else np.zeros(0))
         touched = self.tool >= 0
         of, at = self.tool[touched], nodes[touched]
-        free = ~fixed.reshape(-1, dim)[at]
-        moved = held[touched] * ~self.fixed[of][:, None, :]
-        both = self.blocks[touched]
-        across = penalty * np.einsum("nki,nkj->nij", held[touched] * free[:, None, :], moved)
-        across += both * free[:, :, None] * ~self.fixed[of][:, None, :]
-        along = penalty * np.einsum("nki,nkj->nij", moved, moved)
-        along += both * ~self.fixed[of][:, :, None] * ~self.fixed[of][:, None, :]
+        free, loose = ~fixed.reshape(-1, dim)[at], ~self.fixed[of]
+        both = self.blocks[touched].copy()
+        both[:, :dim, :dim] += penalty * np.einsum("nki,nkj->nij", held[touched], held[touched])
+        # Displacements relative to the tool are -R q of its unknowns, its rotations are the last of these.
+        moves = np.tile(np.eye(self.fixed.shape[1]), (len(of), 1, 1))
+        moves[:, :dim] = -self.modes[touched]
+        moves *= loose[:, None, :]
+        across = free[:, :, None] * (both[:, :dim] @ moves)
+        along = moves.transpose(0, 2, 1) @ both @ moves
         rows, columns = (first + at[:, None] * dim + np.arange(dim)), tools[of]
         wider.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         for row, column, coupling, block in zip(rows, columns, across, along, strict=True):
             row, column = row.astype(PETSc.IntType), column.astype(PETSc.IntType)
-            wider.setValues(row, column, -coupling, addv=PETSc.InsertMode.ADD_VALUES)
-            wider.setValues(column, row, -coupling.T, addv=PETSc.InsertMode.ADD_VALUES)
+            wider.setValues(row, column, coupling, addv=PETSc.InsertMode.ADD_VALUES)
+            wider.setValues(column, row, coupling.T, addv=PETSc.InsertMode.ADD_VALUES)
             wider.setValues(column, column, block, addv=PETSc.InsertMode.ADD_VALUES)
         wider.assemble()
         return wider, np.concatenate((fixed, self.fixed.ravel())) if last else fixed

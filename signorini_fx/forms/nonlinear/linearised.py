@@ -27,7 +27,7 @@ from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, curvature_of, left_by_turning
-from signorini_fx.forms.nonlinear.moving_tools import MovingTools, RelativeStiffness
+from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
@@ -36,7 +36,7 @@ from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import Foundations, ShapeDistances
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
-from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
+from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.body.supports import prescribed
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
@@ -56,17 +56,27 @@ class MovingFoundations(Foundations):
         motion: how far the shapes have moved at the contact points.
         sliding: the pairs, by their numbers.
         shapes_of_tools: of the foundations, where they are, by their numbers.
+        at: the displacement of now.
     """
 
     motion: Callable[[ContactBoundary], Array | None]
     sliding: Mapping[int, MovingPair]
     shapes_of_tools: Mapping[int, MovingShape] = MappingProxyType({})
+    at: fem.Function
 
     @property
     def driven(self) -> list[Any]:
         """See ``Foundations``."""
         shapes = {k: moving.shape for k, moving in self.shapes_of_tools.items() if moving.driven}
         return [shapes.get(k) for k in range(len(self._contact))]
+
+    @property
+    def rigid_bodies(self) -> RigidBodies:
+        """See ``Foundations``: at the displaced points."""
+        bodies = super().rigid_bodies
+        if not bodies.bodies:
+            return bodies
+        return DisplacedRigidBodies(bodies.bodies, bodies.kinematics, bodies.length, self.at)
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """See ``Foundations``."""
@@ -177,6 +187,7 @@ class LinearisedProblem(FormSolver):
         dim = at.function_space.mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative: RelativeStiffness | None = None
+        self.foundations.at = at
 
     def begin(
         self,
@@ -205,9 +216,10 @@ class LinearisedProblem(FormSolver):
 
     @property
     def reached(self) -> Array:
-        """The translations of tools in the last outcome, length, shape (t, d)."""
-        motions = [tool.translation for tool in self.tools]
-        return np.array(motions, dtype=np.float64).reshape(-1, self._at.function_space.mesh.geometry.dim)
+        """The coordinates of tools in the last outcome, lengths, shape (t, m), see ``MovingTools``."""
+        length, now = self.rigid.length, self.moving_tools.coordinates
+        moved = [np.append(tool.translation, length * tool.rotation) for tool in self.tools]
+        return np.array(moved, dtype=np.float64).reshape(now.shape)
 
     @property
     def driven_tools(self) -> list[tuple[RigidBodyMotion, Drive]]:
@@ -242,9 +254,9 @@ class LinearisedProblem(FormSolver):
         self._hessians, tools, self.relative = hessians, self.moving_tools, None
         nodal = blocks
         if tools.there:
-            tool = tools.touching(state.boundary)
-            self.relative = RelativeStiffness(state.boundary, tool, np.where((tool >= 0)[:, None, None], blocks, 0.0))
-            nodal = blocks - self.relative.blocks
+            places = self._at.x.array.reshape(-1, blocks.shape[1])
+            self.relative = tools.relative_stiffness(state, blocks, places)
+            nodal = np.where((self.relative.tool >= 0)[:, None, None], 0.0, blocks)
         joint = joint_stiffness(self.pairs, state)
         self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
 
@@ -254,19 +266,20 @@ class LinearisedProblem(FormSolver):
         """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = self._from_pairs(super().begin_step())
-        boundary, previous = self.boundary, self.previous_step
-        if state is None or not len(self._hessians) == boundary.size == state.boundary.size:
-            return begun
+        boundary, previous, tools = self.boundary, self.previous_step, self.moving_tools
         origin = np.zeros_like(begun.data.mu_hat) if begun.data.slip_origin is None else begun.data.slip_origin
         dim, nodes = boundary.x.shape[1], boundary.nodes
-        tools = self.moving_tools
-        way = places = self._at.x.array.reshape(-1, dim)[nodes] - tools.at_points(boundary)
+        way = self._at.x.array.reshape(-1, dim)[nodes]
+        places = way - tools.at_points(boundary)
         if previous is not None:
             earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
-            if tools.there:
-                motions = np.array([tool.translation for tool in previous.rigid]).reshape(-1, dim)
-                earlier = earlier - (tools.at_points(boundary, motions) if motions.size else 0.0)
-            way = places - earlier - (0.0 if previous.moved is None else previous.moved)
+            way = way - earlier - (0.0 if previous.moved is None else previous.moved)
+        if tools.there:  # their slips are counted from where a step has begun by their finite motion
+            begins = np.einsum("nij,ni->nj", boundary.tangents, places - way)
+            origin = np.where((tools.touching(boundary) >= 0)[:, None], begins, origin)
+            begun = replace(begun, data=replace(begun.data, slip_origin=origin))
+        if state is None or not len(self._hessians) == boundary.size == state.boundary.size:
+            return begun
         slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
         slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
         turned = left_by_turning(boundary, self._hessians, way, slip)
@@ -312,24 +325,19 @@ class LinearisedProblem(FormSolver):
         case, elastic = super()._case(values), self.elastic
         if elastic.relative is None or self.relative is None:
             return case
-        dim, fixed = self.boundary.x.shape[1], self.prescribed[0]
-        units = len(self.rigid.kinematics.rotations) + dim
-        moved = np.zeros((len(self.rigid.bodies), units))
-        moved[:, :dim] = self.moving_tools.translations
+        dim, fixed, moved = self.boundary.x.shape[1], self.prescribed[0], self.moving_tools.coordinates
         driven = self.rigid.driven_together
         assert driven is not None
         free_tools = ~self.rigid.fixed.reshape(moved.shape)
         held_at = np.where(free_tools, 0.0, driven.motion.reshape(moved.shape))
         away = self._at.x.array - np.where(fixed, values, 0.0)
-        forces, on_tools, _ = self.relative.forces(away.reshape(-1, dim), (moved - held_at)[:, :dim])
+        forces, on_tools, _ = self.relative.forces(self.boundary, away.reshape(-1, dim), moved - held_at)
         at_nodes = np.zeros((elastic.fixed.size // dim, dim))
         np.add.at(at_nodes, self.boundary.nodes, forces)
         added, load = np.where(elastic.fixed, 0.0, at_nodes.ravel()), case.load.getArray()
         load[: added.size] += added
         if elastic.comm.rank == elastic.comm.size - 1:
-            both = np.zeros(moved.shape)
-            both[:, :dim] = on_tools
-            load[added.size : added.size + moved.size] += np.where(free_tools, both, 0.0).ravel()
+            load[added.size : added.size + moved.size] += np.where(free_tools, on_tools, 0.0).ravel()
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
@@ -337,7 +345,8 @@ class LinearisedProblem(FormSolver):
         pairs = [values for pair in self.pairs.values() for values in pair.fingerprint]
         joint = [part.matrix.data for part in self.curvature.joint]
         tools = [] if self.relative is None else [self.relative.blocks]
-        tools += [self.moving_tools.translations] if self.rigid.bodies else []
+        if self.rigid.bodies:  # arms change with both
+            tools += [self.moving_tools.coordinates, self._at.x.array]
         return self._added.nodes, self._added.blocks, np.asarray(self._evaluated.loads), *pairs, *joint, *tools
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
@@ -466,7 +475,8 @@ class LinearisedProblem(FormSolver):
         work = 0.0
         if self.relative is not None and self.rigid.bodies:
             nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
-            _, _, work = self.relative.forces(nodal, self.reached - self.moving_tools.translations)
+            moved = self.reached - self.moving_tools.coordinates
+            _, _, work = self.relative.forces(self.boundary, nodal, moved)
         return self.elastic.forces_of(displacement), self.curvature.times(displacement), work
 
     @property

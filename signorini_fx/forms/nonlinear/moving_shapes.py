@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
+from signorini_fx.forms.nonlinear.finite_rotation import across_arms, rigid_motion, turn_of, turned_further
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
@@ -37,7 +38,10 @@ class MovingShape:
         added: what is added to its distance at the nodes, length, shape (n,).
         nodes: of the foundation, local numbers, ghosts included, shape (n,).
         x: their initial positions, length, shape (n, d).
-        translation: by which forces have moved it from where it is given, length, shape (d,).
+        turns: whether forces may turn it, see ``fitting``.
+        translation: by which forces have moved its pivot from where it is given, length, shape (d,).
+        turn: the rotation vector by which they have turned it, radians; in the plane one angle, shape (1,) or (3,).
+        pivot: where the pivot of its rigid body is given, length, shape (d,).
     """
 
     shape: Any
@@ -45,12 +49,16 @@ class MovingShape:
     added: Array
     nodes: npt.NDArray[np.int64]
     x: Array
+    turns: bool = True
     translation: Array = field(init=False)
+    turn: Array = field(init=False)
+    pivot: Array = field(init=False)
     _given: Array = field(init=False)  # the distances of a shape of a user's own when it was placed
     _home: Any = field(init=False)  # where it is without what forces have moved it by
 
     def __post_init__(self) -> None:
-        self._given, self.translation, self._home = self._distances(), np.zeros(self.x.shape[1]), self.shape
+        self._given, self._home, dim = self._distances(), self.shape, self.x.shape[1]
+        self.translation, self.pivot, self.turn = np.zeros(dim), np.zeros(dim), np.zeros(3 if dim == 3 else 1)
 
     @property
     def driven(self) -> bool:
@@ -60,13 +68,37 @@ class MovingShape:
     @property
     def as_given(self) -> Any:
         """The shape without what forces have moved it by."""
-        return self.shape.model_copy(update={"shift": self._home.shift}) if self.driven else self.shape
+        home = {"shift": self._home.shift, "rotation": self._home.rotation} if self.driven else {}
+        return self.shape.model_copy(update=home) if self.driven else self.shape
 
-    def carry_to(self, translation: Array) -> None:
-        """Put a shape that forces move this far from where it is given."""
-        home = np.zeros(translation.size) if self._home.shift is None else np.array(self._home.shift, dtype=np.float64)
-        self.shape = self.shape.model_copy(update={"shift": tuple(map(float, home + translation))})
-        self.translation = translation
+    def carry_to(self, translation: Array, turn: Array, pivot: Array) -> None:
+        """Put a shape that forces move this far from where it is given.
+
+        Args:
+            translation: of the pivot of its rigid body.
+            turn: about that, see ``turn``.
+            pivot: see ``pivot``.
+        """
+        home, dim = self._home, translation.size
+        self.translation, self.turn, self.pivot = translation, turn, pivot
+        about = home.reference(dim) - pivot
+        shift = np.zeros(dim) if home.shift is None else np.array(home.shift, dtype=np.float64)
+        moved = shift + translation + (turn_of(turn) - np.eye(dim)) @ about
+        update: dict[str, Any] = {"shift": tuple(map(float, moved))}
+        if turn.any() or self.shape.rotation is not None:
+            update["rotation"] = turned_further(home.angles(), turn, self.shape.angles())
+        self.shape = self.shape.model_copy(update=update)
+
+    def rigid_motion(self, x: Array) -> Array:
+        """How far forces have moved points of it that are given at x, length, shape (n, d)."""
+        return rigid_motion(x, self.translation, self.turn, self.pivot)
+
+    def spun(self, places: Array) -> Array:
+        """The translation, and the turn as if it were a small one about the pivot of now, at points, shape (n, d).
+
+        With these the displacement relative to the shape is linear in all unknowns.
+        """
+        return self.translation + across_arms(self.turn, places - self.pivot - self.translation)
 
     def put(self, shape: Any) -> None:
         """Take the same shape elsewhere."""
@@ -96,7 +128,13 @@ class MovingShape:
             u: displacements of the nodes, shape (n, d).
         """
         signed, normal = self.shape.distance(self.x + u)
-        relative = u - self.translation  # to a shape that forces move, whose motion is an unknown, too
+        relative = u - self.spun(self.x + u)  # to a shape that forces move, whose motion is an unknown, too
+        return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, relative)), -normal
+
+    def found_from(self, u: Array) -> tuple[Array, Array]:
+        """The same with the finite motion of a shape that forces move."""
+        signed, normal = self.shape.distance(self.x + u)
+        relative = u - self.rigid_motion(self.x)
         return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, relative)), -normal
 
     def curvature(self, places: Array, size: float) -> Array:
@@ -121,13 +159,12 @@ class MovingShape:
         return self.shape.turned_from(self.settled, self.x.shape[1])
 
     def moved(self, places: Array) -> Array:
-        """How far it was placed with points on it since the last step, length, shape (n, d): one that forces move was
-        not.
+        """How far it has moved with points on it since the last step, length, shape (n, d).
 
         They are those where the nodes are, not the closest ones: a node may be inside by the penalty, or away by a gap
         that is added, and would slip as both turn.  Objects of other kinds know their closest points alone.
         """
-        if self.driven or self.shape == self.settled:
+        if self.shape == self.settled:
             return np.zeros_like(places)
         if isinstance(self.shape, Shape) and isinstance(self.settled, Shape):
             return self.shape.carried_from(self.settled, places)
@@ -220,19 +257,17 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
 
 
 def motion_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array | None:
-    """How far shapes that are placed have moved at contact points since the last step, length, shape (n, d); None:
-    none has.
+    """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has.
 
     Args:
         boundary: the contact points.
         shapes: by the numbers of their foundations.
         places: displacements of the nodes, shape (nodes, d).
     """
-    placed = {number: moving for number, moving in shapes.items() if not moving.driven}
-    if all(moving.shape == moving.settled for moving in placed.values()):
+    if all(moving.shape == moving.settled for moving in shapes.values()):
         return None
     displacements = np.zeros_like(boundary.x)
-    for number, moving in placed.items():
+    for number, moving in shapes.items():
         on_part = boundary.part == number
         displacements[on_part] = moving.moved(boundary.x[on_part] + places[boundary.nodes[on_part]])
     return displacements
@@ -251,29 +286,47 @@ def spin_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape]) -> Arr
     return rotation
 
 
-def fitting(number: int, shape: Any, dimension: int) -> Any:
+def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Any:
     """The shape of a foundation, if it fits a mesh of this dimension.
+
+    Args:
+        number: of the foundation.
+        shape: as a user gives it.
+        dimension: of the mesh.
+        turns: whether forces may turn it: not where the contact has a measure, or points that average.
 
     Raises:
         FormError: it does not.
     """
     try:
-        distance = distance_from(shape, dimension).shape
-        if getattr(distance, "driven", False) and (wrong := not_driven(distance, dimension)):
+        distance = distance_from(shape, dimension, turns=turns).shape
+        if getattr(distance, "driven", False) and (wrong := not_driven(distance, dimension, turns=turns)):
             raise SceneError([wrong])
         return distance
     except SceneError as error:
         raise FormError([(f"contact[{number}].shape.{key}", reason) for key, reason in error.problems]) from None
 
 
-def not_driven(shape: Any, dimension: int) -> tuple[str, str] | None:
-    """What of a shape that forces move is not possible, and why; None: nothing."""
+def not_driven(shape: Any, dimension: int, *, turns: bool = True) -> tuple[str, str] | None:
+    """What of a shape that forces move is not possible, and why; None: nothing.
+
+    In space components of rotation vectors add up about one axis alone: either one is free and the others are zero, or
+    all are prescribed.
+    """
     if not isinstance(shape, Shape):
         return "force", "cannot move an object of this kind: derive it from Shape"
-    turning = {key: getattr(shape.prescribed, key, None) for key in COMPONENTS[dimension][dimension:]}
-    if shape.drives and any(value != 0.0 for value in turning.values()):
-        cure = ", ".join(f"{key} = 0" for key in turning)
-        return "prescribed", f"a tool that forces turn is not possible yet with a nonlinear body: prescribe {cure}"
+    rotations = COMPONENTS[dimension][dimension:]
+    given = {key: getattr(shape.prescribed, key, None) for key in rotations}
+    cure = ", ".join(f"{key} = 0" for key in rotations)
+    if not shape.drives:
+        return None
+    if not turns and any(value != 0.0 for value in given.values()):
+        return "prescribed", f"a tool that forces turn is not possible yet with these contact points: prescribe {cure}"
+    free, wrong = [key for key in rotations if given[key] is None], [key for key in rotations if given[key]]
+    if len(free) > 1 or (free and wrong):
+        others = " and ".join(f"{key} = 0" for key in rotations if key != free[0])
+        reason = "a tool that forces turn about more than one axis is not possible yet with a nonlinear body"
+        return "prescribed", f"{reason}: prescribe {others}, or all of {', '.join(rotations)}"
     return None
 
 
@@ -306,7 +359,7 @@ def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any])
     wrong = [key for key in placement if not _finite(getattr(moved, key, None))]
     if wrong:
         raise FormError([(f"{path}.{key}", "must be finite numbers") for key in wrong])
-    moving.put(fitting(number, moved, moving.x.shape[1]))
+    moving.put(fitting(number, moved, moving.x.shape[1], turns=moving.turns))
 
 
 def _finite(value: Any) -> bool:

@@ -1,13 +1,23 @@
-"""Tools: rigid shapes that forces move, whose translation is an unknown beside the displacement of a nonlinear body.
+"""Tools: rigid shapes that forces and moments move, whose finite motion is unknown beside the displacement of a body.
 
-A node X that is displaced by u is outside of a shape that has moved by v if phi(X + u - v) >= 0.  With the unit normal
-n_f = grad phi there, the condition for a new displacement y and a new translation q is, to first order,
+A tool with the pivot c turns about it by a rotation vector psi, and moves by v.  A node X that is displaced by u is
+outside of it if phi(X + u) >= 0, with phi the distance of the tool where it is.  With the unit normal n_f = grad phi
+there and the arm a = X + u - c - v, the condition for a new displacement y and a new motion q = (v, psi) is, to first
+order,
 
-    - n_f . (y - q) <= phi(X + u - v) - n_f . (u - v),
+    - n_f . (y - R q) <= phi(X + u) - n_f . (u - R q_now),   R q = v + psi x a.
 
-so contact sees y - q, as with rigid bodies of linear problems, see ``rigid_bodies``: the gap is the signed distance at
-any distance, as translations are not small here.  As normals turn, tractions act on d - dq: the blocks C of the points,
-see ``curvature_of``, are added as B^T C B, with B = [I, -1] for the unknowns (y, q).
+So contact sees y - R q, as with rigid bodies of linear problems, see ``rigid_bodies``, but with the arms of now.  It is
+exact to first order where psi is along one axis, about which all turns are: in space no more than one of its components
+may be free.
+
+The tractions t at the points act on the tool by t and a x t.  As normals turn they meet relative displacements
+r = d - R dq by the blocks C of ``curvature_of``.  As the tool turns by w they turn with it, and arms change by
+da = r + w x a; that is, for (da, w),
+
+    [0, -[t]; [t], -(a . t - t a^T)],   with [t] b = t x b,
+
+whose part about the axis is symmetric.
 """
 
 from __future__ import annotations
@@ -19,7 +29,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 
+from signorini_fx.forms.nonlinear.finite_rotation import across_arms, rigid_motion
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
@@ -30,27 +42,54 @@ from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 Array = npt.NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class DisplacedRigidBodies(RigidBodies):
+    """Rigid bodies at points that have been displaced.
+
+    Attributes:
+        at: the displacement.
+    """
+
+    at: fem.Function
+
+    def places(self, boundary: ContactBoundary) -> Array:
+        """See ``RigidBodies``."""
+        return np.asarray(boundary.centre + self.at.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes])
+
+
 class ToolMotion(RigidBodyMotion):
-    """How a tool has moved: by a translation that need not be small."""
+    """How a tool has moved: by a translation of its pivot and a rotation vector that need not be small."""
+
+    def at(self, x: Array) -> Array:
+        """See ``RigidBodyMotion``."""
+        return rigid_motion(x, self.translation, self.rotation, self.reference)
 
     def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
         """See ``RigidBodyMotion``: its gap is not linearised."""
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> Array:
-        """See ``RigidBodyMotion``: of the displaced points from its displaced pivot."""
+        """See ``RigidBodyMotion``: a of the displaced points, from their displacement relative to the tool, which is
+        r = X + a - c - psi x a.
+        """
         boundary = contact.boundary
         relative = contact.u_n[:, None] * boundary.normal
         relative = relative + np.einsum("nij,nj->ni", boundary.cotangents, contact.u_t)
-        return np.asarray((boundary.centre + relative)[touching] - self.reference)
+        turns = np.eye(self.reference.size) - turning_matrices(self.rotation[None], self.reference.size)[0]
+        away = (boundary.centre + relative)[touching] - self.reference
+        return np.asarray(np.linalg.solve(turns, away.T).T)
+
+    def lever(self, x: Array, displacements: Array) -> Array:
+        """See ``RigidBodyMotion``: where they are, from where the pivot is."""
+        return np.asarray(x + displacements - self.reference - self.translation)
 
 
 @dataclass(frozen=True)
 class MovingTools:
-    """The tools of a problem at their translations.
+    """The tools of a problem where they are.
 
     Attributes:
-        bodies: the rigid bodies, whose rotations are prescribed to be zero.
+        bodies: the rigid bodies.
         shapes: of all foundations, by their numbers.
     """
 
@@ -63,24 +102,42 @@ class MovingTools:
         return bool(self.bodies.bodies)
 
     @cached_property
-    def translations(self) -> Array:
-        """Of each, length, shape (t, d)."""
-        dim = self.bodies.kinematics.dimension
-        return np.array([self.shapes[body.parts[0]].translation for body in self.bodies.bodies]).reshape(-1, dim)
+    def coordinates(self) -> Array:
+        """(v, L psi) of each, lengths, shape (t, m)."""
+        rows = [np.append(at.translation, self.bodies.length * at.turn) for at in self._drivers]
+        return np.array(rows).reshape(len(rows), self._translations + len(self.bodies.kinematics.rotations))
 
-    def carry_to(self, translations: Array) -> None:
-        """Put their shapes at translations, shape (t, d)."""
-        for body, translation in zip(self.bodies.bodies, translations, strict=True):
+    def carry_to(self, coordinates: Array) -> None:
+        """Put their shapes where they are at coordinates of shape (t, m)."""
+        dim = self._translations
+        moves = zip(self.bodies.bodies, self._pivots, coordinates, strict=True)
+        for body, pivot, moved in moves:
             for part in body.parts:
-                self.shapes[part].carry_to(np.array(translation))
+                translation, turn = np.split(np.asarray(moved), [dim])
+                self.shapes[part].carry_to(translation.copy(), np.asarray(turn / self.bodies.length), pivot)
 
     @property
     def motions(self) -> tuple[RigidBodyMotion, ...]:
-        """Where they are."""
-        dim, turns = self.bodies.kinematics.dimension, len(self.bodies.kinematics.rotations)
-        pivots = [np.asarray(self.shapes[body.parts[0]].as_given.reference(dim)) for body in self.bodies.bodies]
-        moved = zip(self.bodies.bodies, pivots, self.translations, strict=True)
-        return tuple(ToolMotion(body, pivot, np.array(way), np.zeros(turns)) for body, pivot, way in moved)
+        """How they have moved."""
+        moved = zip(self.bodies.bodies, self._pivots, self._drivers, strict=True)
+        return tuple(ToolMotion(body, pivot, at.translation.copy(), at.turn.copy()) for body, pivot, at in moved)
+
+    @property
+    def _translations(self) -> int:
+        return self.bodies.kinematics.dimension
+
+    @property
+    def _drivers(self) -> list[MovingShape]:
+        """The shape of each that says what drives it."""
+        return [
+            self.shapes[next((k for k in body.parts if self.shapes[k].shape.drives), body.parts[0])]
+            for body in self.bodies.bodies
+        ]
+
+    @property
+    def _pivots(self) -> list[Array]:
+        """Where the pivot of each is given, length, shape (d,)."""
+        return [np.asarray(at.as_given.reference(self._translations)) for at in self._drivers]
 
     def touching(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
         """The tool of each contact point, -1: none, shape (n,)."""
@@ -89,39 +146,80 @@ class MovingTools:
             number[np.isin(boundary.part, body.parts)] = k
         return number
 
-    def at_points(self, boundary: ContactBoundary, translations: Array | None = None) -> Array:
-        """Translations, shape (t, d), at contact points, zero at those of other foundations, shape (n, d)."""
-        moved = self.translations if translations is None else translations
-        return np.asarray(np.vstack((moved, np.zeros(boundary.x.shape[1])))[self.touching(boundary)])
+    def at_points(self, boundary: ContactBoundary) -> Array:
+        """R q at contact points, zero at those of other foundations, length, shape (n, d)."""
+        if boundary.moving is None:
+            return np.zeros_like(boundary.x)
+        return np.asarray(boundary.moving.modes @ self.coordinates.ravel())
+
+    def relative_stiffness(self, state: ContactState, curvature: Array, displacement: Array) -> RelativeStiffness:
+        """What the tractions of contact points do to motions relative to tools.
+
+        Args:
+            state: of the contact points, with their tractions.
+            curvature: C, force per length, shape (n, d, d).
+            displacement: of the nodes of this rank, length, shape (nodes, d).
+        """
+        boundary, tool = state.boundary, self.touching(state.boundary)
+        dim, turns, touched = self._translations, len(self.bodies.kinematics.rotations), tool >= 0
+        blocks = np.zeros((boundary.size, dim + turns, dim + turns))
+        blocks[:, :dim, :dim] = np.where(touched[:, None, None], curvature, 0.0)
+        pivots = np.array([pivot + at.translation for pivot, at in zip(self._pivots, self._drivers, strict=True)])
+        arms = (boundary.centre + displacement[boundary.nodes])[touched] - pivots[tool[touched]]
+        forces = boundary.nodal_forces(state.pressure, state.shear)[touched]
+        # In the plane turns are about x[2]: its rows and columns of space are left out.
+        space, kept = np.zeros((2, len(arms), 3)), [*range(dim), *range(6 - turns, 6)]
+        space[0, :, :dim], space[1, :, :dim] = arms, forces
+        arm, force = turning_matrices(space[0], 3).transpose(0, 2, 1), turning_matrices(space[1], 3)
+        turned = np.zeros((len(arms), 6, 6))
+        products = np.einsum("nk,nk->n", space[0], space[1])[:, None, None] * np.eye(3)
+        turned[:, :3, 3:], turned[:, 3:, :3] = -force, force
+        turned[:, 3:, 3:] = np.einsum("ni,nj->nij", space[1], space[0]) - products
+        joint = np.tile(np.eye(6), (len(arms), 1, 1))
+        joint[:, :3, 3:] = arm  # da = r + w x a
+        both = joint.transpose(0, 2, 1) @ turned @ joint
+        symmetric = ((both + both.transpose(0, 2, 1)) / 2)[:, kept][:, :, kept]
+        lengths = np.append(np.ones(dim), np.full(turns, self.bodies.length))
+        blocks[touched] += symmetric / np.multiply.outer(lengths, lengths)
+        return RelativeStiffness(tool, blocks)
+
+
+def turning_matrices(vectors: Array, dimension: int) -> Array:
+    """The matrices of the products w x a, shape (n, d, d), of vectors w of shape (n, 3), in the plane (n, 1)."""
+    axes = np.tile(np.eye(dimension), (len(vectors), 1, 1))
+    return np.stack([across_arms(vectors, axes[:, axis]) for axis in range(dimension)], axis=2)
 
 
 @dataclass(frozen=True)
 class RelativeStiffness:
-    """What displacements relative to tools meet at contact points.
+    """What motions relative to tools meet at contact points.
 
     Attributes:
-        boundary: the contact points.
         tool: of each of them, -1: none, shape (n,).
-        blocks: C, force per length, symmetric, zero where there is no tool, shape (n, d, d).
+        blocks: forces of (r, L w), the displacement relative to the tool and its turn, force per length, symmetric,
+            zero where there is no tool, shape (n, m, m).
     """
 
-    boundary: ContactBoundary
     tool: npt.NDArray[np.int64]
     blocks: Array
 
-    def forces(self, displacements: Array, translations: Array) -> tuple[Array, Array, float]:
-        """The forces at the points, shape (n, d), on the tools, shape (t, d), and the work on the displacements;
+    def forces(self, boundary: ContactBoundary, displacements: Array, moved: Array) -> tuple[Array, Array, float]:
+        """The forces at the points, shape (n, d), on the unknowns of tools, shape (t, m), and the work on both;
         collective.
 
         Args:
+            boundary: the contact points.
             displacements: of the nodes of this rank, shape (nodes, d).
-            translations: of the tools, shape (t, d).
+            moved: the coordinates of tools, shape (t, m).
         """
-        moved = np.vstack((translations, np.zeros(translations.shape[1])))[self.tool]
-        relative = displacements[self.boundary.nodes] - moved
-        forces = np.einsum("nij,nj->ni", self.blocks, relative)
-        on_tools, touched = np.zeros_like(translations), self.tool >= 0
-        np.subtract.at(on_tools, self.tool[touched], forces[touched])
-        sums = np.append(on_tools.ravel(), np.sum(forces * relative))
-        total = parallel.global_sum(self.boundary.comm, sums)
-        return forces, total[:-1].reshape(translations.shape), float(total[-1])
+        assert boundary.moving is not None
+        dim, touched, modes = boundary.x.shape[1], self.tool >= 0, boundary.moving.modes
+        relative = displacements[boundary.nodes] - modes @ moved.ravel()
+        turns = np.vstack((moved, np.zeros(moved.shape[1])))[self.tool][:, dim:]
+        motion = np.column_stack((relative, turns))
+        forces = np.einsum("nij,nj->ni", self.blocks, motion)
+        on_tools = -np.einsum("nik,ni->k", modes, forces[:, :dim]).reshape(moved.shape)
+        np.add.at(on_tools[:, dim:], self.tool[touched], forces[touched, dim:])
+        sums = np.append(on_tools.ravel(), np.sum(forces * motion))
+        total = parallel.global_sum(boundary.comm, sums)
+        return forces[:, :dim], total[:-1].reshape(moved.shape), float(total[-1])

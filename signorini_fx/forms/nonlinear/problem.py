@@ -45,6 +45,7 @@ from signorini_fx.forms.results import findings_of_last
 from signorini_fx.forms.steps import Clock, checkpoint_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.body.averages import averaging
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.node_positions import node_positions
@@ -179,7 +180,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self._overlap = ""  # where a shape was inside the body in the last solve
         self._failure = ""  # how the last solve failed that did
         self._tangent_at = u.x.array.copy()  # the displacement of the last iteration
-        self._tools_at = self.linear.moving_tools.translations  # where tools were in it
+        self._tools_at = self.linear.moving_tools.coordinates  # where tools were in it
         self._inner = ""  # how the last contact problem of a tangent ended that had no solution
         self._solved: SolvedBody | None = None  # the last solution
         self._ramped: list[StepResult] = []  # the steps of the last ramp, until the next solve
@@ -255,10 +256,11 @@ class NonlinearContactProblem(ProblemOfForms):
         """The shape of a foundation at its nodes."""
         entry, values = self._foundation(number), self.linear.nodal_values[number]
         x = node_positions(self._space)[values.nodes]
-        shape = fitting(number, entry.shape, self._dimension)
+        turns = entry.measure is None and not averaging(self._space)
+        shape = fitting(number, entry.shape, self._dimension, turns=turns)
         self.linear.check_shape(number, shape)
         added = values(entry.gap, f"contact[{number}].gap")[values.nodes]
-        return MovingShape(shape, shape, added, values.nodes, x[:, : self._dimension].astype(np.float64))
+        return MovingShape(shape, shape, added, values.nodes, x[:, : self._dimension].astype(np.float64), turns)
 
     def _foundation(self, number: int) -> Foundation:
         entry = self.contact[number]
@@ -377,7 +379,7 @@ class NonlinearContactProblem(ProblemOfForms):
         for iteration in range(1, self._max_newton + 1):
             self.iterations = iteration
             old = self._tangent_at = u.x.array.copy()
-            self._tools_at = self.linear.moving_tools.translations
+            self._tools_at = self.linear.moving_tools.coordinates
             residual = self._forces_at(old)
             if residual is None:
                 return Status.INVERTED

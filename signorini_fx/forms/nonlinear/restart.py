@@ -118,21 +118,21 @@ class StepsOnDisk:
         try:
             if residual.at(tangent.x.array.copy()) is None:
                 return None
-            linear.moving_tools.carry_to(self._translations(number, _TANGENT, linear))
+            linear.moving_tools.carry_to(self._coordinates(number, _TANGENT, linear))
             linear.begin_at_tangent(definite=bool(self.checkpoint.figure(number, "definite")))
             recalled = self.checkpoint.recall(RestartedBody(linear, timings), linear.task, linear.begun)
         except (FormError, MatrixError, PairingError):
             recalled = None
         if recalled is not None:
             linear.accept(recalled.outcome)
-            linear.moving_tools.carry_to(self._translations(number, _SOLUTION, linear))
+            linear.moving_tools.carry_to(self._coordinates(number, _SOLUTION, linear))
             residual.u.x.array[:] = solution.x.array
         return recalled
 
-    def _translations(self, number: int, name: str, linear: LinearisedProblem) -> Nodal:
-        """Those of tools in a load step that is there, length, shape (t, d)."""
-        stored = np.array(self.checkpoint.figure(number, "translations")[name], dtype=np.float64)
-        return stored.reshape(linear.moving_tools.translations.shape)
+    def _coordinates(self, number: int, name: str, linear: LinearisedProblem) -> Nodal:
+        """Those of tools in a load step that is there, lengths, shape (t, m), see ``MovingTools``."""
+        stored = np.array(self.checkpoint.figure(number, "coordinates")[name], dtype=np.float64)
+        return stored.reshape(linear.moving_tools.coordinates.shape)
 
     def store(
         self,
@@ -147,15 +147,15 @@ class StepsOnDisk:
         Args:
             linear: its last contact problem.
             step: its result.
-            tangent: where the last tangent was formed: values of the displacement, and translations of tools.
+            tangent: where the last tangent was formed: values of the displacement, and coordinates of tools.
             iterations: of Newton's method.
             timings: of the run.
         """
         assert linear.outcome is not None
         space, start = linear.space, replace(linear.begun, place=step.place)
-        ways = {_SOLUTION: linear.moving_tools.translations.tolist(), _TANGENT: tangent[1].tolist()}
+        ways = {_SOLUTION: linear.moving_tools.coordinates.tolist(), _TANGENT: tangent[1].tolist()}
         figures: dict[str, Any] = {"newton": iterations, "linear_solves": step.linear_solves}
-        figures |= {"definite": linear.definite, "translations": ways}
+        figures |= {"definite": linear.definite, "coordinates": ways}
         body, at, iterate = RestartedBody(linear, timings, figures), fem.Function(space), linear.u.copy()
         at.x.array[:] = tangent[0]
         beside = {_SOLUTION: step.displacement, _TANGENT: at}

@@ -29,7 +29,7 @@ class Snapshot:
         certificate: of the solution; None: there is none.
         iterations: of Newton's method.
         shapes: of the foundations, where they were placed, by their numbers.
-        tools: translations of those that forces move, length, shape (t, d).
+        tools: coordinates of those that forces move, lengths, shape (t, m), see ``MovingTools``.
     """
 
     displacement: Array
@@ -51,7 +51,7 @@ class Snapshot:
     ) -> Snapshot:
         """What there is now; ``solved``: certificate and iterations."""
         now = {number: moving.shape for number, moving in shapes.items()}
-        values, tools = tuple(field.x.array.copy() for field in fields), linear.moving_tools.translations
+        values, tools = tuple(field.x.array.copy() for field in fields), linear.moving_tools.coordinates
         return cls(u.x.array.copy(), values, linear.solved, *solved, now, tools)
 
     def restore(self, u: fem.Function, fields: Fields, linear: LinearisedProblem) -> tuple[Certificate | None, int]:

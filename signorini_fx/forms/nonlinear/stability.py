@@ -106,9 +106,10 @@ class Stability:
         if relative is None:
             at_points, tools = turning, None
         else:  # at the nodes is what a tool that stands still does
-            touched = (relative.tool >= 0)[:, None, None]
-            tools = self._tools(relative.tool, relative.blocks + np.where(touched, turning, 0.0))
-            at_points = turning + relative.blocks
+            dim, blocks = turning.shape[1], relative.blocks.copy()
+            at_points = turning + blocks[:, :dim, :dim]
+            blocks[:, :dim, :dim] += np.where((relative.tool >= 0)[:, None, None], turning, 0.0)
+            tools = self._tools(relative.tool, blocks)
         beside = NodalStiffness.summed(
             np.concatenate((curvature.nodes, nodes)), np.concatenate((curvature.blocks, at_points)), curvature.joint
         )
@@ -116,7 +117,9 @@ class Stability:
 
     def _tools(self, tool: npt.NDArray[np.int64], blocks: Array) -> ToolsAtPoints:
         """The tools, of which each point touches one or none, with what their relative displacements meet."""
-        bodies, dim = self.linear.moving_tools.bodies, blocks.shape[2]
-        count = len(bodies.bodies)
-        fixed, springs = bodies.fixed.reshape(count, -1)[:, :dim], bodies.stiffness.reshape(count, -1)[:, :dim]
-        return ToolsAtPoints(tool, blocks, fixed, springs)
+        bodies, moving = self.linear.moving_tools.bodies, self.linear.state.boundary.moving
+        assert moving is not None
+        shape = len(bodies.bodies), blocks.shape[2]
+        each = moving.modes.reshape(*moving.modes.shape[:2], *shape)
+        modes = each[np.arange(len(tool)), :, tool]
+        return ToolsAtPoints(tool, modes, blocks, bodies.fixed.reshape(shape), bodies.stiffness.reshape(shape))

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.tuned import ZERO_COMPONENT
@@ -76,6 +77,50 @@ def _relative_to_foundations(
     )
     relative.axpy(1.0, contact.operator, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     return replace(contact, operator=relative, paired=True)
+
+
+def with_rotations(contact: ContactMap, boundary: ContactBoundary) -> PETSc.Mat:
+    """B with rows more after those of each point: the rotations of the rigid body that it touches, times L; collective.
+
+    Args:
+        contact: B, with the unknowns of rigid bodies as its last columns.
+        boundary: the contact points, with rigid bodies that move.
+    """
+    moving, dim, count = boundary.moving, boundary.x.shape[1], boundary.size
+    assert moving is not None
+    (_, (columns, total)) = contact.operator.getSizes()
+    each = moving.number.size // len(moving.bodies)
+    reached = (moving.modes != 0.0).any(axis=1)
+    touches = np.where(reached.any(axis=1), moving.number[reached.argmax(axis=1)], -1)
+    points = np.flatnonzero(touches >= 0)
+    starts, names, values = contact.operator.getValuesCSR()
+    shape = (dim * count, total)
+    along = sp.csr_array((values, names.astype(np.int64), starts.astype(np.int64)), shape=shape)
+    turns = each - dim
+    rows = (turns * points[:, None] + np.arange(turns)).ravel()
+    at = (total - moving.number.size + each * touches[points][:, None] + dim + np.arange(turns)).ravel()
+    about = sp.csr_array((np.ones(rows.size), (rows, at)), shape=(turns * count, total))
+    order = np.column_stack(
+        (
+            np.arange(dim * count).reshape(count, dim),
+            dim * count + np.arange(turns * count).reshape(count, turns),
+        )
+    ).ravel()
+    both = sp.csr_array(sp.vstack((along, about), format="csr")[order])
+    csr = (both.indptr.astype(PETSc.IntType), both.indices.astype(PETSc.IntType), both.data)
+    return PETSc.Mat().createAIJ(((each * count, None), (columns, None)), csr=csr, comm=contact.operator.comm)
+
+
+def block_diagonal(operator: PETSc.Mat, blocks: Nodal) -> PETSc.Mat:
+    """The matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an operator; collective."""
+    rows, first = operator.getSizes()[0], operator.getOwnershipRange()[0]
+    count, size, _ = blocks.shape
+    matrix = PETSc.Mat().createAIJ((rows, rows), nnz=(size, 0), comm=operator.comm)
+    numbers = (first + np.arange(count * size).reshape(count, size)).astype(PETSc.IntType)
+    if count:
+        matrix.setValuesRCV(numbers, numbers, np.ascontiguousarray(blocks))
+    matrix.assemble()
+    return matrix
 
 
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:

@@ -32,7 +32,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import action
 from signorini_fx.mechanics.body.block_stiffness import block_stiffness, why_not
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_map import contact_map
+from signorini_fx.mechanics.body.contact_map import block_diagonal, contact_map, with_rotations
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic_law import ElasticLaw
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
@@ -79,8 +79,9 @@ class ElasticBody:
         compressible: whether the material is far enough from incompressible for multigrid.
         elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
         beside: what a(., .) has beside ``terms``; None: nothing.
-        relative: what the unknowns have beside a(., .) of relative displacements at the contact points, blocks in the
-            axes of space, force per length, shape (n, d, d); None: nothing.
+        relative: what the unknowns have beside a(., .) at the contact points, of displacements relative to rigid
+            bodies, in the axes of space, and of their rotations times L, force per length, shape (n, m, m); None:
+            nothing.
         definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
         links: between nodes, which a(., .) has beside ``terms``; None: there are none.
         of_body: what has been computed of all these but ``boundary``, unless unknowns are along its normals.
@@ -226,10 +227,13 @@ class ElasticBody:
         boundary, fixed, relative = self.boundary, self._held, self.relative
         assert boundary is not None
         assert relative is not None
-        onto: Array = np.concatenate((boundary.normal[:, :, None], boundary.cotangents), axis=2)
-        blocks = np.asarray(onto.transpose(0, 2, 1) @ relative @ onto)
-        contact = contact_map(boundary, fixed, stiffness, rotation, self.dimension)
-        added = contact.operator.transposeMatMult(contact.law(blocks).matMult(contact.operator))
+        dim = self.dimension
+        onto = np.tile(np.eye(relative.shape[1]), (boundary.size, 1, 1))
+        onto[:, :dim, :dim] = np.concatenate((boundary.normal[:, :, None], boundary.cotangents), axis=2)
+        contact = contact_map(boundary, fixed, stiffness, rotation, dim)
+        operator = with_rotations(contact, boundary)
+        blocks = block_diagonal(operator, np.asarray(onto.transpose(0, 2, 1) @ relative @ onto))
+        added = operator.transposeMatMult(blocks.matMult(operator))
         first = added.getOwnershipRange()[0]
         added.zeroRowsColumns((first + np.flatnonzero(fixed)).astype(PETSc.IntType), diag=0.0)
         stiffness.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

@@ -96,7 +96,7 @@ class RigidBodies:
         for k, body in enumerate(self.bodies):
             touching = np.isin(boundary.part, body.parts)
             pivot = body.pivot(dim)
-            modes[touching, :, k] = rigid_modes(boundary.centre[touching], pivot, np.array(self.length))
+            modes[touching, :, k] = rigid_modes(self.places(boundary)[touching], pivot, np.array(self.length))
         flat = modes.reshape(boundary.size, dim, count * motion_count)
         number = np.repeat(np.arange(count), motion_count)
         foundation = MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies, self.length)
@@ -104,6 +104,10 @@ class RigidBodies:
         if moving.friction_axes is not None:
             moving.friction_axes.check_supports(moving.points.movable, "contact.friction", moving.comm)
         return moving
+
+    def places(self, boundary: ContactBoundary) -> _Floats:
+        """Where the points are that they move, length, shape (n, d): in the undeformed body."""
+        return boundary.centre
 
     def drives(self, time: float = 0.0) -> list[Drive]:
         """Forces and moments on each of them at a time, and what is prescribed, shapes (m,)."""
@@ -203,6 +207,17 @@ class RigidBodyMotion:
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> _Floats:
         """From its pivot to some of the contact points, length, shape (m, d)."""
         return np.asarray(contact.boundary.centre[touching] - self.reference)
+
+    def lever(self, x: _Floats, displacements: _Floats) -> _Floats:
+        """From its pivot to points at x that have been displaced, length, shapes (n, d): where they were."""
+        return np.asarray(x - self.reference)
+
+    def mode(self, component: int, x: _Floats, displacements: _Floats) -> _Floats:
+        """How one component of its motion, a small one more, moves points, see ``lever``; without unit, or lengths per
+        radian, shape (n, d).
+        """
+        modes = rigid_modes(self.lever(x, displacements), np.zeros(x.shape[1]), np.array(1.0))
+        return np.asarray(modes[:, :, component])
 
     def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
         """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.

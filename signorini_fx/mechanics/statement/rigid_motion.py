@@ -56,10 +56,10 @@ class Prescribed(Table):
         x: translation along x[0], length; None: free, as all others.
         y: translation along x[1], length.
         z: translation along x[2], length; only in space.
-        rotation: small rotation, radians; only in the plane.
-        rotation_x: small rotation about an axis along x[0], radians; only in space.
-        rotation_y: small rotation about an axis along x[1], radians; only in space.
-        rotation_z: small rotation about an axis along x[2], radians; only in space.
+        rotation: rotation, radians, small except with a nonlinear body; only in the plane.
+        rotation_x: component of the rotation vector along x[0], likewise; only in space.
+        rotation_y: component along x[1]; only in space.
+        rotation_z: component along x[2]; only in space.
     """
 
     x: Timed | None = None

@@ -329,11 +329,11 @@ def judged(
     )
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
     points = units.between(*at)
-    immovable = nodes.immovable(supports, rigid)
+    immovable = nodes.immovable(supports, nodal_displacements, rigid)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, immovable, points)
     left, unjudged = equilibrium(balance, pieces, y, nodes, units, reach)
     for (motion, drive), faint in zip(rigid, _faint_forces(nodes, at[0], mean, penalty, moved), strict=True):
-        resultant = nodes.resultant(motion.body.parts, motion.reference)
+        resultant = nodes.resultant(motion, nodal_displacements)
         left = max(left, motion.unbalanced(drive, resultant, faint))
     return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)
 

@@ -236,12 +236,17 @@ class ContactNodes:
         """Of all contact boundaries; collective."""
         return float(parallel.global_sum(self.evaluation.space.mesh.comm, np.array(self.weight.sum())))
 
-    def resultant(self, numbers: Sequence[int], about: Nodal) -> tuple[Nodal, float, float]:
-        """What the tractions of some contact boundaries do to their foundation: force and moment about a point, shape
-        (m,), the sum of the magnitudes of forces, and how far from the point they act; collective.
+    def resultant(self, motion: RigidBodyMotion, displacements: Nodal) -> tuple[Nodal, float, float]:
+        """What the tractions of its contact boundaries do to a rigid body: force and moment about its pivot, shape
+        (m,), the sum of the magnitudes of forces, and how far from the pivot they act; collective.
+
+        Args:
+            motion: of the rigid body.
+            displacements: of nodes with ghosts, shape (nodes, d).
         """
-        part, comm = self.part(*numbers), self.evaluation.space.mesh.comm
-        force, arm = self.weight[part, None] * self.traction[part], self._at(self._x)[part] - about
+        part, comm = self.part(*motion.body.parts), self.evaluation.space.mesh.comm
+        force = self.weight[part, None] * self.traction[part]
+        arm = motion.lever(self._at(self._x)[part], self._at(displacements)[part])
         plane = arm.shape[1] == 2
         moment = (arm[:, :1] * force[:, 1:] - arm[:, 1:] * force[:, :1]) if plane else np.cross(arm, force)
         size = np.linalg.norm(force, axis=1).sum()
@@ -291,17 +296,21 @@ class ContactNodes:
         return np.minimum(np.maximum(*alone), combined)
 
     def immovable(
-        self, supports: PrescribedNodes, rigid: Sequence[tuple[RigidBodyMotion, Drive]] = ()
+        self, supports: PrescribedNodes, displacements: Nodal, rigid: Sequence[tuple[RigidBodyMotion, Drive]] = ()
     ) -> npt.NDArray[np.bool_]:
         """Points that cannot move along their normal, because what is free at them, and at the rigid body that they
         touch, is across it.
+
+        Args:
+            supports: what is prescribed.
+            displacements: of nodes with ghosts, shape (nodes, d).
+            rigid: how rigid bodies have moved, and what drives them.
         """
         movable = np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) > SAME_DIRECTION
         for motion, (_, prescribed) in rigid:
-            points, dim = self.part(*motion.body.parts), motion.reference.size
+            points = self.part(*motion.body.parts)
             for component in np.flatnonzero(np.isnan(prescribed)):
-                unit = np.eye(prescribed.size)[component]
-                moves = self._at(replace(motion, translation=unit[:dim], rotation=unit[dim:]).at(self._x))[points]
+                moves = self._at(motion.mode(int(component), self._x, displacements))[points]
                 along = np.abs(np.sum(moves * self.normal[points], axis=1))
                 movable[points] |= along > SAME_DIRECTION * np.linalg.norm(moves, axis=1)
         return ~movable

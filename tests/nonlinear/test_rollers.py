@@ -1,0 +1,300 @@
+"""Tools that turn as forces and moments ask for it: rolling, statics, objectivity, restart, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
+from support.nonlinear_scenes import indented, material
+
+from signorini_fx import (
+    ConvergenceError,
+    Coulomb,
+    FormError,
+    Foundation,
+    NonlinearContactProblem,
+    SceneError,
+    Status,
+    solve,
+    write_results,
+)
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.records import StepRecord
+
+CENTRE, RADIUS = (0.8, 1.5), 0.5
+ROLLER = {"shape": "circle", "centre": list(CENTRE), "radius": RADIUS, "pivot": list(CENTRE)}
+LAWS = {
+    "rubber": material("neo-hooke"),
+    "metal": material("j2", yield_stress=2.0, hardening=[[0.2, 6.0]]),
+}
+TIMES = (1.0, 2.0, 3.0)
+SPRING = 5.0
+ROUGH = {"law": "coulomb", "coefficient": 0.3}
+
+
+def polyline(values):
+    """An expression of t that is zero at 0 and has these values at 1, 2, 3."""
+    steps = np.diff([0.0, *values])
+    return " + ".join(f"({float(step)!r}) * min(max(t - {k}, 0), 1)" for k, step in enumerate(steps))
+
+
+def under(tool, law="rubber", **further):
+    """A clamped block under a rough tool."""
+    contact = {"boundary": "top", "foundation": tool, "friction": ROUGH}
+    exact = {"solver": {"algorithm": "alm", "tolerance": 1e-11}}
+    times = {"load_steps": {"times": list(TIMES)}}
+    return indented(LAWS[law], cells=(8, 4), **({"contact": contact} | exact | times | further))
+
+
+def wrench(contact, u, pivot):
+    """Force and moment that a tool takes about a place, from the tractions at displaced points; collective."""
+    boundary = contact.boundary
+    forces = boundary.nodal_forces(contact.pressure, contact.shear)
+    arms = boundary.x + u.x.array.reshape(-1, 2)[boundary.nodes] - pivot
+    moment = arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0]
+    return boundary.comm.allreduce(np.append(forces.sum(axis=0), moment.sum()))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
+def test_the_forces_of_a_way_give_the_way(law, tmp_path):
+    """Pressed, and rolled by a prescribed way and turn; then the weight and the moment of these turn it as far."""
+    way, turn = "0.1 * max(t - 1, 0)", "-0.21 * max(t - 1, 0)"
+    placed = {"shift": [way, "-0.12 * min(t, 1)"], "rotation": f"{float(np.degrees(1.0))!r} * ({turn})"}
+    by_way = solve(under(ROLLER | placed, law))
+    places = np.array([[0.1 * max(t - 1, 0), -0.12 * min(t, 1), -0.21 * max(t - 1, 0)] for t in TIMES])
+    wrenches = np.array(
+        [
+            wrench(step.contact, step.displacement, CENTRE + place[:2])
+            for step, place in zip(by_way.steps, places, strict=True)
+        ]
+    )
+    drive = {"force": ["0", polyline(-wrenches[:, 1])], "moment": polyline(-wrenches[:, 2]), "prescribed": {"x": way}}
+    by_force = solve(under(ROLLER | drive, law))
+    assert [step.time for step in by_force.steps] == list(TIMES)
+    size = np.abs(wrenches).max()
+    for step, place, taken in zip(by_force.steps, places, wrenches, strict=True):
+        (tool,) = step.tools
+        assert [*tool.translation, *tool.rotation] == pytest.approx(place, abs=1e-8)
+        assert wrench(step.contact, step.displacement, CENTRE + place[:2]) == pytest.approx(taken, abs=1e-8 * size)
+        assert step.certificate.holds
+    u, v = (solution.displacement.x.array for solution in (by_force, by_way))
+    assert np.abs(u - v).max() < 1e-9
+    (row,) = write_results(by_force, MPI.COMM_WORLD.bcast(str(tmp_path)), pictures=False)["tools"]
+    assert row["rotation"] == pytest.approx(places[-1, 2], abs=1e-8)
+    assert [*row["force"], row["moment"]] == pytest.approx(wrenches[-1], abs=1e-8 * size)
+    if law == "rubber":  # at small strains moments are in balance about the undeformed places
+        held_by = by_force.resultants.of("bottom")
+        arm = np.array(row["reference"]) + row["displacement"] - held_by.about
+        moment = row["moment"] + arm[0] * row["force"][1] - arm[1] * row["force"][0]
+        assert [*held_by.force, held_by.moment] == pytest.approx([*row["force"], moment], abs=1e-8 * size)
+
+
+def problem(shape, angle=0.0, unit=1.0, friction=0.5, **settings):
+    """A clamped block under a tool, all turned about the origin."""
+    space, side = rectangle([2.0 * unit, unit], [8, 4], MPI.COMM_SELF)
+    top, bottom = side(1, unit), side(1, 0.0)
+    mesh = space.mesh
+    mesh.geometry.x[:, :2] = mesh.geometry.x[:, :2] @ turn_matrix(angle).T
+    u = fem.Function(space)
+    contact = Foundation(top, shape=shape, friction=Coulomb(friction) if friction else None)
+    settings = {"algorithm": "alm", "tolerance": 1e-11} | settings
+    return NonlinearContactProblem(residual(u), u, bcs=[held(space, bottom)], contact=contact, **settings)
+
+
+def turn_matrix(angle):
+    """In the plane, of radians."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def turned_roller(angle, unit=1.0):
+    """The roller in a scene that is turned as a whole."""
+    centre = tuple(map(float, unit * turn_matrix(angle) @ CENTRE))
+    return {"shape": "circle", "centre": centre, "radius": RADIUS * unit, "pivot": centre}
+
+
+@pytest.mark.parametrize("unit", [1.0, pytest.param(1e3, marks=pytest.mark.slow)])
+def test_objectivity(unit):
+    """The whole scene is turned: so is all that a force askew and a moment do to a tool that springs hold."""
+    ends = []
+    for angle in (0.0, 0.7):
+        turn = turn_matrix(angle)
+        alike = {"x": SPRING, "y": SPRING}  # in the plane stiffnesses do not depend on the unit of length
+        rolled = problem(turned_roller(angle, unit) | {"force": (0.0, 0.0), "spring": alike}, angle, unit)
+        for force, moment in (((0.0, -8.0), 0.0), ((1.0, -10.0), 0.6), ((1.5, -9.0), 1.0)):
+            rolled.place(0, force=tuple(map(float, unit * turn @ force)), moment=moment * unit**2)
+            rolled.solve()
+            assert rolled.certificate.holds
+            rolled.advance()
+        (tool,) = rolled.tools
+        loads = wrench(rolled.state, rolled.u, tool.reference + tool.translation)
+        pushed = -loads[:2] + SPRING * tool.translation
+        assert pushed @ turn == pytest.approx(unit * np.array([1.5, -9.0]), abs=1e-8 * unit)
+        assert -loads[2] == pytest.approx(moment * unit**2, abs=1e-8 * unit**2)
+        ends.append((rolled.u.x.array.reshape(-1, 2) @ turn, tool.translation @ turn, tool.rotation))
+    assert abs(ends[0][2][0]) > 0.02
+    for first, second in zip(*ends, strict=True):
+        assert second == pytest.approx(first, abs=1e-9 * (unit if len(first) > 1 else 1.0))
+
+
+def seesaw(**driven):
+    """A lever with two smooth rollers on a block, pressed at a point between them."""
+    space, side = rectangle([2.0, 1.0], [16, 6], MPI.COMM_SELF)
+    mesh, u = space.mesh, fem.Function(space)
+    top = side(1, 1.0)
+    x = dmesh.compute_midpoints(mesh, 1, top)[:, 0]
+    rollers = [
+        {"shape": "circle", "centre": (at, 1.25), "radius": 0.25, "rigid": "lever"} | more
+        for at, more in ((0.5, {"pivot": (0.8, 1.5)} | driven), (1.5, {}))
+    ]
+    contact = [Foundation(top[on], shape=roller) for on, roller in zip((x < 1.0, x > 1.0), rollers, strict=True)]
+    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm="alm")
+
+
+def test_a_lever_on_two_rollers():
+    """Statics of where it is: both rollers share the force as their arms, which turn with the lever, ask for it."""
+    tilted = seesaw(force=(0.0, -10.0), prescribed={"x": 0.0})
+    tilted.solve()
+    assert tilted.iterations <= 6
+    (tool,) = tilted.tools
+    assert tool.rotation[0] > 0.01  # it sinks at the nearer roller
+    pivot = tool.reference + tool.translation
+    boundary, state = tilted.state.boundary, tilted.state
+    forces = boundary.nodal_forces(state.pressure, state.shear)
+    assert wrench(state, tilted.u, pivot)[1:] == pytest.approx([10.0, 0.0], abs=1e-8)
+    # Without friction the forces of each roller pass through its centre, wherever that has gone.
+    moment = 0.0
+    for part, at in enumerate((0.5, 1.5)):
+        centre = np.array([[at, 1.25]])
+        arm = (centre + tool.at(centre))[0] - pivot
+        total = forces[boundary.part == part].sum(axis=0)
+        assert total[1] > 1.0
+        moment += arm[0] * total[1] - arm[1] * total[0]
+        there = tilted.shapes[part].shape
+        signed, _ = there.distance(centre + tool.at(centre))
+        assert signed == pytest.approx([-0.25], abs=1e-12)
+    assert moment == pytest.approx(0.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("wrong", ["angle", "moment"])
+def test_the_certificate_knows_the_turn(wrong, monkeypatch):
+    """A tool that has turned further by a thousandth, and a moment that is another one."""
+    right = LinearisedProblem.driven_tools.fget
+    drive = {"force": (0.0, -8.0), "moment": 0.5, "prescribed": {"x": 0.0}}
+    assert problem(ROLLER | drive).solve() is not None
+
+    def others(self):
+        """Where the check finds tools, and what it takes for what drives them."""
+        factors = (1.001, 1.0) if wrong == "angle" else (1.0, 1.001)
+        return [
+            (replace(tool, rotation=factors[0] * tool.rotation), (np.append(load[:2], factors[1] * load[2]), motion))
+            for tool, (load, motion) in right(self)
+        ]
+
+    monkeypatch.setattr(LinearisedProblem, "driven_tools", property(others))
+    rolled = problem(ROLLER | drive)
+    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+        rolled.solve()
+    assert rolled.status is Status.NOT_CERTIFIED
+
+
+def test_a_spring_that_turns_back():
+    """The moment of the spring and that of the tractions are the given one."""
+    rolled = problem(ROLLER | {"force": (0.0, -8.0), "moment": 2.0, "spring": {"rotation": 5.0, "x": 3.0}})
+    rolled.solve()
+    (tool,) = rolled.tools
+    taken = wrench(rolled.state, rolled.u, tool.reference + tool.translation)
+    springs = np.array([3.0 * tool.translation[0], 0.0, 5.0 * tool.rotation[0]])
+    assert -taken == pytest.approx(np.array([0.0, -8.0, 2.0]) - springs, abs=1e-8)
+    assert abs(springs).min(where=[True, False, True], initial=1.0) > 1e-3
+
+
+class Killed(Exception):
+    """The end of a run."""
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
+def test_restart(tmp_path, law):
+    """A roller goes on from where it was, and from how far it had turned."""
+    folder = MPI.COMM_WORLD.bcast(str(tmp_path))
+    drive = {"force": ["0", "-1.5 * min(t, 2)"], "moment": "-0.1 * max(t - 1, 0)", "prescribed": {"x": "0.03 * t"}}
+    scene = under(ROLLER | drive, law)
+
+    def watch(record):
+        if isinstance(record, StepRecord) and record.step == 3:
+            raise Killed
+
+    with pytest.raises(Killed):
+        solve(scene, checkpoint=folder, observers=[watch])
+    MPI.COMM_WORLD.barrier()
+    solution, reference = solve(scene, checkpoint=folder, restart=True), solve(scene)
+    assert solution.history.events[0].startswith("restart: 2 complete load steps")
+    assert not any("solved again" in event for event in solution.history.events)
+    for ours, theirs in zip(solution.steps, reference.steps, strict=True):
+        assert ours.tools[0].translation == pytest.approx(theirs.tools[0].translation, abs=1e-9)
+        assert ours.tools[0].rotation == pytest.approx(theirs.tools[0].rotation, abs=1e-9)
+    assert abs(solution.last_step.tools[0].rotation[0]) > 0.01
+
+
+def on_a_box(drive, law="rubber", **further):
+    """A clamped cube under a rough cylinder along x[1], or another tool."""
+    roller = {"shape": "cylinder", "axis": [0.0, 1.0, 0.0], "centre": [0.4, 0.0, 1.5], "radius": 0.5}
+    return under(
+        roller | {"pivot": [0.4, 0.5, 1.5]} | drive,
+        law,
+        mesh={"generator": "box", "parameters": {"nx": 5, "ny": 2, "nz": 3}},
+        displacement={"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+        **further,
+    )
+
+
+@pytest.mark.slow
+def test_a_roller_in_space():
+    """About its axle, which is held in its directions: the weight and moment of a way give the way."""
+    way, turn = "0.08 * max(t - 1, 0)", "0.17 * max(t - 1, 0)"
+    placed = {"shift": [way, "0", "-0.1 * min(t, 1)"], "rotation": ["0", f"{float(np.degrees(1.0))!r} * ({turn})", "0"]}
+    by_way = solve(on_a_box(placed), MPI.COMM_SELF)
+    wrenches = []
+    for step in by_way.steps:
+        boundary, t = step.contact.boundary, step.time
+        forces = boundary.nodal_forces(step.contact.pressure, step.contact.shear)
+        pivot = np.array([0.4 + 0.08 * max(t - 1, 0), 0.5, 1.5 - 0.1 * min(t, 1)])
+        arms = boundary.x + step.displacement.x.array.reshape(-1, 3)[boundary.nodes] - pivot
+        wrenches.append([*forces.sum(axis=0), *np.cross(arms, forces).sum(axis=0)])
+    wrenches = np.array(wrenches)
+    drive = {
+        "force": ["0", "0", polyline(-wrenches[:, 2])],
+        "moment": ["0", polyline(-wrenches[:, 4]), "0"],
+        "prescribed": {"x": way, "y": 0.0, "rotation_x": 0.0, "rotation_z": 0.0},
+    }
+    by_force = solve(on_a_box(drive), MPI.COMM_SELF)
+    for step in by_force.steps:
+        t = step.time
+        assert step.tools[0].translation == pytest.approx([0.08 * max(t - 1, 0), 0, -0.1 * min(t, 1)], abs=1e-8)
+        assert step.tools[0].rotation == pytest.approx([0.0, 0.17 * max(t - 1, 0), 0.0], abs=1e-8)
+    u, v = (solution.displacement.x.array for solution in (by_force, by_way))
+    assert np.abs(u - v).max() < 1e-9
+    all_prescribed = drive | {"moment": None, "prescribed": drive["prescribed"] | {"rotation_y": turn}}
+    again = solve(on_a_box({key: value for key, value in all_prescribed.items() if value is not None}), MPI.COMM_SELF)
+    assert np.abs(again.displacement.x.array - v).max() < 1e-9
+
+
+def test_what_is_refused():
+    """By one sentence that names the place."""
+    drive = {"force": [0.0, 0.0, -1.0], "prescribed": {"rotation_x": 0.0}}
+    with pytest.raises(SceneError, match="turn about more than one axis is not possible yet") as refused:
+        solve(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
+    assert "contact[0].foundation.prescribed" in str(refused.value)
+    assert "prescribe rotation_x = 0 and rotation_z = 0, or all of" in str(refused.value)
+    drive["prescribed"] = {"rotation_x": 0.2, "rotation_z": 0.0}
+    with pytest.raises(SceneError, match="turn about more than one axis"):
+        solve(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u = fem.Function(space)
+    contact = Foundation(side(1, 1.0), shape=ROLLER | {"force": (0.0, -1.0)}, measure=lambda x: x[0])
+    with pytest.raises(FormError, match="a tool that forces turn is not possible yet with these contact points"):
+        NonlinearContactProblem(residual(u, neo_hooke), u, contact=contact)
