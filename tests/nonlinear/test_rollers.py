@@ -1,6 +1,7 @@
 """Tools that turn as forces and moments ask for it: rolling, statics, objectivity, restart, and what is refused."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from signorini_fx import (
 )
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.records import StepRecord
+from signorini_fx.scenes.reading import read_scene
 
 CENTRE, RADIUS = (0.8, 1.5), 0.5
 ROLLER = {"shape": "circle", "centre": list(CENTRE), "radius": RADIUS, "pivot": list(CENTRE)}
@@ -210,6 +212,19 @@ def test_a_spring_that_turns_back():
     springs = np.array([3.0 * tool.translation[0], 0.0, 5.0 * tool.rotation[0]])
     assert -taken == pytest.approx(np.array([0.0, -8.0, 2.0]) - springs, abs=1e-8)
     assert abs(springs).min(where=[True, False, True], initial=1.0) > 1e-3
+
+
+def test_the_roller_of_the_gallery():
+    """Its axle is drawn, and friction turns it against the brake: what the mat takes is what drives the roller."""
+    scene = read_scene(Path(__file__).parents[2] / "demos" / "scenes" / "roller.toml")
+    mesh = scene.mesh.model_copy(update={"parameters": {**scene.mesh.parameters, "nx": 25, "ny": 5}})
+    solution = solve(scene.model_copy(update={"mesh": mesh}), MPI.COMM_SELF)
+    for step in solution.steps:
+        (tool,), way = step.tools, 50 * (step.time - 1)
+        assert tool.translation[0] == pytest.approx(way, abs=1e-9)
+        assert tool.rotation[0] == pytest.approx(-way / 25, abs=0.05 * way / 25 + 0.02)  # it rolls
+        taken = wrench(step.contact, step.displacement, tool.reference + tool.translation)
+        assert taken[1:] == pytest.approx([20.0, -60 * (step.time - 1)], abs=1e-5)
 
 
 class Killed(Exception):
