@@ -139,8 +139,9 @@ _ADVICE = {
         "facets and against, so that the points are on the side that ends, or name more of the other side"
     ),
     Status.STABILITY_UNKNOWN: (
-        "the result is an equilibrium, but whether it is stable cannot be told: J is not the derivative of F, or the "
-        "machine lacks the memory for a factor of it. Give the derivative of F as J, or set stability=False"
+        "the result is an equilibrium, but whether it is stable cannot be told: J is not the derivative of F, loads "
+        "that follow the body have no energy that decides, or the machine lacks the memory for a factor of J. Give the "
+        "derivative of F as J, or set stability=False"
     ),
     Status.LIMIT: (
         "prescribe a displacement instead of a force to follow the body beyond a limit point, refine the mesh, or "

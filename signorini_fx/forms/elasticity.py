@@ -59,7 +59,7 @@ def elastic_body(
         fixed: see ``ElasticBody``.
         boundary: the contact points.
         settings: how it is to be solved.
-        more: ``beside`` and ``definite``.
+        more: ``beside``, ``definite`` and ``symmetric``.
 
     Raises:
         FormError: the form is not symmetric, not positive, or not finite; see also ``ContactBoundary.aligned``.
@@ -82,7 +82,7 @@ def elastic_body(
         stiffness = body.stiffness
     except SceneError as error:
         raise FormError([("algorithm", message) for _, message in error.problems]) from None
-    check_energy(stiffness, fixed.size, definite=body.definite)
+    check_energy(stiffness, fixed.size, definite=body.definite, symmetric=body.symmetric)
     return body
 
 
@@ -125,13 +125,14 @@ class MatrixError(FormError):
         return type(self), (self.fault,)
 
 
-def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True) -> None:
+def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmetric: bool = True) -> None:
     """Whether a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each basis function z; collective.
 
     Args:
         matrix: of the form.
         owned: its unknowns on this rank, before those of rigid bodies.
         definite: whether a(z, z) is looked at.
+        symmetric: whether the form must be.
 
     Raises:
         MatrixError: the form is not symmetric, not positive, or not finite.
@@ -146,7 +147,7 @@ def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True) -> Non
     size = forces.norm()
     if not np.isfinite(size):
         raise MatrixError(MatrixFault.NOT_FINITE)
-    if abs(forces.dot(y) - forces_of_y.dot(x)) > SAME_ENTRY * size:
+    if symmetric and abs(forces.dot(y) - forces_of_y.dot(x)) > SAME_ENTRY * size:
         raise MatrixError(MatrixFault.NOT_SYMMETRIC)
     if not definite:
         return

@@ -224,6 +224,7 @@ class ProblemOfScene(NonlinearContactProblem):
             forces += factor * load.forces
             values += factor * load.prescribed.x.array
         self._residual.loads = forces
+        self._body.pressures.move_to(path_step)
         for function, dofs in self._held:
             function.x.array[:] = values[dofs]
         self._move(self.statement.placed(path_step))
@@ -273,15 +274,20 @@ class ProblemOfScene(NonlinearContactProblem):
             if points.material is material
         }
         internal = self._anew.of_body(self.u, states)
-        return np.asarray(internal - self._anew.external(self._path_step)).ravel()
+        external = self._anew.external(self._path_step) + self._anew.of_followers(self.u, self._path_step)
+        return np.asarray(internal - external).ravel()
 
     def _loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         """See ``NonlinearContactProblem``: those of the scene."""
-        anew = self._anew
+        anew, step = self._anew, self._path_step
+        followers = [
+            (load.where, "pressure", anew.of_followers(self.u, step, effects=[load]))
+            for load in self._body.pressures.effects
+        ]
 
         def loads(path_step: float) -> list[tuple[str | None, str, Array]]:
             acting = [load for load in anew.statement.of(Force) if load.acts]
-            return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting]
+            return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting] + followers
 
         def stresses(model: Model, path: Sequence[fem.Function]) -> NonlinearStresses:
             return NonlinearStresses.of(model, self._states, path)

@@ -8,7 +8,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_bodies import LAME, MU, PLATE, held, neo_hooke, rectangle, residual
 
-from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
+from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.tangent import is_derivative
 from signorini_fx.mechanics.body.assembly import assemble
 
@@ -163,8 +163,8 @@ def test_verdicts_in_any_units(unit):
     assert problem.certificate.holds
 
 
-def test_follower_loads_are_refused_by_name():
-    """Pressure on the deformed boundary that depends on the displacement has no potential."""
+def test_loads_without_potential():
+    """Their tangent is not symmetric: Newton's method is as quick, and stable is what its symmetric part proves."""
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)
     gradient = ufl.Identity(2) + ufl.grad(u)
@@ -173,5 +173,7 @@ def test_follower_loads_are_refused_by_name():
     contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)}, friction=Coulomb(0.1))
     problem = NonlinearContactProblem(form, u, bcs=[held(space, side(1, 0.0))], contact=contact)
     u.x.array[:] = 0.01 * np.random.default_rng(1).random(u.x.array.size)
-    with pytest.raises(FormError, match=r"F: its derivative is not symmetric; an unsymmetric tangent, such as"):
-        problem.solve()
+    problem.solve()
+    assert problem.certificate.holds
+    assert problem.iterations <= 6
+    assert any("the tangent is not symmetric" in event for event in problem.history.events)

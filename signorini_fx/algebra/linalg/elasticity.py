@@ -78,6 +78,7 @@ class Elasticity:
         definite: whether the matrix is positive semi-definite; with a pressure it is symmetric and indefinite, whose
             Schur complement on the unknowns of contact is positive semi-definite.
         rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last rank.
+        symmetric: whether the matrix is; else it is not definite, and only a full system takes it.
     """
 
     matrix: PETSc.Mat
@@ -87,6 +88,7 @@ class Elasticity:
     level: Level | None = None
     definite: bool = True
     rigid: int = 0
+    symmetric: bool = True
 
     @property
     def comm(self) -> MPI.Comm:

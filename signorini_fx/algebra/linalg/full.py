@@ -18,8 +18,8 @@ class FullSystem(AssembledSystem):
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A direct factorisation, Cholesky if the matrix is symmetric."""
-        self._symmetric = symmetric
-        use_factorisation(ksp, symmetric=symmetric, definite=self.definite)
+        self._symmetric = symmetric and self.elasticity.symmetric
+        use_factorisation(ksp, symmetric=self._symmetric, definite=self.definite)
 
     @property
     def solver_defaults(self) -> dict[str, str]:

@@ -38,23 +38,23 @@ def across_arms(turn: Array, arms: Array) -> Array:
     return np.asarray(turn[..., :1] * np.column_stack((-arms[:, 1], arms[:, 0])))
 
 
-def turned_further(given: float | tuple[float, ...], turn: Array, near: float | tuple[float, ...]) -> Any:
+def turned_further(initial: float | tuple[float, ...], turn: Array, near: float | tuple[float, ...]) -> Any:
     """The rotation of a shape, degrees, that is turned further than it is given.
 
     Args:
-        given: its rotation, degrees, see ``Shape``.
+        initial: its rotation, degrees, see ``Shape``.
         turn: the rotation vector by which it is turned then, radians.
         near: a rotation from which that is not far: of all whole turns more or fewer the nearest one is taken.
     """
     if turn.size == 1:
-        assert isinstance(given, float)
-        return given + float(np.degrees(turn[0]))
-    first = np.zeros(3) + np.asarray(given)
+        assert isinstance(initial, float)
+        return initial + float(np.degrees(turn[0]))
+    first = np.zeros(3) + np.asarray(initial)
     if not first.any():
         return tuple(np.degrees(turn).tolist())
     together = (Rotation.from_rotvec(turn) * Rotation.from_rotvec(np.radians(first))).as_rotvec()
     size = float(np.linalg.norm(together))
     axis = together / size if size > 0 else first / np.linalg.norm(first)
     along = float(axis @ np.radians(np.zeros(3) + np.asarray(near)))
-    whole = np.round((along - size) / (2 * np.pi))
-    return tuple(np.degrees((size + 2 * np.pi * whole) * axis).tolist())
+    turns = np.round((along - size) / (2 * np.pi))
+    return tuple(np.degrees((size + 2 * np.pi * turns) * axis).tolist())

@@ -62,14 +62,14 @@ class ToolsAtPoints:
         touched = self.tool >= 0
         of, at = self.tool[touched], nodes[touched]
         free, loose = ~fixed.reshape(-1, dim)[at], ~self.fixed[of]
-        both = self.blocks[touched].copy()
-        both[:, :dim, :dim] += penalty * np.einsum("nki,nkj->nij", held[touched], held[touched])
+        stiffness = self.blocks[touched].copy()
+        stiffness[:, :dim, :dim] += penalty * np.einsum("nki,nkj->nij", held[touched], held[touched])
         # Displacements relative to the tool are -R q of its unknowns, its rotations are the last of these.
         moves = np.tile(np.eye(self.fixed.shape[1]), (len(of), 1, 1))
         moves[:, :dim] = -self.modes[touched]
         moves *= loose[:, None, :]
-        across = free[:, :, None] * (both[:, :dim] @ moves)
-        along = moves.transpose(0, 2, 1) @ both @ moves
+        across = free[:, :, None] * (stiffness[:, :dim] @ moves)
+        along = moves.transpose(0, 2, 1) @ stiffness @ moves
         rows, columns = (first + at[:, None] * dim + np.arange(dim)), tools[of]
         wider.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         for row, column, coupling, block in zip(rows, columns, across, along, strict=True):
@@ -90,6 +90,7 @@ def negative_directions(
     held: Array,
     joint: Sequence[JointStiffness] = (),
     tools: ToolsAtPoints | None = None,
+    symmetric: bool = True,
 ) -> int:
     """The number of negative eigenvalues of the tangent where contact points stay in contact; collective.
 
@@ -106,9 +107,13 @@ def negative_directions(
         held: directions that contact holds at each of them, zero where it holds none, shape (n, directions, d).
         joint: what contact holds between nodes, products of the rows of relative displacements that do not change.
         tools: those that forces move, which contact points keep their distance from; None: there are none.
+        symmetric: whether the tangent is.
     """
     matrix = fem_petsc.assemble_matrix(tangent, list(bcs), 0.0)
     matrix.assemble()
+    if not symmetric:
+        matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
+        matrix.scale(0.5)
     diagonal = matrix.getDiagonal()
     values = diagonal.getArray()
     largest = parallel.largest(matrix.comm.tompi4py(), np.abs(values)) or 1.0

@@ -153,8 +153,10 @@ class LinearisedProblem(FormSolver):
 
     Attributes:
         curvature: what the shapes add to the tangent.
+        symmetric: whether the tangent has been symmetric so far.
     """
 
+    symmetric = True
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
     _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
     _foundations_class = MovingFoundations
@@ -302,13 +304,21 @@ class LinearisedProblem(FormSolver):
         solution: then a smaller increment of the load is what helps, not another method.
         """
         indefinite = {"linear_algebra": "full", "fallbacks": False}
-        settings = self.settings if self._definite else self.settings.model_copy(update=indefinite)
+        definite = self._definite and self.symmetric
+        settings = self.settings if definite else self.settings.model_copy(update=indefinite)
         if self._damping > 0.0:  # what has failed without it is not tried by all methods again
             settings = settings.model_copy(update={"fallbacks": False})
-        beside: dict[str, Any] = {"beside": self._added, "definite": self._definite}
+        beside: dict[str, Any] = {"beside": self._added, "definite": definite, "symmetric": self.symmetric}
         if self.relative is not None and len(self.relative.blocks) == boundary.size:
             beside["relative"] = self.relative.blocks
-        return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, settings, **beside)
+        try:
+            return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, settings, **beside)
+        except MatrixError as error:
+            if error.fault is not MatrixFault.NOT_SYMMETRIC:
+                raise
+        self.symmetric = False
+        self.history.add("the tangent is not symmetric: it is factorised as LU")
+        return self._body(fixed, boundary)
 
     def _forces(self) -> Array:
         """See ``FormSolver``."""

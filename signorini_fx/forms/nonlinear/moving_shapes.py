@@ -316,13 +316,13 @@ def not_driven(shape: Any, dimension: int, *, turns: bool = True) -> tuple[str, 
     if not isinstance(shape, Shape):
         return "force", "cannot move an object of this kind: derive it from Shape"
     rotations = COMPONENTS[dimension][dimension:]
-    given = {key: getattr(shape.prescribed, key, None) for key in rotations}
+    values = {key: getattr(shape.prescribed, key, None) for key in rotations}
     cure = ", ".join(f"{key} = 0" for key in rotations)
     if not shape.drives:
         return None
-    if not turns and any(value != 0.0 for value in given.values()):
+    if not turns and any(value != 0.0 for value in values.values()):
         return "prescribed", f"a tool that forces turn is not possible yet with these contact points: prescribe {cure}"
-    free, wrong = [key for key in rotations if given[key] is None], [key for key in rotations if given[key]]
+    free, wrong = [key for key in rotations if values[key] is None], [key for key in rotations if values[key]]
     if len(free) > 1 or (free and wrong):
         others = " and ".join(f"{key} = 0" for key in rotations if key != free[0])
         reason = "a tool that forces turn about more than one axis is not possible yet with a nonlinear body"

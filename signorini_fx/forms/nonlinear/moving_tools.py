@@ -168,7 +168,7 @@ class MovingTools:
         arms = (boundary.centre + displacement[boundary.nodes])[touched] - pivots[tool[touched]]
         forces = boundary.nodal_forces(state.pressure, state.shear)[touched]
         # In the plane turns are about x[2]: its rows and columns of space are left out.
-        space, kept = np.zeros((2, len(arms), 3)), [*range(dim), *range(6 - turns, 6)]
+        space, axes = np.zeros((2, len(arms), 3)), [*range(dim), *range(6 - turns, 6)]
         space[0, :, :dim], space[1, :, :dim] = arms, forces
         arm, force = turning_matrices(space[0], 3).transpose(0, 2, 1), turning_matrices(space[1], 3)
         turned = np.zeros((len(arms), 6, 6))
@@ -177,8 +177,8 @@ class MovingTools:
         turned[:, 3:, 3:] = np.einsum("ni,nj->nij", space[1], space[0]) - products
         joint = np.tile(np.eye(6), (len(arms), 1, 1))
         joint[:, :3, 3:] = arm  # da = r + w x a
-        both = joint.transpose(0, 2, 1) @ turned @ joint
-        symmetric = ((both + both.transpose(0, 2, 1)) / 2)[:, kept][:, :, kept]
+        total = joint.transpose(0, 2, 1) @ turned @ joint
+        symmetric = ((total + total.transpose(0, 2, 1)) / 2)[:, axes][:, :, axes]
         lengths = np.append(np.ones(dim), np.full(turns, self.bodies.length))
         blocks[touched] += symmetric / np.multiply.outer(lengths, lengths)
         return RelativeStiffness(tool, blocks)
@@ -186,8 +186,8 @@ class MovingTools:
 
 def turning_matrices(vectors: Array, dimension: int) -> Array:
     """The matrices of the products w x a, shape (n, d, d), of vectors w of shape (n, 3), in the plane (n, 1)."""
-    axes = np.tile(np.eye(dimension), (len(vectors), 1, 1))
-    return np.stack([across_arms(vectors, axes[:, axis]) for axis in range(dimension)], axis=2)
+    units = np.tile(np.eye(dimension), (len(vectors), 1, 1))
+    return np.stack([across_arms(vectors, units[:, axis]) for axis in range(dimension)], axis=2)
 
 
 @dataclass(frozen=True)

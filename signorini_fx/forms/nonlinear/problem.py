@@ -85,7 +85,8 @@ class NonlinearContactProblem(ProblemOfForms):
             iterate.
         bcs: Dirichlet conditions as dolfinx makes them; their values may change between two solves.
         contact: the foundations, and pairs of sides of the mesh.
-        J: the tangent, a symmetric form with two arguments, UFL or compiled; None: the derivative of ``F``.
+        J: the tangent, a form with two arguments, UFL or compiled; None: the derivative of ``F``.  Where it is not
+            symmetric, as that of loads that follow the body, it is factorised as a whole.
         update: called before anything is assembled at new values of ``u``, such as to return stresses to a yield
             surface, from the state of the last ``commit``.  Where it raises an exception the increment is shortened.
         commit: called by ``advance``: the state at ``u`` is that from which the next step starts.
@@ -396,7 +397,7 @@ class NonlinearContactProblem(ProblemOfForms):
             except MatrixError as error:
                 if error.fault is MatrixFault.NOT_FINITE:
                     return Status.NOT_FINITE
-                raise self._tangents.refused(error) from None
+                raise
             if length == 0.0:
                 return Status.INVERTED
             u.x.array[:] = old + length * increment

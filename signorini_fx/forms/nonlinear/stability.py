@@ -45,7 +45,10 @@ class Stability:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
         if not self.linear.factor_fits or (tangent := self._derivative()) is None:
             return Status.STABILITY_UNKNOWN
-        return Status.UNSTABLE if self._negative(tangent) else Status.CONVERGED
+        if not self._negative(tangent):
+            return Status.CONVERGED
+        # Without an energy a symmetric part that is not definite proves nothing.
+        return Status.UNSTABLE if self.linear.symmetric else Status.STABILITY_UNKNOWN
 
     def reason_for_none(self, before: Array, size: float) -> str:
         """Why there may be no solution, at an iterate; empty: nothing says so; collective.
@@ -97,7 +100,7 @@ class Stability:
         return None
 
     def _negative(self, tangent: fem.Form) -> int:
-        """In how many directions that contact admits a tangent is negative; collective."""
+        """In how many directions that contact admits a tangent, or its symmetric part, is negative; collective."""
         self.bend()
         linear = self.linear
         bcs = conditions_of(linear.bcs, self.u.function_space)
@@ -113,7 +116,8 @@ class Stability:
         beside = NodalStiffness.summed(
             np.concatenate((curvature.nodes, nodes)), np.concatenate((curvature.blocks, at_points)), curvature.joint
         )
-        return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held, linear.holding, tools)
+        judged = linear.holding, tools, linear.symmetric
+        return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held, *judged)
 
     def _tools(self, tool: npt.NDArray[np.int64], blocks: Array) -> ToolsAtPoints:
         """The tools, of which each point touches one or none, with what their relative displacements meet."""

@@ -12,8 +12,6 @@ import ufl
 from dolfinx import fem
 from ufl.algorithms import compute_form_data
 
-from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import MatrixError, MatrixFault
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.assembly import action
@@ -55,15 +53,6 @@ class Tangents:
     def derivative(self) -> fem.Form:
         """That of F; collective."""
         return self._compiled(derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space)))
-
-    def refused(self, error: MatrixError) -> FormError:
-        """The error of a matrix that the leading one has not been able to give."""
-        if error.fault is not MatrixFault.NOT_SYMMETRIC:
-            return error
-        why = "such as that of loads that follow the body, is not possible yet: take loads that have a potential"
-        if not self.given:
-            return FormError([("F", f"its derivative is not symmetric; an unsymmetric tangent, {why}")])
-        return FormError([("J", f"is not symmetric; an unsymmetric tangent, {why}, or the symmetric part as J")])
 
     def _compiled(self, form: Any) -> fem.Form:
         with compiling():

@@ -106,8 +106,8 @@ def with_rotations(contact: ContactMap, boundary: ContactBoundary) -> PETSc.Mat:
             dim * count + np.arange(turns * count).reshape(count, turns),
         )
     ).ravel()
-    both = sp.csr_array(sp.vstack((along, about), format="csr")[order])
-    csr = (both.indptr.astype(PETSc.IntType), both.indices.astype(PETSc.IntType), both.data)
+    matrix = sp.csr_array(sp.vstack((along, about), format="csr")[order])
+    csr = (matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType), matrix.data)
     return PETSc.Mat().createAIJ(((each * count, None), (columns, None)), csr=csr, comm=contact.operator.comm)
 
 

@@ -83,6 +83,7 @@ class ElasticBody:
             bodies, in the axes of space, and of their rotations times L, force per length, shape (n, m, m); None:
             nothing.
         definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
+        symmetric: whether a(., .) is symmetric; else it is not definite.
         links: between nodes, which a(., .) has beside ``terms``; None: there are none.
         of_body: what has been computed of all these but ``boundary``, unless unknowns are along its normals.
         of_contact: what has been computed of the boundary too.
@@ -104,6 +105,7 @@ class ElasticBody:
     beside: NodalStiffness | None = None
     relative: Array | None = None
     definite: bool = True
+    symmetric: bool = True
     links: LinkStiffness | None = None
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -326,7 +328,8 @@ class ElasticBody:
         """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
         free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
-        return Elasticity(*of, definite=self.definite and not self.elastic.pressed, rigid=self._rigid)
+        definite = self.definite and not self.elastic.pressed
+        return Elasticity(*of, definite=definite, rigid=self._rigid, symmetric=self.symmetric)
 
     def case(
         self,

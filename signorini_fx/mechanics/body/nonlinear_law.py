@@ -19,6 +19,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from signorini_fx.mechanics.body.follower_pressure import FollowerPressures, without_followers
 from signorini_fx.mechanics.body.moduli import reduced_degree
 from signorini_fx.mechanics.body.quadrature import strain_degree
 from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position
@@ -32,8 +33,12 @@ Cells = npt.NDArray[np.int32]
 
 
 def at_rest(statement: Statement) -> Statement:
-    """The same with the linear materials that nonlinear ones are at small strains."""
-    return statement.changed(material=tuple(getattr(material, "at_rest", material) for material in statement.material))
+    """The same with the linear materials that nonlinear ones are at small strains, and loads that keep their direction
+    alone.
+    """
+    return without_followers(statement).changed(
+        material=tuple(getattr(material, "at_rest", material) for material in statement.material)
+    )
 
 
 def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
@@ -120,11 +125,13 @@ class BodyResidual:
         form: F(u; .), UFL.
         tangent: its derivative where that is not the one of UFL; None: it is.
         points: of the materials with a state.
+        pressures: those that follow the body.
     """
 
     form: Any
     tangent: Any | None
     points: tuple[MaterialPoints, ...]
+    pressures: FollowerPressures
 
     def update(self) -> None:
         """Before anything is assembled at another displacement."""
@@ -180,8 +187,11 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         tangents.append(change)
     if energies:
         forms.append(ufl.derivative(sum(energies[1:], energies[0]), u, v))
+    pressures = FollowerPressures.of(statement, tagged, u)
+    if pressures.form is not None:
+        forms.append(pressures.form)
     tangent = sum(tangents[1:], tangents[0]) if points else None
-    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points))
+    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), pressures)
 
 
 def _constants(material: Any) -> tuple[float, float]:

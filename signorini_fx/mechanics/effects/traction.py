@@ -16,7 +16,8 @@ class SurfaceTraction(VectorForce):
         x: component along x[0], stress.
         y: component along x[1], stress.
         z: component along x[2], stress; only in space.
-        pressure: pressure on the boundary, which acts along the inward normal, stress.
+        pressure: pressure on the boundary, which acts along the inward normal, stress; at finite strains along that of
+            the deformed boundary, and per deformed area.
         factors: one number per load step; None: 1 in every step.
         live: whether the safety factor multiplies it; a permanent load is not live.
     """
@@ -28,6 +29,11 @@ class SurfaceTraction(VectorForce):
     def given(self) -> dict[str, Any]:
         """See ``Effect``."""
         return {**super().given, "pressure": self.pressure}
+
+    @property
+    def pressure_acts(self) -> bool:
+        """Whether it has a pressure."""
+        return not is_zero(self.pressure)
 
     @property
     def features(self) -> Features:

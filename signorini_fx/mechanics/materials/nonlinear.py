@@ -74,7 +74,6 @@ class NonlinearMaterial(Material):
             "initial strain": _NOT_YET,
         },
         "finite strain": {
-            "pressure": f"{_MOVED}; give x and y for a load that keeps its direction",
             "prescribed rotation": "is a small one, which a body at finite strains does not know: give x and y as "
             "expressions",
         },
@@ -192,6 +191,10 @@ class Hyperelastic(NonlinearMaterial):
         if statement.element.volumetric == "reduced" and not self.splits:
             reason = f"'reduced' needs an energy of the volume alone, which {self.words} does not have"
             yield ("element", "volumetric"), reason
+        for row, traction in enumerate(statement.effects.get("traction", ())):
+            if hasattr(traction.pressure, "ufl_shape"):
+                reason = "follows the body at finite strains: give a number, an expression or a callable, not UFL"
+                yield ("traction", row, "pressure"), reason
         for other, beside in enumerate(statement.material):
             if not getattr(beside, "finite", False):
                 cure = "give law = 'saint-venant-kirchhoff', which has the constants of a linear one"

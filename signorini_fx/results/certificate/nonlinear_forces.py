@@ -6,7 +6,7 @@ materials with a state that of the last load step.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.mechanics.body.follower_pressure import degree_of, following
 from signorini_fx.mechanics.body.nonlinear_law import at_rest, cells_of, volume_degree
 from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent, deviator, inverse_transposed
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -57,6 +58,7 @@ class NonlinearForces(NodalForces):
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         super().__init__(at_rest(statement), tagged, space)
         self.materials, self._reduced = statement.material, volume_degree(statement, tagged)
+        self._following = statement
         owned = len(self._owned_cells)
         self._made_of, self._place = np.zeros(owned, dtype=np.int64), np.zeros(owned, dtype=np.int64)
         for number, material in enumerate(self.materials):
@@ -76,6 +78,26 @@ class NonlinearForces(NodalForces):
         degree = max(1, self.degree)
         total = self._part_of_work(y, degree, self._of_shape, None)[0]
         total += self._part_of_work(y, self._reduced or degree, self._of_volume, None)[0]
+        return self.over_ranks(total)
+
+    def of_followers(self, displacement: fem.Function, step: float, effects: Sequence[Any] | None = None) -> Array:
+        """The forces of pressures that follow the body, by the tangents of its deformed facets, shape (owned nodes, d);
+        collective.
+
+        Args:
+            displacement: y, length.
+            step: a place in the lists of factors.
+            effects: of the tractions; None: all.
+        """
+        y, total = displacement.x.array.reshape(-1, self.dimension), self.zero()
+        for effect in following(self._following) if effects is None else effects:
+            factor, current = self._following.now(effect, step)
+            points, weights = basix.make_quadrature(self._facet, degree_of(effect, self.statement.element.degree))
+            for part in self._facets(self.facets(effect.where), points, weights, moved=y):
+                at = self.positions(part) + part.table.shape @ y[self.cell_nodes[part.cells], : self.across]
+                around, pressure = self.kinematics.measure_at(at), self.values(current.pressure, part)
+                pressed = -factor * (pressure if around is None else pressure * around)[:, :, None] * part.moment
+                np.add.at(total[:, : self.across], self.cell_nodes[part.cells], part.table.shape.T @ pressed)
         return self.over_ranks(total)
 
     def cauchy(self, displacement: fem.Function, states: Mapping[int, Array]) -> PointStress:

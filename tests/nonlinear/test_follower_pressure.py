@@ -1,0 +1,215 @@
+"""Pressure that follows a body at finite strains: work on a volume, objectivity, closed forms, and free edges."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from support.nonlinear_bodies import LAME, MU, held, neo_hooke, rectangle
+from support.nonlinear_scenes import material
+
+from signorini_fx import (
+    Foundation,
+    NonlinearContactProblem,
+    SceneError,
+    Status,
+    follower_pressure,
+    solve,
+    write_results,
+)
+from signorini_fx.forms.named_parts import tagged_mesh
+from signorini_fx.mechanics.body.assembly import assemble
+from signorini_fx.scenes.reading import parse_scene
+
+
+def domain(kind, degree):
+    """A mesh away from the axis, and a displacement that is not small; quadratic ones have curved sides."""
+    if kind == "space":
+        mesh = dmesh.create_box(MPI.COMM_WORLD, [[0.0] * 3, [1.0] * 3], [2, 2, 2], dmesh.CellType.hexahedron)
+    else:
+        mesh = dmesh.create_rectangle(MPI.COMM_WORLD, [[1.0, 0.0], [2.0, 1.0]], [3, 2], dmesh.CellType.triangle)
+    dim = mesh.geometry.dim
+    u = fem.Function(fem.functionspace(mesh, ("Lagrange", degree, (dim,))))
+    waves = np.array([[1.1, 0.7, 0.4], [0.3, 1.9, 0.8], [0.5, 0.2, 1.3]])[:dim]
+    u.interpolate(lambda x: 0.2 * np.sin(waves @ x + np.arange(dim)[:, None]))
+    return mesh, u
+
+
+CASES = [("plane", 1), ("plane", 2), ("axisymmetric", 2), ("space", 1)]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("kind", "degree"), CASES)
+def test_work_on_a_closed_boundary_is_that_of_its_volume(kind, degree):
+    """The forces are -p times the derivative of the deformed volume, node by node."""
+    mesh, u = domain(kind, degree)
+    v, around = ufl.TestFunction(u.function_space), 1.0
+    gradient = ufl.Identity(len(u)) + ufl.grad(u)
+    volume = ufl.det(gradient)
+    if kind == "axisymmetric":
+        around = ufl.SpatialCoordinate(mesh)[0]
+        volume *= 1 + u[0] / around
+    exact = {"quadrature_degree": 8}
+    derivative = ufl.derivative(volume * around * ufl.dx(metadata=exact), u, v)
+    traction = follower_pressure(fem.Constant(mesh, 3.0), u, axisymmetric=kind == "axisymmetric")
+    forces = assemble(fem.form(ufl.inner(traction, v) * around * ufl.ds(metadata=exact)))
+    expected = -3.0 * assemble(fem.form(derivative))
+    assert np.abs(expected).max() > 0.1
+    assert forces == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "degree"), [case for case in CASES if case[0] != "axisymmetric"])
+def test_forces_turn_with_the_body(kind, degree):
+    """A deformed body that is turned as a whole is pressed by turned forces."""
+    _, u = domain(kind, degree)
+    v, dim = ufl.TestFunction(u.function_space), len(u)
+    turn = np.linalg.qr(np.array([[1.0, -2.0, 0.5], [0.3, 1.0, 0.7], [0.2, -0.4, 1.0]])[:dim, :dim])[0]
+    turn[:, 0] *= np.linalg.det(turn)
+    form = fem.form(ufl.inner(follower_pressure(2.0, u), v) * ufl.ds)
+    before = assemble(form).reshape(-1, dim)
+    x = u.function_space.tabulate_dof_coordinates()[:, :dim]
+    u.x.array[:] = ((x + u.x.array.reshape(-1, dim)) @ turn.T - x).ravel()
+    assert assemble(form).reshape(-1, dim) == pytest.approx(before @ turn.T, abs=1e-13)
+
+
+def tube(pressure, law, comm, **further):
+    """The wall of a tube whose length does not change, pressed from inside; a wall around it is far away."""
+    mesh = dmesh.create_rectangle(comm, [[1.0, 0.0], [2.0, 0.1]], [16, 1], dmesh.CellType.quadrilateral)
+    places = {"left": (0, 1.0), "right": (0, 2.0), "bottom": (1, 0.0), "top": (1, 0.1)}
+    sides = {
+        name: dmesh.locate_entities_boundary(mesh, 1, lambda x, axis=axis, at=at: np.isclose(x[axis], at))
+        for name, (axis, at) in places.items()
+    }
+    scene = {
+        "mesh": tagged_mesh(mesh, sides),
+        "material": law | {"hypothesis": "axisymmetric"},
+        "element": {"degree": 2},
+        "displacement": [{"boundary": "bottom", "y": 0.0}, {"boundary": "top", "y": 0.0}],
+        "traction": {"boundary": "left", "pressure": pressure},
+        "contact": {
+            "boundary": "right",
+            "foundation": {"shape": "plane", "point": [9.0, 0.0], "normal": [-1.0, 0.0]},
+        },
+        "load_steps": {"steps": 2},
+    }
+    return parse_scene(scene | further)
+
+
+def widened(pressure, inner, outer):
+    """The radius of the inside of a neo-Hookean tube in plane strain, by its radial equilibrium.
+
+    P_R = mu (a - 1 / a) + Lambda ln J / a, P_Theta likewise with the stretches a = dr / dR and b = r / R, J = a b.
+    """
+
+    def nominal(a, b):
+        return MU * (a - 1 / a) + LAME * np.log(a * b) / a, MU * (b - 1 / b) + LAME * np.log(a * b) / b
+
+    def stretch(radial, b):
+        return brentq(lambda a: nominal(a, b)[0] - radial, 0.05, 5.0, xtol=1e-15)
+
+    def slope(R, y):
+        r, radial = y
+        a = stretch(radial, r / R)
+        return [a, (nominal(a, r / R)[1] - radial) / R]
+
+    def outside(r):
+        begin = [r, -pressure * r / inner]
+        return solve_ivp(slope, (inner, outer), begin, rtol=1e-11, atol=1e-12).y[1, -1]
+
+    return brentq(outside, inner * 1.0001, inner * 2.5, xtol=1e-13)
+
+
+@pytest.mark.mpi
+def test_a_tube_by_its_radial_equilibrium():
+    """The inside is wider by more than a quarter, and the area that is pressed with it."""
+    pressure = 14.0
+    law = {"law": "neo-hooke", "young": 100.0, "poisson": 0.3}
+    solution = solve(tube(pressure, law, MPI.COMM_WORLD))
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+    u, space = solution.displacement, solution.displacement.function_space
+    inside = np.isclose(space.tabulate_dof_coordinates()[:, 0], 1.0)
+    widest = MPI.COMM_WORLD.allreduce(u.x.array[::2][inside].max(initial=0.0), MPI.MAX)
+    exact = widened(pressure, 1.0, 2.0) - 1.0
+    assert exact > 0.25
+    assert widest == pytest.approx(exact, rel=1e-5)
+
+
+def test_a_tube_that_is_hardly_compressible():
+    """p = mu [ln(r^2 - c) / 2 - ln r - c / (2 r^2)] between its radii a and b, with c = a^2 - A^2."""
+    shear, a, outside = 1.0, 1.5, 2.0
+    c = a**2 - 1.0
+    radii = np.array([a, np.sqrt(outside**2 + c)])
+    ends = np.log(radii**2 - c) / 2 - np.log(radii) - c / (2 * radii**2)
+    pressure = shear * (ends[1] - ends[0])
+    law = {"law": "mooney-rivlin", "c10": shear / 2, "bulk": 1e4 * shear}
+    solution = solve(tube(float(pressure), law, MPI.COMM_SELF, load_steps={"steps": 4}), MPI.COMM_SELF)
+    u = solution.displacement
+    inside = np.isclose(u.function_space.tabulate_dof_coordinates()[:, 0], 1.0)
+    assert u.x.array[::2][inside] == pytest.approx(np.full(np.count_nonzero(inside), a - 1.0), rel=1e-3)
+
+
+def beam(pressure, **further):
+    """A cantilever with free edges that is pressed from above, over a foundation that it may reach."""
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 4.0, "height": 0.5, "nx": 24, "ny": 4}},
+        "material": material("neo-hooke"),
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "traction": {"boundary": "top", "pressure": pressure},
+        "contact": {"boundary": "bottom", "gap": 50.0},
+    }
+    return parse_scene(scene | further)
+
+
+def chord(solution, ends):
+    """From one node to another where they have been displaced."""
+    u = solution.displacement
+    x = u.function_space.tabulate_dof_coordinates()[:, :2]
+    places = x + u.x.array.reshape(-1, 2)[: len(x)]
+    first, last = (places[np.argmin(np.linalg.norm(x - end, axis=1))] for end in ends)
+    return last - first
+
+
+@pytest.mark.parametrize("contact", [False, True])
+def test_a_cantilever(contact, tmp_path):
+    """Its tangent is not symmetric.  What holds it takes p times the chord of the deformed side, turned."""
+    ground = {"boundary": "bottom", "foundation": {"shape": "circle", "centre": [3.0, -1.5], "radius": 0.5}}
+    further = {"contact": ground} if contact else {}
+    solution = solve(beam("0.5 * t", load_steps={"times": [1.0]}, **further), MPI.COMM_SELF)
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+    assert any("the tangent is not symmetric" in event for event in solution.history.events)
+    (dx, dy) = chord(solution, ((0.0, 0.5), (4.0, 0.5)))
+    assert dy < -1.0
+    pushed = 0.5 * np.array([dy, -dx])
+    summary = write_results(solution, str(tmp_path), pictures=False)
+    resultants = solution.resultants
+    assert resultants.of("top").force == pytest.approx(pushed, abs=1e-9)
+    on_ground = np.sum(solution.contact.forces, axis=0)
+    assert bool(np.abs(on_ground).max() > 0.1) is contact
+    assert resultants.of("left").force + on_ground == pytest.approx(-pushed, abs=1e-7)
+    assert summary["converged"]
+
+
+def test_forms_and_scene_agree():
+    """A user's residual with the traction, and the scene."""
+    of_scene = solve(beam("0.4 * t", load_steps={"times": [1.0]}), MPI.COMM_SELF).displacement
+    space, side = rectangle([4.0, 0.5], [24, 4], MPI.COMM_SELF)
+    u, pressure = fem.Function(space), fem.Constant(space.mesh, 0.4)
+    top = ufl.Measure("ds", subdomain_data=dmesh.meshtags(space.mesh, 1, np.sort(side(1, 0.5)), 1))
+    foundation = Foundation(side(1, 0.0), gap=50.0)
+    F = ufl.derivative(neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space))
+    F -= ufl.inner(follower_pressure(pressure, u), ufl.TestFunction(space)) * top(1)
+    problem = NonlinearContactProblem(F, u, bcs=[held(space, side(0, 0.0))], contact=foundation)
+    problem.ramp(lambda load: setattr(pressure, "value", 0.4 * load), first=0.5)
+    assert problem.certificate.holds
+    assert u.x.array == pytest.approx(of_scene.x.array, abs=1e-7)
+
+
+def test_a_pressure_in_ufl_is_refused():
+    """Nothing but a form could integrate it."""
+    with pytest.raises(SceneError, match=r"traction.pressure: follows the body at finite strains: give a number"):
+        beam(ufl.as_ufl(1.0))
