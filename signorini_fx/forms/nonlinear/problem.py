@@ -27,6 +27,7 @@ from signorini_fx.forms.elasticity import MatrixError, MatrixFault
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.arguments import checked
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.forms.nonlinear.displacement_control import Control, ControlSteps, SnapThrough, jumps, load_that_holds
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
@@ -59,7 +60,7 @@ from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.solving.restart import MeshCheckpoint
-from signorini_fx.tuned import LEAST_INCREMENT, SMALL_INCREMENT, SMALLEST_STEP
+from signorini_fx.tuned import LEAST_INCREMENT, LOAD_DIFFERENCE, SMALL_INCREMENT, SMALLEST_STEP
 
 Array = npt.NDArray[np.float64]
 # Iterations of Newton's method, unless it is said otherwise.
@@ -525,6 +526,7 @@ class NonlinearContactProblem(ProblemOfForms):
         first: float | None = None,
         largest: float | None = None,
         smallest: float = SMALLEST_STEP,
+        control: tuple[int, str] | None = None,
         on_step: Callable[[RampStep], object] = lambda step: None,
     ) -> list[RampStep]:
         """Raise the load from 0 in steps, with ``advance`` after each; collective.
@@ -538,6 +540,10 @@ class NonlinearContactProblem(ProblemOfForms):
             first: size of the first step; None: all of it.
             largest: size that any step may have; None: there is none.
             smallest: share of ``to`` below which no step is halved.
+            control: a foundation that a force moves, and a component of its translation, such as ``(0, "y")``: beyond a
+                limit point, which steps end at or jump over, this is prescribed and goes on as before, and the load,
+                which may fall, is what holds it there, until it is ``to``.  The way beyond the limit point is not
+                longer than the body.  None: a step without a solution ends the ramp, and others may jump.
             on_step: called after each step.
 
         Returns:
@@ -550,16 +556,84 @@ class NonlinearContactProblem(ProblemOfForms):
             FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
         """
         sizes, steps = StepSizes(to, first, largest, smallest), list[RampStep]()
+        tool = None if control is None else Control.of(control, self.shapes, self._dimension)
+        places = [] if tool is None else [tool.place(self.shapes)]
+        gone = [0.0]  # how far the load has gone, up and down
 
         def solved(load: float, step: StepResult) -> StepResult:
+            gone.append(gone[-1] + abs(load - (steps[-1].load if steps else 0.0)))
             steps.append(RampStep(load, self.iterations, step.linear_solves))
-            return replace(step, place=float(step.step - 1), time=abs(load))
+            if tool is not None:
+                places.append(tool.place(self.shapes))
+            return replace(step, place=float(step.step - 1), time=gone[-1])
 
         def last_words(reached: float | None) -> str:
             return outcomes.last_solution(reached, to)
 
-        self._follow(sizes, apply, solved, lambda step: on_step(steps[-1]), last_words)
+        def check() -> None:
+            if tool is not None and jumps(places, tool.place(self.shapes)):
+                raise SnapThrough
+
+        try:
+            self._follow(sizes, apply, solved, lambda step: on_step(steps[-1]), last_words, check=check)
+        except (ConvergenceError, SnapThrough):
+            if tool is None or not steps or self.status in outcomes.NOT_A_LIMIT:
+                raise
+            self._beyond_limit(tool, apply, to, places, solved, lambda step: on_step(steps[-1]))
         return steps
+
+    def _beyond_limit(
+        self,
+        tool: Control,
+        apply: Callable[[float], object],
+        to: float,
+        places: list[float],
+        solved: Callable[[float, StepResult], StepResult],
+        on_step: Callable[[StepResult], object],
+    ) -> None:
+        """Steps of a ramp beyond a limit point, see ``ramp``; collective.
+
+        Args:
+            tool: whose translation is prescribed.
+            apply: see ``ramp``.
+            to: see ``ramp``.
+            places: where it was at the beginning and after each step, which is added to.
+            solved: see ``_follow``.
+            on_step: see ``_follow``.
+
+        Raises:
+            ConvergenceError: an increment cannot be shortened any more, or the load is not reached.
+        """
+        steps, load = ControlSteps.after(places), float(self._ramped[-1].time) * float(np.sign(to))
+        self.history.add(f"beyond the limit point at load {load:g} {tool.key} of contact[{tool.number}] is prescribed")
+        while steps.step != 0.0 and abs(places[-1] - steps.limit) <= self._size:
+            begun, place = self._snapshot(), places[-1] + steps.step
+
+            def solve(place: float = place) -> ContactState:
+                self.place(tool.number, **tool.held_at(place, self.shapes))
+                self._attempt(damps=not steps.may_halve)
+                return self.state
+
+            try:
+                held = load_that_holds(tool, self.shapes, apply, solve, load, LOAD_DIFFERENCE * to)
+                if abs(held) >= abs(to) and held * to > 0:  # on a branch that carries it
+                    apply(to)
+                    self._attempt()
+                    held = to
+            except ConvergenceError:
+                self._begin_again(begun, partial(apply, load))
+                if not steps.may_halve:
+                    raise
+                steps.halve()
+                continue
+            load = held
+            steps.accept(self.iterations)
+            self._end_step(load, solved, on_step)
+            if load == to:
+                return
+        self.status = Status.LIMIT
+        reached = f"{tool.key} of contact[{tool.number}] was moved to {places[-1]:g}, where load {load:g} holds it"
+        raise ConvergenceError(self, f"{Status.LIMIT.value}: {reached}; load {to:g} is not reached")
 
     def run(
         self,
@@ -629,6 +703,7 @@ class NonlinearContactProblem(ProblemOfForms):
         shown: Callable[[float], float] = float,
         announce: Callable[[float], object] = lambda end: None,
         stored: StepsOnDisk | None = None,
+        check: Callable[[], object] = lambda: None,
     ) -> None:
         """One step after the other; collective.
 
@@ -641,6 +716,7 @@ class NonlinearContactProblem(ProblemOfForms):
             shown: a load or time for messages, from where a step ends.
             announce: called before a step is solved with where it ends.
             stored: the checkpoint that steps are taken from and stored in; None: there is none.
+            check: called where a step has a solution; what it raises ends the way at the step before.
         """
         self._forget_steps()
         solves = len(self.history.iterations)
@@ -658,6 +734,7 @@ class NonlinearContactProblem(ProblemOfForms):
                 announce(end)
                 apply(end)
                 self._attempt(damps=not sizes.may_halve)
+                check()
             except Exception as error:
                 final = not sizes.may_halve or self.status in outcomes.FINAL
                 if final and isinstance(error, ConvergenceError) and self._solved is None:

@@ -1,0 +1,174 @@
+"""Equilibria beyond a limit point: a translation of a tool that a force moves is prescribed, and the load is what holds
+the tool there, so that it may fall while the tool moves on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.errors import FormError
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
+from signorini_fx.tuned import (
+    FEW_NEWTON_ITERATIONS,
+    JUMP,
+    LARGEST_LOAD_ERROR,
+    LOADS_TRIED,
+    SMALLEST_STEP,
+    STEP_GROWTH,
+)
+
+Array = npt.NDArray[np.float64]
+
+
+class SnapThrough(Exception):
+    """A step has jumped over a limit point."""
+
+
+def jumps(places: list[float], place: float) -> bool:
+    """Whether a tool goes much farther in a step than in any before; ``places``: where they have begun and ended."""
+    largest = float(np.abs(np.diff(places)).max(initial=0.0))
+    return 0.0 < JUMP * largest < abs(place - places[-1])
+
+
+@dataclass(frozen=True)
+class Control:
+    """The translation of a tool that is prescribed beyond a limit point.
+
+    Attributes:
+        number: of a foundation that a force moves.
+        component: of its translation, from 0.
+        key: the name of this component.
+        parts: the foundations of the same rigid body.
+    """
+
+    number: int
+    component: int
+    key: str
+    parts: tuple[int, ...]
+
+    @classmethod
+    def of(cls, control: Any, shapes: dict[int, MovingShape], dimension: int) -> Control:
+        """From what a user gives.
+
+        Raises:
+            FormError: it is no foundation and component, or no force moves this one freely.
+        """
+        names = COMPONENTS[dimension][:dimension]
+        number, key = control if isinstance(control, tuple) and len(control) == 2 else (None, None)
+        moving = shapes.get(number) if isinstance(number, int) else None
+        if moving is None or key not in names:
+            text = "must be the number of a foundation that a force moves and one of its components, such as (0, 'y')"
+            raise FormError([("control", text)], "ramp")
+        if moving.shape.force is None or getattr(moving.shape.prescribed, str(key), None) is not None:
+            raise FormError([("control", f"{key} of contact[{number}] is not moved by a force")], "ramp")
+        body = moving.shape.rigid
+        parts = tuple(k for k, at in shapes.items() if k == number or (body and at.shape.rigid == body))
+        return cls(int(str(number)), names.index(key), str(key), parts)
+
+    def place(self, shapes: dict[int, MovingShape]) -> float:
+        """Where the component is, length."""
+        return float(shapes[self.number].translation[self.component])
+
+    def drive(self, shapes: dict[int, MovingShape]) -> float:
+        """The force along it that drives the tool now."""
+        return float(shapes[self.number].shape.force[self.component])
+
+    def missing(self, shapes: dict[int, MovingShape], state: ContactState) -> tuple[float, float]:
+        """What the drive has more than contact and springs take of it, and the size of these; forces; collective."""
+        boundary, shape = state.boundary, shapes[self.number].shape
+        forces = boundary.nodal_forces(state.pressure, state.shear)[np.isin(boundary.part, self.parts), self.component]
+        taken = float(boundary.comm.allreduce(float(forces.sum())))
+        stiffness = float(shape.stiffness(boundary.x.shape[1])[self.component])
+        springs = stiffness * self.place(shapes)
+        return self.drive(shapes) + taken - springs, max(abs(taken), abs(springs))
+
+    def held_at(self, place: float, shapes: dict[int, MovingShape]) -> dict[str, Any]:
+        """What to place the tool with so that the component is prescribed."""
+        prescribed = shapes[self.number].shape.prescribed
+        others = {} if prescribed is None else {key: value for key, value in prescribed if value is not None}
+        return {"prescribed": others | {self.key: place}}
+
+
+def load_that_holds(
+    control: Control,
+    shapes: dict[int, MovingShape],
+    apply: Callable[[float], object],
+    solve: Callable[[], ContactState],
+    load: float,
+    difference: float,
+) -> float:
+    """The load with which the drive holds a tool where ``solve`` puts it, by the secant of its drive; collective.
+
+    Args:
+        control: what is prescribed.
+        shapes: of the foundations.
+        apply: changes the problem to what it is at a load.
+        solve: solves at the load of now with the component prescribed.
+        load: to begin with.
+        difference: of loads, for the slope of the drive.
+
+    Raises:
+        ConvergenceError: see ``solve``.
+        FormError: the force of the tool does not depend on the load.
+    """
+    for _ in range(LOADS_TRIED):
+        apply(load + difference)
+        ahead = control.drive(shapes)
+        apply(load)
+        slope = (ahead - control.drive(shapes)) / difference
+        if slope == 0.0:
+            reason = f"the force on contact[{control.number}] along {control.key} does not change with the load"
+            raise FormError([("control", reason)], "ramp")
+        state = solve()
+        apply(load)
+        missing, size = control.missing(shapes, state)
+        if abs(missing) <= LARGEST_LOAD_ERROR * size:
+            break
+        load -= missing / slope
+    return load
+
+
+@dataclass
+class ControlSteps:
+    """The steps of a translation beyond a limit point.
+
+    Attributes:
+        limit: where the limit point is, length.
+        step: of the next increment, with its sign.
+        largest: its largest size.
+    """
+
+    limit: float
+    step: float
+    largest: float
+
+    @classmethod
+    def after(cls, places: list[float]) -> ControlSteps:
+        """After steps that have ended at some places: on the way that these have gone, and as far at once as the
+        longest of them.
+        """
+        increments = np.diff(places)
+        last = increments[increments != 0.0]
+        largest = float(np.abs(increments).max(initial=0.0))
+        return cls(places[-1], float(np.sign(last[-1])) * largest if last.size else 0.0, largest)
+
+    @property
+    def may_halve(self) -> bool:
+        """Whether a smaller increment may be tried."""
+        return abs(self.step) / 2 >= SMALLEST_STEP * self.largest
+
+    def halve(self) -> None:
+        """The next increment has no solution."""
+        self.step /= 2
+
+    def accept(self, iterations: int) -> None:
+        """The next increment has a solution, after so many iterations."""
+        if iterations <= FEW_NEWTON_ITERATIONS:
+            self.step = float(np.sign(self.step)) * min(abs(self.step) * STEP_GROWTH, self.largest)
