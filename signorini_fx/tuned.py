@@ -880,8 +880,8 @@ NEWTON_SOLVES = (5, 18)
 # the third share of the load.  Choice.
 FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
 # A step has jumped over a limit point if a tool goes so many times as far as in any before.  Beyond it: how many loads
-# are tried for one place of a tool, up to which share of its force they may be wrong, and the share of the whole load by
-# which its slope is found.  Choice.
+# are tried for one place of a tool, up to which share of its force they may be wrong, and by which share of the whole
+# load its slope is found.  Choice.
 JUMP, LOADS_TRIED, LARGEST_LOAD_ERROR, LOAD_DIFFERENCE = 4.0, 6, 1e-9, 1e-3
 # What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
 MOST_TURNED = -0.5

@@ -249,7 +249,7 @@ def test_orthotropic_materials(tmp_path, capsys):
         ([], STEEL, "no material: 8 of 8 cells are in no section"),
         (
             ["*SOLID SECTION, ELSET=BODY, MATERIAL=R"],
-            ["*MATERIAL, NAME=R", "*HYPERELASTIC", "1."],
+            ["*MATERIAL, NAME=R", "*VISCOELASTIC", "1."],
             "has no *ELASTIC that is",
         ),
         (
@@ -267,7 +267,7 @@ def test_materials_that_are_missing(tmp_path, capsys, sections, materials, word)
 
 def test_a_part_without_a_material(tmp_path, capsys):
     """It is an error, whatever the rest has."""
-    rubber = ["*MATERIAL, NAME=RUBBER", "*HYPERELASTIC", "1."]
+    rubber = ["*MATERIAL, NAME=RUBBER", "*VISCOELASTIC", "1."]
     sections = [
         f"*SOLID SECTION, ELSET={name}, MATERIAL={of}" for name, of in (("BODY_LOW", "STEEL"), ("BODY_HIGH", "RUBBER"))
     ]

@@ -37,6 +37,7 @@ from signorini_fx.addons.decks.keywords import (
 from signorini_fx.addons.decks.loads import read_body_forces, read_boundary, read_forces, read_surface_loads
 from signorini_fx.addons.decks.material import read_constants, read_section
 from signorini_fx.addons.decks.nodal import read_constraints, read_equations
+from signorini_fx.addons.decks.nonlinear_material import read_hardening, read_rubber
 from signorini_fx.addons.decks.temperatures import read_temperatures
 from signorini_fx.addons.decks.ties import link_sectors
 from signorini_fx.errors import MeshError
@@ -94,7 +95,9 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                     _change_friction(deck, block, changed)
                 case "SURFACEBEHAVIOR" if deck.steps and behaving:
                     pass  # *CHANGE SURFACE BEHAVIOR has said it
-                case "ELASTIC" | "EXPANSION" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
+                case "ELASTIC" | "EXPANSION" | "HYPERELASTIC" | "PLASTIC" | "FRICTION" | "SURFACEBEHAVIOR" if (
+                    deck.steps
+                ):
                     deck.lose(block, CHANGED_WITHIN)
                 case "MATERIAL":
                     material = block.parameters["NAME"].upper()
@@ -104,6 +107,10 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                     deck.frictions.setdefault(interaction, {})
                 case "ELASTIC" | "DENSITY" | "EXPANSION":
                     read_constants(deck, block, material)
+                case "HYPERELASTIC":
+                    read_rubber(deck, block, material)
+                case "PLASTIC":
+                    read_hardening(deck, block, material)
                 case "FRICTION":
                     _friction(deck, block, interaction)
                 case "SURFACEBEHAVIOR":
@@ -188,7 +195,8 @@ def _read(deck: Deck, block: DeckBlock) -> None:
             deck.steps.append(parameters.get("NAME", f"step {len(deck.steps) + 1}"))
             deck.time += deck.period if deck.step else 0.0
             deck.period = 1.0
-            if parameters.get("NLGEOM", "NO").upper() == "YES" or ("NLGEOM" in parameters and not parameters["NLGEOM"]):
+            finite = any("rubber" in properties for properties in deck.materials.values())
+            if not finite and "NLGEOM" in parameters and parameters["NLGEOM"].upper() in ("", "YES"):
                 deck.note(block, SMALL)
                 deck.nonlinear = block
         case "STATIC":

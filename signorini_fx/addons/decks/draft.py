@@ -90,10 +90,17 @@ def draft(file: Path, mesh: MeshArrays, target: Path) -> Draft:
 def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str, list[str]]]:
     """All tables of the scene but its mesh, each with its lines."""
     steps = max(1, len(deck.steps))
-    tables = [("[element]", ["degree = 2"])] if deck.mesh.degree == 2 else []
+    element = ["degree = 2"] if deck.mesh.degree == 2 else []
+    if any("rubber" in properties for properties in deck.materials.values()):
+        element.append('volumetric = "auto"')
+    tables = [("[element]", element)] if element else []
     heat = _heat(deck, steps, target, files)
     contacts, stiffness = contact_tables(deck, steps)
-    tables += [*material_tables(deck, heated=bool(heat)), *_loads(deck, steps, releases=bool(contacts)), *heat]
+    tables += [
+        *material_tables(deck, contacts, heated=bool(heat)),
+        *_loads(deck, steps, releases=bool(contacts)),
+        *heat,
+    ]
     tables += bolt_tables(deck, steps)
     tables += nodal_tables(deck, steps, target, files)
     if not contacts and not deck.links and deck.touches:

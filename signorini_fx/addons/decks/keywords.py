@@ -58,6 +58,9 @@ COMING_AND_GOING = "parts and contacts that come or go with a later step: they a
 NO_CLEARANCE = "a clearance that a file gives node by node, or that a later step changes"
 OTHER_BEHAVIOUR = "another stiffness, or a bond, from a step on: the first one is taken"
 GENERAL_CONTACT = "general contact: name the pairs of surfaces, in [[contact]]"
+OTHER_RUBBER = "only NEO HOOKE, MOONEY-RIVLIN and OGDEN with D1 above 0 are known"
+OTHER_HARDENING = "hardening that is not isotropic: elastic here"
+NOT_YET_NONLINEAR = "not possible yet"
 FIRST_LINE = "constants that depend on temperature: the first line is taken"
 SECTOR = "forces on a sector of 2 degrees, as CalculiX prints them"
 NOT_WRITTEN = "not written"
@@ -91,8 +94,14 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.TAKEN, "the lines of another file of the folder", "INCLUDE"),
     *_rules(Grade.TAKEN, "title", "HEADING"),
     *_rules(Grade.TAKEN, "material", "MATERIAL", "ELASTIC", "EXPANSION", "DENSITY", "ORIENTATION", "SOLID SECTION"),
+    *_rules(Grade.TAKEN, "material of one body on rigid surfaces", "HYPERELASTIC", "PLASTIC"),
+    *_rules(Grade.REFUSED, OTHER_RUBBER, "HYPERELASTIC", case="another energy, or incompressible"),
+    *_rules(Grade.REFUSED, f"{NOT_YET_NONLINEAR} with another body and more", "HYPERELASTIC", case="elsewhere"),
+    *_rules(Grade.LOST, OTHER_HARDENING, "PLASTIC", case="HARDENING other than ISOTROPIC"),
+    *_rules(Grade.LOST, f"{NOT_YET_NONLINEAR} with another body and more: elastic here", "PLASTIC", case="elsewhere"),
     *_rules(Grade.LOST, FIRST_LINE, "ELASTIC", "EXPANSION", case="several temperatures"),
     *_rules(Grade.LOST, CHANGED_WITHIN, "ELASTIC", "EXPANSION", "FRICTION", "SURFACE BEHAVIOR", case="within a step"),
+    *_rules(Grade.LOST, CHANGED_WITHIN, "HYPERELASTIC", "PLASTIC", case="within a step"),
     *_rules(Grade.NOTED, _STRESSED, "SHELL SECTION", "MEMBRANE SECTION", case="of a plane mesh"),
     *_rules(Grade.LOST, "which are no part of the body", "BEAM SECTION"),
     *_rules(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckSection, frame
 from signorini_fx.addons.decks.keywords import FIRST_LINE
+from signorini_fx.addons.decks.nonlinear_material import nonlinear_law, obstacle_of
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
@@ -136,8 +138,13 @@ def _linear(matrix: Floats, constant: Floats, dim: int) -> str:
     return f"[{', '.join(values)}]"
 
 
-def material_tables(deck: Deck, *, heated: bool) -> list[tuple[str, list[str]]]:
+def material_tables(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) -> list[tuple[str, list[str]]]:
     """The lines of each material.
+
+    Args:
+        deck: the input file.
+        contacts: the lines of each contact of the scene.
+        heated: whether there are temperatures.
 
     Raises:
         ValueError: a part of the body has none.
@@ -153,12 +160,13 @@ def material_tables(deck: Deck, *, heated: bool) -> list[tuple[str, list[str]]]:
             raise ValueError(why)
         element, block = deck.model.bare
         raise DeckError(block, f"{why}, such as element {element}")
-    shown: list[tuple[str, list[str]]] = []
+    shown, obstacle = list[tuple[str, list[str]]](), obstacle_of(deck, contacts, heated=heated)
     for section in deck.sections:
         name = f"the material {section.material!r} of {section.region!r}"
         if (properties := deck.materials.get(section.material)) is None:
             raise DeckError(section.block, f"{name} is not defined")
-        if (law := _law(deck, properties, section.orientation)) is None:
+        law = nonlinear_law(deck, properties, obstacle) or _law(deck, properties, section.orientation)
+        if law is None:
             raise DeckError(section.block, f"{name} has no *ELASTIC that is isotropic or orthotropic")
         # without *EXPANSION a material does not expand
         properties = {"expansion": 0.0, **properties} if heated else properties

@@ -1,0 +1,122 @@
+"""Rubber and metal that yields of an Abaqus input file, as nonlinear materials of a scene.  No dolfinx here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from signorini_fx.addons.decks.content import Deck
+from signorini_fx.addons.decks.keywords import FIRST_LINE, NOT_YET_NONLINEAR, OTHER_HARDENING, OTHER_RUBBER
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
+
+# By the parameters of *HYPERELASTIC that name an energy: its law; a polynomial is what it is without any.
+_ENERGIES = {
+    "NEOHOOKE": "neo-hooke",
+    "MOONEY-RIVLIN": "mooney-rivlin",
+    "OGDEN": "ogden",
+    "POLYNOMIAL": "mooney-rivlin",
+    "REDUCEDPOLYNOMIAL": "neo-hooke",
+}
+_OTHER_ENERGIES = ("ARRUDA-BOYCE", "YEOH", "MARLOW", "VANDERWAALS", "USER", "TESTDATAINPUT")
+_FIRST_TERM = ("POLYNOMIAL", "REDUCEDPOLYNOMIAL")
+
+
+def read_rubber(deck: Deck, block: DeckBlock, material: str) -> None:
+    """*HYPERELASTIC: its energy, with kappa = 2 / D1 and, of Ogden, 2 mu / alpha for its mu.
+
+    Raises:
+        DeckError: scenes do not know the energy.
+    """
+    parameters = block.parameters
+    named = [key for key in _ENERGIES if key in parameters] or ["POLYNOMIAL"]
+    terms = round(real(parameters.get("N", "1")))
+    law = _ENERGIES[named[0]]
+    if any(key in parameters for key in _OTHER_ENERGIES) or (named[0] in _FIRST_TERM and terms != 1):
+        raise DeckError(block, OTHER_RUBBER)
+    count = {"neo-hooke": 2, "mooney-rivlin": 3, "ogden": 3 * terms}[law]
+    words = [real(word) for row in block.rows for word in row]
+    if len(words) < count:
+        raise ValueError(f"{count} constants are expected")
+    volumes = words[count - (terms if law == "ogden" else 1) : count]
+    if not volumes[0] > 0 or any(volumes[1:]):
+        raise DeckError(block, OTHER_RUBBER)
+    if len(block.rows) > -(-count // 8):
+        deck.lose(block, FIRST_LINE)
+    lines: dict[str, Any] = {"law": "ogden" if law == "ogden" else "mooney-rivlin"}
+    if law == "ogden":
+        lines["mu"] = [
+            2 * mu / alpha for mu, alpha in zip(words[: 2 * terms : 2], words[1 : 2 * terms : 2], strict=True)
+        ]
+        lines["alpha"] = words[1 : 2 * terms : 2]
+    else:
+        lines |= dict(zip(("c10", "c01"), words[: count - 1], strict=False))
+    lines["bulk"] = 2 / volumes[0]
+    deck.materials[material]["rubber"] = lines, block
+
+
+def read_hardening(deck: Deck, block: DeckBlock, material: str) -> None:
+    """*PLASTIC: rows of yield stresses and plastic strains, which begin at 0, of one temperature."""
+    if block.parameters.get("HARDENING", "ISOTROPIC").upper() != "ISOTROPIC":
+        deck.lose(block, OTHER_HARDENING)
+        return
+    rows = [[*map(real, row), 0.0][:3] if len(row) > 1 else [real(row[0]), 0.0, 0.0] for row in block.rows]
+    if any(row[2] != rows[0][2] for row in rows):
+        deck.lose(block, FIRST_LINE)
+    curve = [(strain, stress) for stress, strain, temperature in rows if temperature == rows[0][2]]
+    if curve[0][0] != 0.0:
+        raise ValueError("the first plastic strain must be 0")
+    deck.materials[material]["plastic"] = curve, block
+
+
+def nonlinear_law(deck: Deck, properties: dict[str, Any], obstacle: str) -> list[str] | None:
+    """The lines of a material that is not linear; None: it is linear here.
+
+    Args:
+        deck: the input file.
+        properties: of the material.
+        obstacle: what of the scene does not go together with one; "": nothing.
+
+    Raises:
+        DeckError: it is rubber, and there is an obstacle.
+    """
+    if "rubber" in properties:
+        lines, block = properties["rubber"]
+        if lines["law"] == "ogden" and deck.mesh.dim == 3:
+            obstacle = "in space with OGDEN: take MOONEY-RIVLIN"
+        if obstacle:
+            raise DeckError(block, f"{NOT_YET_NONLINEAR} {obstacle}")
+        return _written(lines)
+    if "plastic" not in properties or "young" not in properties:
+        return None
+    curve, block = properties["plastic"]
+    if obstacle:
+        deck.lose(block, f"{NOT_YET_NONLINEAR} {obstacle}: elastic here")
+        return None
+    constants = {"law": "j2", "young": properties["young"], "poisson": properties["poisson"]}
+    hardening = {"hardening": [list(row) for row in curve[1:]]} if len(curve) > 1 else {}
+    return _written(constants | {"yield_stress": curve[0][1]} | hardening)
+
+
+def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) -> str:
+    """What of a scene does not go together with nonlinear materials, in words after "not possible yet"; "": nothing."""
+    lines = [line for contact in contacts for line in contact]
+    for wrong, words in (
+        (any(line.startswith("against") for line in lines) or bool(deck.ties), "with another deformable body"),
+        (any(line.startswith("kind") and "bonded" in line for line in lines), "with a bond"),
+        (any(line.startswith("overclosure") for line in lines), "with soft contact"),
+        (deck.hypothesis == "plane stress", "in plane stress"),
+        (heated, "with temperature"),
+        (bool(deck.links), "with links between nodes"),
+        (bool(deck.bolts), "with a preload"),
+        (not contacts, "without contact"),
+    ):
+        if wrong:
+            return words
+    return ""
+
+
+def _written(constants: dict[str, Any]) -> list[str]:
+    """As lines of a table."""
+    return [
+        f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in constants.items()
+    ]
