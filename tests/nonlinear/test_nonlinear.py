@@ -375,8 +375,8 @@ def test_wrong_arguments():
         (ufl.TrialFunction(space)[0] * ufl.TestFunction(space)[0] * ufl.dx, Foundation(top), "one test function"),
         (
             residual(u),
-            Foundation(top, shape=PLATE | {"force": (0.0, -1.0), "pivot": (0.5, 1.0)}),
-            "a tool that forces turn",
+            Foundation(top, shape=PLATE | {"force": (0.0, -1.0)}),
+            "give the point where the force acts",
         ),
         (residual(u), Foundation(top, shape=PLATE | {"shape": "cube"}), "shape"),
     ):

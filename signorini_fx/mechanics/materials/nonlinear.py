@@ -45,7 +45,7 @@ from signorini_fx.mechanics.materials.protocol import Array, Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
 
 _ANOTHER_BODY = "two nonlinear bodies, or a nonlinear one and another, are not possible yet: give a foundation"
-_MOVED = "needs a tangent that is not symmetric as it moves with the body, which is not possible yet"
+_MOVED = "changes as the body moves, which is not possible yet with a nonlinear material"
 _NOT_YET = "is not possible yet with a nonlinear material"
 
 
