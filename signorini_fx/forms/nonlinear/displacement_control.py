@@ -31,10 +31,10 @@ class SnapThrough(Exception):
     """A step has jumped over a limit point."""
 
 
-def jumps(places: list[float], place: float) -> bool:
+def jumps(places: list[float], position: float) -> bool:
     """Whether a tool goes much farther in a step than in any before; ``places``: where they have begun and ended."""
     largest = float(np.abs(np.diff(places)).max(initial=0.0))
-    return 0.0 < JUMP * largest < abs(place - places[-1])
+    return 0.0 < JUMP * largest < abs(position - places[-1])
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Control:
         parts = tuple(k for k, at in shapes.items() if k == number or (body and at.shape.rigid == body))
         return cls(int(str(number)), names.index(key), str(key), parts)
 
-    def place(self, shapes: dict[int, MovingShape]) -> float:
+    def position(self, shapes: dict[int, MovingShape]) -> float:
         """Where the component is, length."""
         return float(shapes[self.number].translation[self.component])
 
@@ -86,14 +86,14 @@ class Control:
         forces = boundary.nodal_forces(state.pressure, state.shear)[np.isin(boundary.part, self.parts), self.component]
         taken = float(boundary.comm.allreduce(float(forces.sum())))
         stiffness = float(shape.stiffness(boundary.x.shape[1])[self.component])
-        springs = stiffness * self.place(shapes)
+        springs = stiffness * self.position(shapes)
         return self.drive(shapes) + taken - springs, max(abs(taken), abs(springs))
 
-    def held_at(self, place: float, shapes: dict[int, MovingShape]) -> dict[str, Any]:
+    def held_at(self, position: float, shapes: dict[int, MovingShape]) -> dict[str, Any]:
         """What to place the tool with so that the component is prescribed."""
         prescribed = shapes[self.number].shape.prescribed
-        others = {} if prescribed is None else {key: value for key, value in prescribed if value is not None}
-        return {"prescribed": others | {self.key: place}}
+        fixed = {} if prescribed is None else {key: value for key, value in prescribed if value is not None}
+        return {"prescribed": fixed | {self.key: position}}
 
 
 def load_that_holds(

@@ -557,21 +557,21 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         sizes, steps = StepSizes(to, first, largest, smallest), list[RampStep]()
         tool = None if control is None else Control.of(control, self.shapes, self._dimension)
-        places = [] if tool is None else [tool.place(self.shapes)]
+        places = [] if tool is None else [tool.position(self.shapes)]
         gone = [0.0]  # how far the load has gone, up and down
 
         def solved(load: float, step: StepResult) -> StepResult:
             gone.append(gone[-1] + abs(load - (steps[-1].load if steps else 0.0)))
             steps.append(RampStep(load, self.iterations, step.linear_solves))
             if tool is not None:
-                places.append(tool.place(self.shapes))
+                places.append(tool.position(self.shapes))
             return replace(step, place=float(step.step - 1), time=gone[-1])
 
         def last_words(reached: float | None) -> str:
             return outcomes.last_solution(reached, to)
 
         def check() -> None:
-            if tool is not None and jumps(places, tool.place(self.shapes)):
+            if tool is not None and jumps(places, tool.position(self.shapes)):
                 raise SnapThrough
 
         try:
@@ -607,10 +607,10 @@ class NonlinearContactProblem(ProblemOfForms):
         steps, load = ControlSteps.after(places), float(self._ramped[-1].time) * float(np.sign(to))
         self.history.add(f"beyond the limit point at load {load:g} {tool.key} of contact[{tool.number}] is prescribed")
         while steps.step != 0.0 and abs(places[-1] - steps.limit) <= self._size:
-            begun, place = self._snapshot(), places[-1] + steps.step
+            begun, position = self._snapshot(), places[-1] + steps.step
 
-            def solve(place: float = place) -> ContactState:
-                self.place(tool.number, **tool.held_at(place, self.shapes))
+            def solve(position: float = position) -> ContactState:
+                self.place(tool.number, **tool.held_at(position, self.shapes))
                 self._attempt(damps=not steps.may_halve)
                 return self.state
 
