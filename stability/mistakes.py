@@ -3273,8 +3273,8 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate/contact_nodes",
-        "part, comm = self.part(*motion.body.parts),",
-        "part, comm = self.part(motion.body.parts[0]),",
+        "self.part(*numbers)",
+        "self.part(numbers[0])",
         "certificate: of a rigid body only the first contact counts",
         tests=("tools::test_a_rigid_body_has_several_contacts",),
     ),

@@ -244,7 +244,8 @@ class ContactNodes:
             motion: of the rigid body.
             displacements: of nodes with ghosts, shape (nodes, d).
         """
-        part, comm = self.part(*motion.body.parts), self.evaluation.space.mesh.comm
+        numbers, comm = motion.body.parts, self.evaluation.space.mesh.comm
+        part = self.part(*numbers)
         force = self.weight[part, None] * self.traction[part]
         arm = motion.lever(self._at(self._x)[part], self._at(displacements)[part])
         plane = arm.shape[1] == 2
