@@ -353,6 +353,9 @@ SAME_DIRECTION = 1e-8
 # Distance, as a share of the size of the body, below which two places are one; cells are larger, and coordinates in
 # files have as many digits.  Choice.
 SAME_POSITION = 1e-8
+# Radius, as a share of the size of a cell, up to which a place is on the axis of a body of revolution, where the strain
+# along the circumference is the radial one.  Choice: the two differ by such a share of the change over a cell.
+NEAR_AXIS = 1e-6
 # Resistance to a rigid motion, relative to that to the best held one, below which it counts as not held.  Choice.
 NOT_HELD = 1e-8
 

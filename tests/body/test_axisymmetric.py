@@ -152,6 +152,24 @@ def test_squeezed_cylinder(cells, degree):
         assert stress.principal.x.array == pytest.approx(-p, rel=1e-6)
 
 
+@pytest.mark.parametrize("torsion", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+def test_round_off_on_the_axis(cells, degree, torsion):
+    """Coordinates of a file that are not zero on the axis: the strain along the circumference is the radial one there.
+
+    A displacement that is zero, divided by them, would be none.
+    """
+    p, tagged = 3.0, section(cells=cells)
+    x = tagged.mesh.geometry.x
+    x[x[:, 0] == 0, 0] = 5e-15
+    loads = [{"boundary": side, "pressure": p} for side in ("top", "outside")]
+    support = {"boundary": "bottom", "y": 0.0} | ({"z": 0.0} if torsion else {})
+    given = scene(tagged, degree, material={"torsion": torsion}, displacement=support, traction=loads)
+    solution = solve(given, COMM, check=False)
+    for stress in (solution.stress, solution.stress.recovered):
+        assert stress.principal.x.array == pytest.approx(-p, rel=1e-6)
+
+
 def lame(inside, outside, p, r):
     """Radial and hoop stress of a thick cylinder with free ends under a pressure inside, and its displacement."""
     a, b = p * inside**2 / (outside**2 - inside**2), p * inside**2 * outside**2 / (outside**2 - inside**2)

@@ -10,8 +10,20 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position
+from signorini_fx.tuned import NEAR_AXIS
 
 _Floats = npt.NDArray[np.float64]
+
+
+def off_axis(y: Any) -> Any:
+    """Whether a place of UFL is not on the axis: coordinates in files have round-off, by which a displacement that is
+    zero on the axis must not be divided.
+    """
+    import ufl
+
+    x = position(y)
+    size = ufl.sqrt(abs(ufl.JacobianDeterminant(ufl.domain.extract_unique_domain(y))))
+    return ufl.gt(x[0], NEAR_AXIS * size)
 
 
 @dataclass(frozen=True)
@@ -38,7 +50,7 @@ class BodyOfRevolution(Kinematics):
         in_section, radius = ufl.sym(ufl.grad(y)), position(y)[0]
         along = y[0] / radius
         if on_axis:
-            off = ufl.gt(radius, 0)
+            off = off_axis(y)
             along = ufl.conditional(off, y[0] / ufl.conditional(off, radius, 1), y[0].dx(0))
         rows = [[in_section[i, j] if max(i, j) < 2 else 0 for j in range(3)] for i in range(3)]
         rows[2][2] = along

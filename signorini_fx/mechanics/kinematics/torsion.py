@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.kinematics.axisymmetric import REFUSED, BodyOfRevolution
+from signorini_fx.mechanics.kinematics.axisymmetric import REFUSED, BodyOfRevolution, off_axis
 from signorini_fx.mechanics.kinematics.cartesian import position
 from signorini_fx.mechanics.kinematics.space import SPACE
 
@@ -33,7 +33,7 @@ class TwistedBody(BodyOfRevolution):
         radius, around = position(y)[0], [-y[2], 0, y[0]]
         along = ufl.as_vector(around) / radius
         if on_axis:
-            off = ufl.gt(radius, 0)
+            off = off_axis(y)
             limits = (-ufl.grad(y)[2, 0], 0, ufl.grad(y)[0, 0])
             ratios = (component / ufl.conditional(off, radius, 1) for component in around)
             along = ufl.as_vector([ufl.conditional(off, *pair) for pair in zip(ratios, limits, strict=True)])
