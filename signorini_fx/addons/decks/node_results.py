@@ -8,6 +8,7 @@ from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.addons.decks.content import Deck
@@ -31,14 +32,18 @@ class NodeResults:
     Attributes:
         displacement: length, shape (n, 3).
         forces: of loads and supports, shape (n, 3).
+        reactions: of supports, constraints and contact, shape (n, 3).
         stress: mean of the cells at a node, xx, yy, zz, xy, xz, yz, shape (n, 6).
         contact: clearance, slips, pressure and shears, shape (n, 6); NaN where no surface is touched.
+        points: whether each is a contact point, shape (n,).
     """
 
     displacement: Floats
     forces: Floats
+    reactions: Floats
     stress: Floats
     contact: Floats
+    points: npt.NDArray[np.bool_]
 
 
 def at_nodes(solution: Solution, deck: Deck | None) -> Iterator[NodeResults | None]:
@@ -53,7 +58,7 @@ def at_nodes(solution: Solution, deck: Deck | None) -> Iterator[NodeResults | No
         return
     for step in solution.shown_steps:
         moment = solution.at(step)
-        rows = [_by_node(moment), _stress_by_node(moment), _contact_by_node(moment)]
+        rows = [_by_node(moment), stress_by_node(moment), contact_by_node(moment)]
         yield None if deck is None or numbers is None else _sorted(deck, numbers, *rows)
 
 
@@ -87,21 +92,27 @@ def _numbers(solution: Solution, deck: Deck | None) -> Ints | None:
 
 
 def _by_node(moment: Solution) -> Floats:
-    """Displacements and forces by the global number of the node."""
+    """Displacements, forces and reactions by the global number of the node."""
     space = moment.displacement.function_space
     dim, owned = space.dofmap.index_map_bs, space.dofmap.index_map.size_local
     resultants = moment.resultants
     forces = resultants.at_nodes() if isinstance(resultants, StatedResultants) else np.zeros((owned, dim))
+    reactions = np.zeros((owned, dim))
     links = [effect for effect in moment.statement.of(Resistance) if effect.nodal]
-    if links and isinstance(resultants, StatedResultants):
+    if isinstance(resultants, StatedResultants):
         nodal = NodalForces(moment.statement, moment.model.tagged, space)
-        forces = forces - nodal.resisted(moment.displacement.x.array.reshape(-1, dim), links)
+        loads = nodal.external(resultants.place) + nodal.initial(resultants.place)[0]
+        reactions = nodal.internal(moment.displacement) - loads
+        if links:
+            forces = forces - nodal.resisted(moment.displacement.x.array.reshape(-1, dim), links)
     y = moment.displacement.x.array.reshape(-1, dim)[:owned]
-    return np.asarray(parallel.rows_on_root(moment.comm, np.column_stack((y, forces))))
+    return np.asarray(parallel.rows_on_root(moment.comm, np.column_stack((y, forces, reactions))))
 
 
-def _stress_by_node(moment: Solution) -> Floats:
-    """The mean over the cells at a node, by its global number."""
+def stress_by_node(moment: Solution) -> Floats:
+    """The mean of the stress over the cells at a node, by its global number, shape (nodes, 6), on the first rank;
+    collective.
+    """
     space = moment.displacement.function_space
     degree = space.element.basix_element.degree
     tensor = fem.Function(fem.functionspace(space.mesh, ("DG", degree, (3, 3))))
@@ -116,8 +127,9 @@ def _stress_by_node(moment: Solution) -> Floats:
     return np.column_stack(sums)
 
 
-def _contact_by_node(moment: Solution) -> Floats:
-    """Global number of the node, clearance, slips along two tangents, pressure and shears along them; those that touch.
+def contact_by_node(moment: Solution) -> Floats:
+    """Global number of the node, clearance, slips along two tangents, pressure and shears along them, of all contact
+    points; NaN where nothing touches.
 
     The first tangent is the projection of axis x, or of z where that is the normal; the second one follows from the
     normal of the other side.
@@ -144,7 +156,8 @@ def _contact_by_node(moment: Solution) -> Floats:
     products = [np.sum(values * unit, axis=1) for values in (slip, shear) for unit in (first, second)]
     clearance, pressure = columns["gap"] - columns["u_n"], columns["pressure"]
     rows = np.column_stack((table.nodes[:, 1], clearance, *products[:2], pressure, *products[2:]))
-    return np.asarray(rows[columns["state"] != "open"])
+    rows[columns["state"] == "open", 1:] = np.nan
+    return np.asarray(rows)
 
 
 def _sorted(deck: Deck, numbers: Ints, nodal: Floats, stress: Floats, contact: Floats) -> NodeResults:
@@ -152,14 +165,22 @@ def _sorted(deck: Deck, numbers: Ints, nodal: Floats, stress: Floats, contact: F
     dim, count = deck.mesh.dim, len(deck.numbers)
     order = np.argsort(numbers)
     nodal, stress = nodal[order], stress[order]
-    forces = np.pad(nodal[:, dim:], ((0, 0), (0, 3 - dim)))
-    _give_back(deck, forces)
+    forces, reactions = (
+        np.pad(part, ((0, 0), (0, 3 - dim))) for part in (nodal[:, dim : 2 * dim], nodal[:, 2 * dim :])
+    )
+    for part in (forces, reactions):
+        _give_back(deck, part)
     touching = np.full((count, 6), np.nan)
     rows = numbers[contact[:, 0].astype(np.int64)]
     given = rows < count  # nodes that were added to the cells are none of the deck's
     touching[rows[given]] = contact[given, 1:]
+    points = np.zeros(count, dtype=bool)
+    points[rows[given]] = True
     displacement = np.pad(nodal[:count, :dim], ((0, 0), (0, 3 - dim)))
-    return NodeResults(displacement, deck.printed_share * forces[:count], stress[:count], touching)
+    share = deck.printed_share
+    return NodeResults(
+        displacement, share * forces[:count], share * reactions[:count], stress[:count], touching, points
+    )
 
 
 def _give_back(deck: Deck, forces: Floats) -> None:

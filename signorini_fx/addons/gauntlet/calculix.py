@@ -15,7 +15,6 @@ from pathlib import Path
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
 from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.draft import Draft, draft
@@ -24,6 +23,7 @@ from signorini_fx.addons.decks.node_results import NodeResults, at_nodes
 from signorini_fx.addons.decks.rotations import judged_rotations
 from signorini_fx.addons.decks.tables import dat
 from signorini_fx.addons.gauntlet.compared_tables import Tables, compared, compared_displacements, with_exact
+from signorini_fx.addons.gauntlet.finer import finer_values
 from signorini_fx.addons.gauntlet.outcomes import (
     LOST,
     OTHER_KIND,
@@ -38,20 +38,17 @@ from signorini_fx.addons.gauntlet.printed_tables import by_time, last_tables, re
 from signorini_fx.addons.gauntlet.sources import PRINTED, PROGRAM
 from signorini_fx.addons.judging.calculix_results import NodeTables, read_frd
 from signorini_fx.addons.judging.judge import judge
-from signorini_fx.addons.judging.own_solution import tagged
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.abaqus import read_model
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.formats import read_file
-from signorini_fx.mechanics.mesh.files.shape import Floats, is_straight
-from signorini_fx.mechanics.mesh.halving import halved
+from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.tuned import EXPLAINED_FROM, FINER_AT_MOST, JUDGED_SAME_TIME
+from signorini_fx.tuned import EXPLAINED_FROM, JUDGED_SAME_TIME
 
 # Keywords of steps that are none of a scene.
 _PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
@@ -121,10 +118,10 @@ class DeckRun:
             return case
         case = replace(case, reasons=tuple(self._verdicts(printed, fields)))
         self.tell(case)
-        finer = self._finer(scene, deck, solution)
+        finer = finer_values(scene, deck, solution)
         if finer is None:
             return case
-        quantities = self._quantities(theirs, ours, fields, deck, moments[-1], finer)
+        quantities = self._quantities(theirs, ours, fields, deck, moments[-1], finer.displacement)
         case = replace(case, quantities=tuple(quantities))
         shares = next((quantity.finer for quantity in case.quantities if quantity.finer is not None), None)
         if shares is not None:
@@ -177,42 +174,6 @@ class DeckRun:
             verdict_words = f"{verdict.word}: {verdict.findings[0].text}" if verdict.findings else verdict.word
             yield f"judge says of theirs: {verdict_words}" + (f" ({formulation})" if formulation else "")
             return
-
-    def _finer(self, scene: Scene, deck: Deck, coarse: Solution) -> dict[int, Floats] | None:
-        """Our displacement with all sides halved, by numbers of nodes; None: the mesh, or the scene, does not allow
-        that.
-        """
-        arrays = deck.mesh
-        unknowns = coarse.model.dofs * 2**arrays.dim
-        nodal = deck.links or any(getattr(entry, "file", None) for _, entry in scene.statement.listed())
-        straight = arrays.degree == 1 or is_straight(arrays.points, arrays.cells, arrays.cell)
-        if nodal or unknowns > FINER_AT_MOST:
-            return None
-        try:
-            fields = {key: getattr(scene, key) for key in scene.model_fields_set}
-            solution = solve(
-                Scene(**fields | {"mesh": tagged(halved(arrays), straight=straight)}), MPI.COMM_SELF, check=False
-            )
-        except SignoriniError:
-            return None
-        if not solution.converged:
-            return None
-        return _at_nodes_of(solution, deck)
-
-
-def _at_nodes_of(solution: Solution, deck: Deck) -> dict[int, Floats]:
-    """The displacement at the nodes of a deck, of which a finer mesh has all, body by body, by their numbers."""
-    space, dim = solution.displacement.function_space, deck.mesh.dim
-    x = node_positions(space)[:, :dim]
-    values = np.pad(solution.displacement.x.array.reshape(-1, dim), ((0, 0), (0, 3 - dim)))
-    displacements: dict[int, Floats] = {}
-    for body, rows in deck.bodies.items():
-        nodes = np.arange(len(x))
-        if body:
-            nodes = np.unique(space.dofmap.list[solution.model.tagged.cells(body)])
-        _, nearest = cKDTree(x[nodes]).query(deck.mesh.points[rows])
-        displacements |= dict(zip(plain(deck.names[rows]), values[nodes[nearest]], strict=True))
-    return displacements
 
 
 def _other_procedure(deck: Path) -> DeckBlock | None:
