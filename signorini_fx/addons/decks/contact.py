@@ -72,6 +72,7 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
             touched |= {where: rows[where] for where in boundaries[1:]}
             lines = [f"# {block.origin}", f"boundary = {quoted(boundaries[0])}"]
             lines += _gap(deck, boundaries[0], names[0], keys) if names else [f"against = {quoted(boundaries[1])}"]
+            lines += ['points = "boundary"'] if deck.slaves and not names else []
             _say_more_nodes(deck, block, slave, boundaries[0])
             if tie:
                 tables.append([*lines, 'kind = "bonded"'])

@@ -146,7 +146,8 @@ class Deck:
     ``vanished`` those that the first step removes, and ``clearances`` the distances of others, length. ``links``
     has the linear relations of nodes (``nodal.DeckLink``), and ``grounded`` the place among them of each that holds
     a component of one node. ``ends`` has the times at the ends of steps. ``apart`` says that all contact is lost.
-    ``nonlinear`` is the last step with NLGEOM.
+    ``nonlinear`` is the last step with NLGEOM.  ``slaves`` says that contact points are those of slave surfaces, whose
+    pressure is wanted, and not those that the scene would choose.
     ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
     """
 
@@ -197,6 +198,7 @@ class Deck:
     grounded: dict[str, int] = field(default_factory=dict)
     nonlinear: DeckBlock | None = None
     apart: bool = False
+    slaves: bool = False
 
     @property
     def kinematics(self) -> Kinematics:

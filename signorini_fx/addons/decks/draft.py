@@ -60,14 +60,28 @@ def draft(file: Path, mesh: MeshArrays, target: Path) -> Draft:
     Raises:
         MeshError: a number is none, or a line has too few of them; there is no material.
     """
-    deck = read_deck(file, mesh)
+    return draft_of(read_deck(file, mesh), file, target, file.name)
+
+
+def draft_of(deck: Deck, file: Path, target: Path, source: str) -> Draft:
+    """The scene of an input file that has been read.
+
+    Args:
+        deck: what was read.
+        file: the input file.
+        target: where the scene will be, from which it refers to the file.
+        source: the name of what the draft is from.
+
+    Raises:
+        MeshError: a number is none, or there is no material.
+    """
     files: dict[Path, str] = {}
     try:
         tables = _tables(deck, target, files)
     except (ValueError, IndexError) as error:
         raise MeshError(f"{file}: {error.text if isinstance(error, DeckError) else error}") from None
     lost, noted = (deck.remarks(lost=lost) for lost in (True, False))
-    lines = [f"# A draft from {file.name}: read it, and complete what it lacks."]
+    lines = [f"# A draft from {source}: read it, and complete what it lacks."]
     lines += [f"# Left out: {remark}" for remark in noted]
     lines += [f"title = {quoted(deck.title or file.stem)}"]
     if lost:

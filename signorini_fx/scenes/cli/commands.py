@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from signorini_fx.results.solution import Solution
     from signorini_fx.scenes.scene import Scene
 
+_COMMANDS = ".comm"  # files of code_aster
+
 
 def _read_scene(options: argparse.Namespace) -> Scene:
     """The scene on every rank, with what the command line changes; PETSc is started with the options of the user."""
@@ -212,7 +214,10 @@ def _draft_of_run(deck: Path, target: Path) -> Any:
     """The draft of a deck, which is written unless it is there already."""
     from signorini_fx.mechanics.mesh.files.formats import read_file
 
-    drafted = _drafted(deck, read_file(deck), target)
+    if deck.suffix.lower() == _COMMANDS:
+        drafted = add_on("draft_commands")(deck, target)
+    else:
+        drafted = _drafted(deck, read_file(deck), target)
     _write_draft(drafted.files, keep=True)
     return drafted
 
@@ -426,6 +431,8 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
         for target in (options.target, options.target.with_suffix(".h5")):
             if os.path.lexists(target) and (target == options.target or options.target.suffix.lower() == ".xdmf"):
                 raise OutputError(f"{target}: already exists: give another name, or remove it")
+        if options.source.suffix.lower() == _COMMANDS:
+            return _draft_of_commands(options.source, options.target)
         mesh = read_file(options.source, size=options.size)
         if options.target.suffix.lower() == ".toml":
             return _scene_draft(options.source, mesh, options.target)
@@ -443,7 +450,22 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
 
 def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> tuple[str, int]:
     """Write the draft of a scene from an Abaqus deck; what it has and what it has not, and the exit code."""
-    drafted = _drafted(source, mesh, target)
+    return _written_draft(_drafted(source, mesh, target), target)
+
+
+def _draft_of_commands(source: Path, target: Path) -> tuple[str, int]:
+    """The same from a command file of code_aster, with an input file that has the mesh.
+
+    Raises:
+        OutputError: the target is no scene.
+    """
+    if target.suffix.lower() != ".toml":
+        raise OutputError(f"{target}: a command file becomes a scene, .toml")
+    return _written_draft(add_on("draft_commands")(source, target), target)
+
+
+def _written_draft(drafted: Any, target: Path) -> tuple[str, int]:
+    """Write a draft; what to say of it, and the exit code."""
     _write_draft(drafted.files)
     lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
     lines += [f"left out: {remark}" for remark in drafted.noted]
@@ -456,7 +478,10 @@ def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> tuple[str, int
 def _drafted(source: Path, mesh: MeshArrays, target: Path) -> Any:
     """The draft of a deck, with ``text``, ``lost``, ``noted`` and ``files``."""
     if source.suffix.lower() != ".inp":
-        raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
+        raise OutputError(
+            f"{target}: a scene is drafted from an Abaqus input file, .inp, or from a command file of code_aster, "
+            f".comm, and not from {source.name}"
+        )
     return add_on("draft")(source, mesh, target)
 
 

@@ -49,8 +49,8 @@ def parser() -> argparse.ArgumentParser:
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=epilog)
     solve.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
-    run = commands.add_parser("run", help="draft a scene from an Abaqus or CalculiX deck, solve it, write its report")
-    run.add_argument("deck", type=named_path, metavar="DECK", help="input file, .inp")
+    run = commands.add_parser("run", help="draft a scene from a deck, solve it, write its report")
+    run.add_argument("deck", type=named_path, metavar="DECK", help=".inp of Abaqus or CalculiX, .comm of code_aster")
     for command in (solve, run):
         _add_options_of_solve(command)
     check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
@@ -86,7 +86,7 @@ def parser() -> argparse.ArgumentParser:
         type=named_path,
         nargs="+",
         metavar="FOLDER",
-        help="with input files of CalculiX, and NAME.dat.ref or NAME.frd.ref beside them",
+        help="with input files of CalculiX, and NAME.dat.ref or NAME.frd.ref beside them, or .comm of code_aster",
     )
     gauntlet.add_argument("--out", type=named_path, metavar="FILE", help="write the table as a page of Markdown")
     gauntlet.add_argument("--seconds", type=float, default=120.0, help="for each case (default: %(default)g)")
@@ -146,8 +146,10 @@ def parser() -> argparse.ArgumentParser:
         help="the file (default: %(default)s)",
     )
     convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
-    convert.add_argument("source", type=named_path, metavar="IN", help=f"mesh: {_READ}")
-    convert.add_argument("target", type=named_path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf")
+    convert.add_argument("source", type=named_path, metavar="IN", help=f"mesh: {_READ}; or .comm of code_aster")
+    convert.add_argument(
+        "target", type=named_path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf; or a scene, .toml"
+    )
     info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, quality, what is unnamed")
     info.add_argument("file", type=named_path, metavar="FILE", help=f"mesh: {_READ}")
     for command in (convert, info):

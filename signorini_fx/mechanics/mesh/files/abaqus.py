@@ -78,6 +78,11 @@ def _kind(element: str) -> tuple[str, int]:
     )
 
 
+def faces_of(kind: str) -> tuple[Corners, ...]:
+    """Corners of the faces S1, S2 ... of a kind of cell; of a plane one its sides."""
+    return _FACES[kind.rstrip("0123456789")]
+
+
 def removes_elements(block: DeckBlock) -> bool:
     """Whether a *MODEL CHANGE takes elements away."""
     return block.parameters.get("TYPE", "ELEMENT").upper() == "ELEMENT" and "REMOVE" in block.parameters

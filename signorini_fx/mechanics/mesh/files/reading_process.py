@@ -36,7 +36,8 @@ def main(arguments: Sequence[str]) -> int:
             settings["sizes"] = SizeField.load(stream)
     reader = {"gmsh": gmsh_reader, "meshio": meshio_reader}[request["reader"]]
     try:
-        reader.load_libraries(file.suffix)
+        # A file may have another suffix than its format, as those of code_aster do.
+        reader.load_libraries(f".{settings['kind']}" if "kind" in settings else file.suffix)
         if request["sandbox"]:
             sandbox.confine(reader.files_of(file))
         raw = reader.read(file, **settings)

@@ -1,0 +1,112 @@
+"""The draft of a scene from a command file of code_aster.  No dolfinx here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from signorini_fx.addons.aster.command_file import CommandFile, read_commands
+from signorini_fx.addons.aster.deck_text import DeckText
+from signorini_fx.addons.aster.problem import read_study, results_of
+from signorini_fx.addons.aster.study import AsterStudy
+from signorini_fx.addons.aster.values import Concept
+from signorini_fx.addons.decks.deck import read_deck
+from signorini_fx.addons.decks.draft import Draft, draft_of
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.formats import read_file
+
+
+@dataclass(frozen=True)
+class CommandDraft(Draft):
+    """A scene that was drafted from a command file; the mesh and what acts on it are in an input file beside it.
+
+    Attributes:
+        study: what was read.
+    """
+
+    study: AsterStudy
+
+
+def draft_commands(file: Path, target: Path) -> CommandDraft:
+    """The scene of the first result of a command file.
+
+    Args:
+        file: the command file, beside which its mesh is.
+        target: where the scene will be; the input file that it refers to is written beside it.
+
+    Raises:
+        MeshError: the file, or its mesh, cannot be read, or has what is not known here; the message says where.
+    """
+    commands = read_commands(file)
+    results = results_of(commands)
+    if not results:
+        raise MeshError(f"{file}: it solves nothing: STAT_NON_LINE, MECA_NON_LINE or MECA_STATIQUE is expected")
+    drafted = draft_result(file, commands, results[0], target)
+    if len(results) > 1:
+        further = ", ".join(result.name for result in results[1:])
+        note = f"the first result, {results[0].name}, is taken; others are {further}"
+        drafted = replace(drafted, noted=[note, *drafted.noted])
+    return drafted
+
+
+def draft_result(
+    file: Path, commands: CommandFile, result: Concept, target: Path, wanted: Sequence[float] | None = None
+) -> CommandDraft:
+    """The scene of one result of a command file.
+
+    Args:
+        file: the command file.
+        commands: what is in it.
+        result: one of ``results_of``.
+        target: where the scene will be.
+        wanted: instants that are enough where the solution does not depend on what was before; None: all.
+
+    Raises:
+        MeshError: see ``draft_commands``.
+    """
+    study = read_study(file, commands, result, wanted)
+    beside = target.with_suffix(".inp")
+    try:
+        deck_text = DeckText(study, f"{file.stem} {result.name}")
+    except MeshError as error:
+        raise MeshError(f"{file}: {error}") from None
+    _write(beside, deck_text.text)
+    try:
+        deck = read_deck(beside, read_file(beside))
+        deck.slaves = True
+        for remark in study.noted:
+            deck.note(None, remark)
+        for remark in study.lost:
+            deck.lose(None, remark)
+        drafted = draft_of(deck, beside, target, file.name)
+    except MeshError as error:
+        raise MeshError(f"{file}: {deck_text.at_commands(str(error)).removeprefix(f'{beside}: ')}") from None
+    files = {path: deck_text.at_commands(text) for path, text in drafted.files.items()}
+    remarks = {key: list(map(deck_text.at_commands, getattr(drafted, key))) for key in ("lost", "noted")}
+    return CommandDraft(
+        files[target],
+        remarks["lost"],
+        remarks["noted"],
+        deck,
+        files,
+        {table: deck_text.at_commands(origin) for table, origin in drafted.origins.items()},
+        study,
+    )
+
+
+def _write(file: Path, text: str) -> None:
+    """Write the input file, unless it is there as it is.
+
+    Raises:
+        MeshError: another one is there, or it cannot be written.
+    """
+    try:
+        if file.is_file() and file.read_text(encoding="utf-8") == text:
+            return
+        if file.exists():
+            raise MeshError(f"{file}: already exists: remove it")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be written: {error.strerror}") from None

@@ -1,0 +1,224 @@
+"""Scenes of command files: what becomes of each command, and what is lost."""
+
+import re
+
+import numpy as np
+import pytest
+from command_cases import Mail, commands, top, two_blocks, write_case
+
+from signorini_fx.addons.aster.draft import draft_commands
+from signorini_fx.errors import MeshError, SignoriniError
+from signorini_fx.scenes import cli
+from signorini_fx.scenes.reading import read_scene
+
+
+def drafted(folder, text, mail=None, model="D_PLAN"):
+    """The draft of two blocks, or of another mesh."""
+    return draft_commands(write_case(folder, text, mail or two_blocks(model)), folder / "out" / "scene.toml")
+
+
+def scene_of(draft):
+    """The scene, read again."""
+    for file, text in draft.files.items():
+        file.write_text(text)
+    return read_scene(next(file for file in draft.files if file.suffix == ".toml"))
+
+
+@pytest.mark.parametrize("model", ["D_PLAN", "C_PLAN", "AXIS", "3D"])
+def test_two_blocks(tmp_path, model):
+    """Nothing is lost; the slave has the contact points; each table names its command; loads follow their function."""
+    draft = drafted(tmp_path, commands(model), model=model)
+    assert (draft.lost, draft.noted) == ([], [])
+    scene = scene_of(draft)
+    hypothesis = {"C_PLAN": "plane stress", "AXIS": "axisymmetric"}.get(model, "plane strain")
+    assert scene.statement.material[0].hypothesis == hypothesis
+    (contact,) = scene.contact
+    assert (contact.points, contact.gap) == ("boundary", 0.0)
+    heights = draft.deck.mesh.points[draft.deck.mesh.facets[draft.deck.mesh.boundaries[contact.boundary]]][..., -1]
+    assert np.all(heights == 1.0)
+    up = "Z" if model == "3D" else "Y"
+    traction = [entry for entry in scene.traction if entry.pressure]
+    assert [entry.pressure for entry in traction] == [16.0]
+    assert traction[0].factors == (1.0,) if len(draft.study.instants) == 1 else traction[0].factors == (0.5, 1.0)
+    assert sum(getattr(entry, up.lower()) == 0.0 for entry in scene.displacement) == 1
+    assert all(re.match(r"line \d+, (AFFE_CHAR_MECA|DEFI_CONTACT)$", origin) for origin in draft.origins.values())
+
+
+@pytest.mark.parametrize(
+    ("contact", "zone", "expected"),
+    [
+        ('FROTTEMENT="COULOMB", ', ", COULOMB=0.3", 'friction = { law = "coulomb", coefficient = 0.3 }'),
+        ("", ', ALGO_CONT="PENALISATION", COEF_PENA_CONT=5.0e6', "gamma_n = 5000000.0"),
+        (
+            'FROTTEMENT="COULOMB", ',
+            ', COULOMB=0.3, ALGO_CONT="PENALISATION", COEF_PENA_CONT=5.0e6, ALGO_FROT="PENALISATION", '
+            "COEF_PENA_FROT=2.0e6",
+            "gamma_t = 2000000.0",
+        ),
+        ("", ', ALGO_CONT="STANDARD", COEF_CONT=100.0', 'points = "boundary"'),
+    ],
+)
+def test_contact(tmp_path, contact, zone, expected):
+    """Friction and penalties; a coefficient of an augmented Lagrangian is no stiffness."""
+    draft = drafted(tmp_path, commands("D_PLAN", contact, zone))
+    assert draft.lost == []
+    assert expected in draft.text
+    assert ("gamma_n" in draft.text) == ("COEF_PENA_CONT" in zone)
+
+
+def test_penalty_at_nodes(tmp_path):
+    """E_N is a force per length at each node: over the mean area, of four nodes of a side of length 1."""
+    text = commands("D_PLAN", zone=', ALGO_CONT="PENALISATION", E_N=3.0e5').replace('"CONTINUE"', '"DISCRETE"')
+    draft = drafted(tmp_path, text)
+    assert "gamma_n = 1200000.0" in draft.text
+    assert draft.lost == []
+    assert draft.noted == ["line 9, DEFI_CONTACT: zone 1: E_N at each node: over a mean area of 0.25 at a node"]
+
+
+DDL = '_F(GROUP_NO=("LOW_CORNER", "UP_CORNER"), DDL=("DX", "DX"), COEF_MULT=(1.0, -1.0), COEF_IMPO={})'
+
+
+@pytest.mark.parametrize(
+    ("change", "lost"),
+    [
+        (('RELATION="ELAS"', 'RELATION="VMIS_ISOT_LINE"'), "RELATION='VMIS_ISOT_LINE': the material is elastic here"),
+        (('RELATION="ELAS"', 'RELATION="ELAS", DEFORMATION="GDEF_LOG"'), "DEFORMATION='GDEF_LOG'"),
+        (("PRES=8.0", "PRES=8.0, CISA_2D=1.0"), "CISA_2D"),
+        (("PRES_REP=", 'ARETE_IMPO=_F(GROUP_MA="UP_y1"), PRES_REP='), "ARETE_IMPO is not known here"),
+        (('ESCL="UP_y0"', 'ESCL="UP_y0", GLISSIERE="OUI"'), "contact that does not open again"),
+        (('ESCL="UP_y0"', 'ESCL="UP_y0", DIST_ESCL=RAMP'), "DIST_ESCL is not known here"),
+        (('ESCL="UP_y0"', 'ESCL="UP_y0", ALGO_CONT="PENALISATION"'), "without its stiffness: contact is hard"),
+        (("PRES_REP=", f"LIAISON_DDL={DDL.format(0.5)}, PRES_REP="), "COEF_IMPO other than 0"),
+        (("EXCIT=(", "ETAT_INIT=_F(EVOL_NOLI=0), EXCIT=("), "ETAT_INIT"),
+        (("FONC_MULT=RAMP", 'FONC_MULT=RAMP, TYPE_CHARGE="DIDI"'), "TYPE_CHARGE='DIDI'"),
+        (("CHAM_MATER=FIELD", "PILOTAGE=_F(), CHAM_MATER=FIELD"), "PILOTAGE"),
+        (('TOUT="OUI", MATER=MAT)', 'TOUT="OUI", MATER=MAT), AFFE_VARC=_F(NOM_VARC="TEMP")'), "AFFE_VARC: TEMP"),
+    ],
+)
+def test_what_is_lost(tmp_path, change, lost):
+    """What changes the answer is said, with the line of its command, and the scene says it itself."""
+    text = commands("D_PLAN")
+    assert change[0] in text
+    draft = drafted(tmp_path, text.replace(*change))
+    (remark,) = draft.lost
+    assert lost in remark
+    assert re.match(r"line \d+, [A-Z_]+: ", remark)
+    assert scene_of(draft).incomplete == (remark,)
+
+
+@pytest.mark.parametrize(
+    ("group", "held"),
+    [("UP_x0", False), ("FREE", False), ("HELD", True)],
+)
+def test_excluded_nodes(tmp_path, group, held):
+    """Nodes without contact have it in the scene: that is the same where supports hold them along the normal."""
+    more = 'MESH = DEFI_GROUP(reuse=MESH, MAILLAGE=MESH, CREA_GROUP_NO=(_F(GROUP_MA="UP_x0"), _F(GROUP_MA="UP_x1"), '
+    more += '_F(GROUP_MA="UP_y0"), _F(NOM="FREE", INTERSEC=("UP_x1", "UP_y0")), _F(NOM="HELD", INTERSEC=("UP_x0", '
+    more += '"UP_y0"))))\nMODEL ='
+    text = commands("D_PLAN", zone=f', SANS_GROUP_NO="{group}"').replace("MODEL =", more, 1)
+    if held:
+        text = text.replace("PRES_REP=", 'DDL_IMPO=_F(GROUP_NO="HELD", DY=0.0), PRES_REP=')
+    draft = drafted(tmp_path, text)
+    where = "which supports or relations hold" if held else "1 nodes have it here"
+    assert [where in remark for remark in (draft.noted if held else draft.lost)] == [True]
+    assert len(draft.lost) == (not held)
+
+
+def test_a_surface_without_body(tmp_path):
+    """It is rigid where supports hold all of its nodes: the distance to it becomes the gap."""
+    mail = Mail(2, 1)
+    mail.block("UP", [3, 1], [0.0, 1.5], [1.0, 2.5])
+    mail.block("LOW", [1, 1], [-1.0, 0.0], [2.0, 1.0])
+    text = commands("D_PLAN").replace('TOUT="OUI", PHENOMENE', 'GROUP_MA=("UP",), PHENOMENE', 1)
+    text = text.replace('_F(GROUP_MA="LOW_y0", DY=0.0)', '_F(GROUP_MA="LOW_y1", DX=0.0, DY=0.0)')
+    draft = drafted(tmp_path, text, mail.text)
+    assert draft.lost == []
+    (contact,) = scene_of(draft).contact
+    assert "against" not in draft.text
+    assert contact.direction == (0.0, -1.0)
+    assert 'gap = "-1.0 + x[1]"' in draft.text
+    loose = text.replace("DX=0.0, DY=0.0)", "DX=0.0)")
+    other = tmp_path / "other"
+    other.mkdir()
+    assert "a surface without body that is not held" in drafted(other, loose, mail.text).lost[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (('FORMAT="ASTER"', 'FORMAT="IDEAS"'), r"line 3, LIRE_MAILLAGE: FORMAT='IDEAS'"),
+        (('MODELISATION="D_PLAN"', 'MODELISATION="DKT"'), r"line 4, AFFE_MODELE: MODELISATION='DKT'"),
+        (('GROUP_MA="UP_y1"', 'GROUP_MA="UP_TOP"'), r"line 8, AFFE_CHAR_MECA: there is no GROUP_MA 'UP_TOP'"),
+        (('ESCL="UP_y0"', 'ESCL="UP"'), r"line 9, DEFI_CONTACT: zone 1: GROUP_MA_ESCL: elements of a boundary"),
+        (("E=1000.0", "E=many"), r"line 5, DEFI_MATERIAU: E: 'many' is not defined"),
+        (("NU=0.25", "NU='0.25'"), r"line 5, DEFI_MATERIAU: NU: a number is expected, not '0\.25'"),
+        (("PRES=8.0", "PRES=MAT"), r"MAT.*|line 5, DEFI_MATERIAU: this is no function"),
+        (("MODELE=MODEL,\n    CHAM", "CHAM"), r"line 16, STAT_NON_LINE: MODELE: the result of a command is expected"),
+        (("INCREMENT=", "INCREASE="), r"line 16, STAT_NON_LINE: INCREMENT is missing"),
+        (("NOMBRE=2", "NOMBRE=0"), r"line 15, DEFI_LIST_REEL: INTERVALLE: 0 steps"),
+        (("RES = STAT_NON_LINE", "RES = CALC_MODES"), r"it solves nothing"),
+        (('TOUT="OUI", MATER', 'GROUP_MA="UP", MATER'), r"cells of the body have no material"),
+        (("2.0, 2.0))", "1.0, 1.0))"), r"line 14, DEFI_FONCTION: it has no value at 2"),
+    ],
+)
+def test_errors_name_the_command(tmp_path, change, why):
+    """One line that says where."""
+    text = commands("D_PLAN")
+    assert change[0] in text
+    with pytest.raises(MeshError, match=why) as raised:
+        drafted(tmp_path, text.replace(change[0], change[1], 1))
+    assert str(raised.value).startswith(str(tmp_path / "case.comm"))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("share", np.linspace(0.02, 0.98, 13))
+@pytest.mark.parametrize("which", ["comm", "mail"])
+def test_mutilated_files(tmp_path, which, share):
+    """Files that end too early: one error, or what is left of the problem with what it lacks."""
+    texts = {"comm": commands("D_PLAN"), "mail": two_blocks("D_PLAN")}
+    texts[which] = texts[which][: int(share * len(texts[which]))]
+    said = []
+    try:
+        assert drafted(tmp_path, texts["comm"], texts["mail"]).text
+    except SignoriniError as error:
+        said.append(str(error))
+    assert all(line.startswith(str(tmp_path / "case")) and "\n" not in line for line in said)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (("COOR_2D", "COOR_4D"), "COOR_4D is not known"),
+        (("QUAD4", "QUAD5"), "QUAD5 is not known"),
+        (("FINSF\nGROUP_MA\nLOW\n", "FINSF\nGROUP_MA\nLOW\nM999\n"), "GROUP_MA LOW: there is no element M999"),
+        (("FINSF\nGROUP_NO\nLOW_CORNER\n", "FINSF\nGROUP_NO\nLOW_CORNER\nN999\n"), "there is no node N999"),
+        (("M1 N1 ", "M1 N999 "), "QUAD4: there is no node 'N999'"),
+        (("N1 0 0", "N1 0 zero"), "COOR_2D: could not convert"),
+    ],
+)
+def test_mesh_files_that_are_wrong(tmp_path, change, why):
+    """The line of the section, and what is wrong."""
+    mail = two_blocks("D_PLAN")
+    assert change[0] in mail
+    with pytest.raises(MeshError, match=rf"case\.mail.*{why}"):
+        drafted(tmp_path, commands("D_PLAN"), mail.replace(change[0], change[1], 1))
+
+
+def test_run(tmp_path, monkeypatch, capsys):
+    """`run` drafts, solves and writes; `convert` writes the scene alone; both say what is lost."""
+    monkeypatch.chdir(tmp_path)
+    write_case(tmp_path, commands("D_PLAN"), two_blocks("D_PLAN"))
+    assert cli.main(["run", "case.comm", "--no-pictures"]) == 0
+    said = capsys.readouterr().out
+    assert "case.frd" in said
+    fields = (tmp_path / "results" / "case" / "case.frd").read_text().split("DISP")[-1].partition(" -3")[0]
+    heights = [float(line[25:37]) for line in fields.splitlines() if line.startswith(" -1")]
+    assert min(heights) == pytest.approx(top("D_PLAN"), rel=1e-4)
+    lost = tmp_path / "lost.comm"
+    lost.write_text(commands("D_PLAN").replace('ELAS")', 'ELAS", DEFORMATION="GDEF_LOG")'))
+    lost.with_suffix(".mail").write_text(two_blocks("D_PLAN"))
+    assert cli.main(["convert", "lost.comm", "scene.toml"]) == 4
+    assert "lost: line 16, STAT_NON_LINE: DEFORMATION='GDEF_LOG'" in capsys.readouterr().out
+    assert (tmp_path / "scene.inp").is_file()
+    assert cli.main(["convert", "lost.comm", "mesh.vtu"]) == 2
+    assert "a command file becomes a scene" in capsys.readouterr().err
