@@ -21,6 +21,7 @@ def command_of(options: argparse.Namespace) -> str:
     words += ["--seconds", f"{options.seconds:g}"]
     for pattern in options.only:
         words += ["--only", pattern]
+    words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
     words += ["--out", options.out.name]
     return shlex.join(words)
 

@@ -8,11 +8,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 
-from signorini_fx.addons.gauntlet.outcomes import CRASHED, SLOW, Gauntlet, GauntletCase, commit_of
-from signorini_fx.addons.gauntlet.sources import PROGRAM, decks_of
+from signorini_fx.addons.aster.command_file import read_commands
+from signorini_fx.addons.gauntlet.aster_kinds import other_kind
+from signorini_fx.addons.gauntlet.outcomes import CRASHED, OTHER_KIND, SLOW, Gauntlet, GauntletCase, commit_of
+from signorini_fx.addons.gauntlet.sources import ASTER, cases_of, program_of
 from signorini_fx.errors import MeshError
 
 _WORKER = "signorini_fx.addons.gauntlet.worker"
@@ -25,14 +28,17 @@ def gauntlet(
     *,
     seconds: float = 120.0,
     only: Sequence[str] = (),
+    jobs: int = 1,
     report: Callable[[GauntletCase], object] = lambda case: None,
 ) -> Gauntlet:
     """Run the cases of other programs that are in some folders.
 
     Args:
-        folders: with input files of CalculiX beside their printed results, NAME.dat.ref or NAME.frd.ref.
+        folders: with input files of CalculiX beside their printed results, NAME.dat.ref or NAME.frd.ref, or with
+            command files of code_aster, in which their values are.
         seconds: that each case has; one that takes longer is a row that says so.
         only: patterns of names, such as ``contact*``; none: all.
+        jobs: how many run at a time.
         report: is called with each case as it has ended.
 
     Raises:
@@ -43,28 +49,35 @@ def gauntlet(
     for folder in folders:
         if not folder.is_dir():
             raise MeshError(f"{folder}: is no folder")
-        decks = [deck for deck in decks_of(folder) if not only or any(fnmatch.fnmatch(deck.stem, p) for p in only)]
-        if not decks:
-            raise MeshError(f"{folder}: has no NAME.inp with contact and NAME.dat.ref or NAME.frd.ref beside it")
-        for deck in decks:
-            cases.append(run_case(deck, seconds))
-            report(cases[-1])
+        files = [file for file in cases_of(folder) if not only or any(fnmatch.fnmatch(file.stem, p) for p in only)]
+        if not files:
+            raise MeshError(
+                f"{folder}: has no NAME.inp with contact and NAME.dat.ref or NAME.frd.ref beside it, and no NAME.comm "
+                "with contact and tests"
+            )
+        with ThreadPoolExecutor(jobs) as pool:
+            for case in pool.map(lambda file: run_case(file, seconds), files):
+                cases.append(case)
+                report(case)
     sources = tuple((folder.resolve().name, commit_of(folder)) for folder in folders)
     return Gauntlet(tuple(cases), sources, seconds, f"{begun:%Y-%m-%d}")
 
 
-def run_case(deck: Path, seconds: float) -> GauntletCase:
-    """A case, however it ends."""
+def run_case(file: Path, seconds: float) -> GauntletCase:
+    """A case, however it ends; one of another kind of problem needs no process."""
+    if (case := _of_another_kind(file)) is not None:
+        return case
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "outcome.json"
-        command = [sys.executable, "-m", _WORKER, str(deck.resolve()), folder, str(file)]
+        written = Path(folder) / "outcome.json"
+        command = [sys.executable, "-m", _WORKER, str(file.resolve()), folder, str(written)]
         begun = time.perf_counter()
         try:
             ended = subprocess.run(command, capture_output=True, text=True, timeout=seconds, cwd=folder, check=False)
         except subprocess.TimeoutExpired:
             ended = None
         took = time.perf_counter() - begun
-        case = GauntletCase.read(file) if file.exists() else GauntletCase(deck.stem, PROGRAM, CRASHED)
+        crashed = GauntletCase(file.stem, program_of(file), CRASHED)
+        case = GauntletCase.read(written) if written.exists() else crashed
         if ended is None:
             if case.quantities:  # it is compared, and differences were being explained
                 return case.ended(case.state, f"{case.why}; explaining it took too long".removeprefix("; "), took)
@@ -73,3 +86,14 @@ def run_case(deck: Path, seconds: float) -> GauntletCase:
             last = (ended.stderr.strip().splitlines() or [f"exit code {ended.returncode}"])[-1]
             return case.ended(CRASHED, last[:_LONGEST], took)
         return case.ended(case.state, case.why, took)
+
+
+def _of_another_kind(file: Path) -> GauntletCase | None:
+    """A case of code_aster that is no statics of elastic bodies; None: it is, or cannot be read."""
+    if program_of(file) != ASTER:
+        return None
+    try:
+        why = other_kind(read_commands(file))
+    except MeshError:
+        return None
+    return GauntletCase(file.stem, ASTER, OTHER_KIND, why) if why else None

@@ -5,28 +5,53 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from signorini_fx.addons.gauntlet.outcomes import STATES, WHOLE, ComparedQuantity, Gauntlet, GauntletCase
+from signorini_fx.addons.gauntlet.sources import ASTER
 
-_HEAD = """# The gauntlet
+_HEAD = """# The gauntlet{of}
 
 Test cases of other programs, run by this one. The files are theirs, and are not part of this package: fetch them, and
 
 ```sh
-signorini-fx gauntlet FOLDER --out gauntlet.md
+signorini-fx gauntlet FOLDER --out {page}
 ```
 
-writes this page. A case is an input file of CalculiX with contact or ties that has printed results, `NAME.dat.ref` or
-`NAME.frd.ref`, beside it. Each is run in a process of its own: one that hangs or crashes is a row. Its steps are those
-of [`run`](command-line.md).
+writes this page. {cases}
 
-- **State**: *whole* is a case of which nothing is lost that changes the answer ([decks](decks.md)).
-- **Theirs and ours** stand where theirs is largest. **Difference** is the largest one of all nodes, relative to the
-  largest value of theirs, at the last time that both print.
-- **Exact** is from a file `NAME.exact.csv` with the columns `node`, `component` and `value`.
+- **State**: *whole* is a case of which nothing is lost that changes the answer ([decks]({grades})).
+- **Theirs and ours** stand where theirs is largest. **Difference** is the largest one of {difference}
+{exact}
 - **Nearer** to the exact value is the one named, or else to our solution with all sides halved.
+{why}
+"""
+_CALCULIX = {
+    "of": "",
+    "page": "gauntlet.md",
+    "cases": """\
+A case is an input file of CalculiX with contact or ties that has printed results, `NAME.dat.ref` or
+`NAME.frd.ref`, beside it. Each is run in a process of its own: one that hangs or crashes is a row. Its steps are those
+of [`run`](command-line.md). [code_aster](gauntlet-code-aster.md) has its own page.""",
+    "grades": "decks.md",
+    "difference": "all nodes, relative to the\n  largest value of theirs, at the last time that both print.",
+    "exact": "- **Exact** is from a file `NAME.exact.csv` with the columns `node`, `component` and `value`.",
+    "why": """\
 - **Why**: what is lost, and of differences above 1 % what further runs have found: whether their result is in
   equilibrium, and in which element formulation, by [`judge`](judge.md), and how far both are from the finer solution.
-  It is the same program that says so: who doubts it may refine their mesh with theirs.
-"""
+  It is the same program that says so: who doubts it may refine their mesh with theirs.""",
+}
+_OF_ASTER = {
+    "of": ": code_aster",
+    "page": "gauntlet-code-aster.md",
+    "cases": """\
+A case is a command file of code_aster with contact and tests, `NAME.comm`, beside its mesh; the
+`.export` beside it says which. Each is run in a process of its own: one that hangs or crashes is a row.
+[What is read of it](code-aster.md) is not executed.""",
+    "grades": "code-aster.md",
+    "difference": "all that are tested,\n  relative to the largest value of theirs.",
+    "exact": "- **Exact** is the value that a test calls analytical.",
+    "why": """\
+- **Why**: what is lost, and of differences above 1 % how code_aster solves its contact, what differs in the cells, and
+  how far both are from our finer solution.""",
+}
 
 
 def short_line(case: GauntletCase) -> str:
@@ -44,14 +69,16 @@ def short_table(result: Gauntlet) -> str:
 
 
 def page(result: Gauntlet, command: str) -> str:
-    """The page.
+    """The page: that of code_aster if all cases are of it.
 
     Args:
         result: what has been run.
         command: that has done it.
     """
+    aster = all(case.program == ASTER for case in result.cases)
     sources = ", ".join(f"`{name}`{f' at {commit[:10]}' if commit else ''}" for name, commit in result.sources)
-    lines = [_HEAD, f"{short_table(result)}. Run on {result.date} over {sources} by", ""]
+    head = "\n".join(line.rstrip() for line in _HEAD.format(**(_OF_ASTER if aster else _CALCULIX)).split("\n"))
+    lines = [head, f"{short_table(result)}. Run on {result.date} over {sources} by", ""]
     lines += ["```sh", command, "```", "", f"with {result.seconds:g} s for each case.", ""]
     lines += ["## Whole", "", *_table([case for case in result.cases if case.state == WHOLE]), ""]
     incomplete = [case for state in STATES[1:] for case in result.cases if case.state == state]
@@ -69,7 +96,7 @@ def _table(cases: list[GauntletCase]) -> Iterator[str]:
         for number, quantity in enumerate(case.quantities):
             yield _row(name if number == 0 else "", quantity, why if number == 0 else "")
         if not case.quantities:
-            yield f"| {name} | | | | | | | {_escaped(why or 'nothing that both print by nodes')} |"
+            yield f"| {name} | | | | | | | {_escaped(why or 'nothing that both have by nodes')} |"
 
 
 def _row(name: str, quantity: ComparedQuantity, why: str) -> str:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from signorini_fx.addons.gauntlet.aster import CommandRun
 from signorini_fx.addons.gauntlet.calculix import DeckRun
 from signorini_fx.addons.gauntlet.outcomes import GauntletCase
+from signorini_fx.addons.gauntlet.sources import ASTER, program_of
 
 
 def main(case: Path, folder: Path, file: Path) -> None:
@@ -15,7 +17,8 @@ def main(case: Path, folder: Path, file: Path) -> None:
     def tell(outcome: GauntletCase) -> None:
         outcome.write(file)
 
-    tell(DeckRun(case, folder, tell).outcome())
+    kind = CommandRun if program_of(case) == ASTER else DeckRun
+    tell(kind(case, folder, tell).outcome())
 
 
 if __name__ == "__main__":

@@ -404,9 +404,15 @@ def gauntlet(options: argparse.Namespace) -> tuple[str, int]:
         raise OutputError(f"{options.out}: already exists: give another name, or remove it")
     if not options.seconds > 0:
         raise SceneError([("--seconds", "must be positive")])
+    if options.jobs < 1:
+        raise SceneError([("--jobs", "must be at least 1")])
     line = None if options.json else lambda case: terminal.say(run.short_line(case))
     result = run.gauntlet(
-        options.folders, seconds=options.seconds, only=options.only, report=line or (lambda case: None)
+        options.folders,
+        seconds=options.seconds,
+        only=options.only,
+        jobs=options.jobs,
+        report=line or (lambda case: None),
     )
     if options.out is not None:
         try:

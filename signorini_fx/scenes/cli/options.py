@@ -90,6 +90,7 @@ def parser() -> argparse.ArgumentParser:
     )
     gauntlet.add_argument("--out", type=named_path, metavar="FILE", help="write the table as a page of Markdown")
     gauntlet.add_argument("--seconds", type=float, default=120.0, help="for each case (default: %(default)g)")
+    gauntlet.add_argument("--jobs", type=int, default=1, help="cases at a time (default: %(default)d)")
     gauntlet.add_argument(
         "--only",
         action="append",
