@@ -257,6 +257,69 @@ def test_many_true_errors(dimension, many, median):
     assert np.median(ratios) < median
 
 
+TOOL = {"force": [0.0, 5.0], "pivot": [0.8, -1.5], "prescribed": {"x": 0.0, "rotation": 0.0}}
+BOARD = {
+    "shape": "plane",
+    "point": [0.0, -0.001],
+    "normal": [0.0, 1.0],
+    "force": [0.0, 5.0],
+    "pivot": [0.9, 0.0],
+    "moment": 0.4,
+    "prescribed": {"x": 1e-3},
+}
+HELD = {"displacement": [{"boundary": "top", "x": 0.0, "y": 0.0}]}
+
+
+def on_tool(shape, *, degree=1, **more):
+    """A block that is held at its top, on a foundation that a force presses onto it."""
+    scene = {key: getattr(block(CIRCLE, degree=degree), key) for key in ("mesh", "element", "material")}
+    return parse_scene(scene | HELD | {"contact": {"boundary": "bottom", "foundation": shape} | more})
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("shape", [CIRCLE | TOOL, BOARD], ids=["circle", "board"])
+def test_balance_of_a_tool(shape, degree):
+    """The tractions that the stress is given balance its force, and its moment where it may turn; its motion is that of
+    the solution."""
+    solution = alone(on_tool(shape, degree=degree))
+    case = error_bounds.problem(solution)
+    computed = solution.steps[-1].tools[0]
+    (tool,), x = case.tools, np.random.default_rng(0).normal(size=(5, 2))
+    free_turning = 2 in tool.free
+    assert tool.displacement(x) == pytest.approx(computed.at(x), rel=1e-6, abs=1e-9)
+    case._balance()
+    (one,), t = case.contacts, case.t
+    traction = np.zeros((len(t.facets), 2, 2))
+    traction[one.facets] = one.traction
+    forces = moments_of(t, traction)
+    assert forces[..., 1].sum() == pytest.approx(5.0, rel=1e-9)
+    if free_turning:
+        arm = t.x[t.facets] - np.array(shape["pivot"])
+        moment = (arm[..., 0] * forces[..., 1] - arm[..., 1] * forces[..., 0]).sum()
+        assert moment == pytest.approx(0.4, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("shape", "degree", "largest"),
+    [(CIRCLE | TOOL, 1, 3.0), (CIRCLE | TOOL, 2, 3.0), (BOARD, 1, 1.2), (BOARD, 2, 1.5)],
+)
+def test_true_errors_on_a_tool(shape, degree, largest):
+    """At most the bound; without balance, or with a tool that stays where it was, it would be another one."""
+    scene = on_tool(shape, degree=degree)
+    found = error_bounds.effectivity(scene)
+    assert not isinstance(found, str), found
+    assert 1 < found[0] < largest
+    assert found[3].work is None  # of the force on the tool, too
+
+
+@pytest.mark.parametrize(("dimension", "seed"), [(2, 19), (2, 22), (3, 2)])
+def test_true_errors_on_driven_shapes(dimension, seed):
+    """At most the bound: foundations of any kind that a force moves."""
+    found = effectivity(dimension, seed, "driven")
+    assert not isinstance(found, str), found
+    assert found[0] > 1
+
+
 def test_a_plane_is_a_gap_along_its_normal():
     """The bound of a plane at an angle is that of an expression along the same direction."""
     plane = {"shape": "plane", "point": [0.0, 0.01], "normal": [0.02, 1.0]}
@@ -317,6 +380,9 @@ def test_forces_of_a_circle():
         (block(CIRCLE, gap="1e-3*x[0]"), "a gap that is a number"),
         (block(CIRCLE, kind="bilateral"), "that contact can leave"),
         (in_space(SPHERE, friction={"law": "tresca", "bound": 0.1}), "in space without friction"),
+        (on_tool(CIRCLE | TOOL | {"spring": {"y": 10.0}}), "have no springs"),
+        (on_tool(CIRCLE | TOOL, kind="bonded"), "are no bonds"),
+        (on_tool(BOARD, friction={"law": "tresca", "bound": 0.1}), "friction has one where none of them moves"),
         (
             block({"shape": "circle", "centre": [0.9, -0.1], "radius": 0.1}, friction={"law": "tresca", "bound": 0.1}),
             "facets that are shorter",

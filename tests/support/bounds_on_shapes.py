@@ -1,6 +1,6 @@
 """Random scenes on foundations with shapes, and true errors of their displacements against solutions on finer meshes.
 
-    ./env python3 tests/support/bounds_on_shapes.py DIMENSION [SEEDS] [FIRST] [round | plane]
+    ./env python3 tests/support/bounds_on_shapes.py DIMENSION [SEEDS] [FIRST] [round | plane | driven]
 
 prints guaranteed bounds over true errors, from which ``docs/evidence/bounds_on_shapes.csv`` was made.
 """
@@ -26,7 +26,7 @@ def on_shape(scene, seed, kind=None):
     Args:
         scene: of ``error_bounds.drawn`` or ``error_bounds_in_space.drawn``.
         seed: of the draw.
-        kind: "round", "plane" or None: any.
+        kind: "round", "plane", "driven", by a force on it, or None: any that stands still.
     """
     chance, tagged = np.random.default_rng([seed, 11]), scene.mesh
     if hasattr(tagged, "generator"):
@@ -36,7 +36,7 @@ def on_shape(scene, seed, kind=None):
     d, length = len(size), float(size[0])
     on = [float(chance.uniform(0.1, 0.9) * side) for side in size[:-1]]
     depth = length * 1e-3 * float(chance.uniform(-0.5, 2))
-    if kind == "plane" or (kind is None and chance.random() < 0.3):
+    if kind == "plane" or (kind in (None, "driven") and chance.random() < 0.3):
         leaning = [float(chance.uniform(-0.02, 0.02)) for _ in on]
         # It touches a corner: the other side of the body is higher.
         touched = [0.0 if slope <= 0 else float(side) for slope, side in zip(leaning, size, strict=False)]
@@ -53,7 +53,10 @@ def on_shape(scene, seed, kind=None):
         shape = {"shape": "circle" if d == 2 else "sphere", "centre": centre, "radius": radius, "hollow": hollow}
         if d == 3 and chance.random() < 0.4:
             shape |= {"shape": "cylinder", "axis": [1.0, float(chance.normal()), 0.0]}
-    friction = scene.contact[0].friction
+    friction, support = scene.contact[0].friction, scene.displacement
+    if kind == "driven":
+        shape, friction = shape | driven(scene, chance, shape, on), {"law": "none"}
+        support = [{"boundary": scene.displacement[0].boundary} | dict.fromkeys("xyz"[:d], 0.0)]
     if d == 3 and shape["shape"] != "plane":
         friction = {"law": "none"}
     contact = {"boundary": "bottom", "foundation": shape, "friction": friction}
@@ -62,7 +65,19 @@ def on_shape(scene, seed, kind=None):
         cells = {key: 2 * scene.mesh.parameters[key] for key in ("nx", "ny")}
         fields["mesh"] = scene.mesh.model_copy(update={"parameters": scene.mesh.parameters | cells})
     solver = {"algorithm": "alm" if scene.solver.algorithm == "exact" else scene.solver.algorithm}
-    return parse_scene(fields | {"contact": contact, "solver": solver})
+    return parse_scene(fields | {"contact": contact, "solver": solver, "displacement": support})
+
+
+def driven(scene, chance, shape, on):
+    """What drives a foundation: a force onto the body at some place of it; planes may turn under it."""
+    d, size = len(on) + 1, 1e-3 * float(scene.material[0].young)
+    turning = {2: ["rotation"], 3: ["rotation_x", "rotation_y", "rotation_z"]}[d]
+    if shape["shape"] == "plane" and chance.random() < 0.7:
+        turning = turning[2:]  # about its normal
+    prescribed = dict.fromkeys([*"xyz"[: d - 1], *turning], 0.0)
+    prescribed["x"] = float(chance.choice([0.0, 1e-3]))
+    force = [0.0] * (d - 1) + [size * float(chance.uniform(0.3, 2))]
+    return {"force": force, "pivot": [*on, 0.0], "prescribed": prescribed}
 
 
 def effectivity(dimension, seed, kind=None):

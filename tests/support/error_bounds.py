@@ -51,7 +51,7 @@ def on_finer_mesh(scene):
         tagged = refine(tagged)
     element = scene.element.model_copy(update={"degree": 2})
     error = None
-    for algorithm in ("exact", "alm"):
+    for algorithm in ("alm",) if any(contact.tool for contact in scene.contact) else ("exact", "alm"):
         solver = scene.solver.model_copy(update={"algorithm": algorithm})
         finer = scene.model_copy(update={"mesh": tagged, "element": element, "solver": solver})
         try:

@@ -43,7 +43,6 @@ _CUT = ("traction", "body force")
 
 # Features of a scene that the proof does not know.
 REFUSES = {
-    "driven foundation": "a guaranteed bound is for foundations that no force moves so far",
     "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
     "graded material": "moduli or axes that vary have no guaranteed bound yet",
     "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
@@ -63,7 +62,8 @@ LONG_FACETS = (
 )
 REFUSES_BESIDES = {
     SHAPE: "a guaranteed bound is for planes so far, and for circles, spheres and cylinders that contact can leave, "
-    "with a gap that is a number, in space without friction; friction has one where none of them moves with the time",
+    "with a gap that is a number, in space without friction; friction has one where none of them moves, and those that "
+    "forces move where they are no bonds and have no springs",
     RANKS: "a guaranteed bound is computed on one rank so far",
     CURVED: "a guaranteed bound is for straight cells so far",
     HEXAHEDRA: "in space a guaranteed bound is for tetrahedra so far",
@@ -164,7 +164,9 @@ def _is_bounded(entry: Contact, dimension: int) -> bool:
     """Whether contact with a foundation that has a shape is one that the proof knows: a round one is left by
     displacements of the elements, but they do not keep to it.
     """
-    if not is_known(entry.foundation) or (entry.moves and entry.friction.acts):
+    if not is_known(entry.foundation) or (entry.friction.acts and (entry.moves or entry.tool is not None)):
+        return False
+    if entry.tool is not None and (not entry.opens or entry.tool.stiffness(dimension).any()):
         return False
     return not is_round(entry.foundation) or (
         entry.opens and isinstance(entry.gap, float) and not (dimension == 3 and entry.friction.acts)

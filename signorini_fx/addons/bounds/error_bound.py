@@ -224,7 +224,7 @@ class Bounded(PlainProblem):
         squares: Array = np.zeros(self.cells)
         np.add.at(squares, self.owner, enclosure.duality + data + v.moved)
         work = None
-        if not any(surface.bound.any() for surface in self.contacts):
+        if not self.tools and not any(surface.bound.any() for surface in self.contacts):
             above = (float(np.sqrt(enclosure.gap)) + 2 * enclosure.missed) ** 2 / 2
             functional = energy(t, v.strain).sum() / 2 - self.loads.work(v.y, v.middle)
             least, greatest = work_of_loads(functional, above, enclosure.size, total, len(t.corners))
@@ -306,10 +306,13 @@ class Bounded(PlainProblem):
         return np.asarray(self.t.area[surface.facets] * (work @ WEIGHTS[d] + missed))
 
     def _balance(self) -> None:
-        """Change pressures and shears of a body that supports do not hold so that they balance its loads."""
+        """Change pressures and shears so that they balance the loads of bodies that supports do not hold, and of tools
+        that forces move.
+        """
         t = self.t
         modes = free_motions(t, self.held).reshape(len(t.x), t.dimension, -1)
-        if not modes.shape[2]:
+        of_bodies, of_tools = modes.shape[2], sum(len(tool.free) for tool in self.tools)
+        if not of_bodies + of_tools:
             return
         if not self.contacts:
             raise Refused("the body is not held")
@@ -317,12 +320,15 @@ class Bounded(PlainProblem):
         moments = moments_of(t, modes[t.facets])
         loads = np.einsum("ncd,ncdk->k", self.loads.body, modes[t.corners])
         loads = loads + np.einsum("fad,fadk->k", self.loads.traction, moments)
+        loads = np.concatenate((loads, *(tool.force for tool in self.tools)))
         contacts = []
-        for surface in self.contacts:
+        for number, surface in enumerate(self.contacts):
             motions = modes[t.facets[surface.facets]]
             if (opposite := surface.opposite) is not None:
                 motions = motions - opposite.over(modes[t.facets[opposite.facets]])
-            normal, across = surface.work(t.area, motions)
+            x = t.x[t.facets[surface.facets]]  # what it has of a tool's motion, it has not of the body's
+            of_each = (-float(number in tool.parts) * tool.modes(x)[..., tool.free] for tool in self.tools)
+            normal, across = surface.work(t.area, np.concatenate((motions, *of_each), axis=3))
             count = normal.shape[1]  # of vertices with tractions of their own
             contacts.append(
                 AdmissibleTractions(
@@ -335,14 +341,17 @@ class Bounded(PlainProblem):
                     t.area[surface.facets],
                 )
             )
-        pieces = of_each_piece(t, modes.reshape(t.x.size, -1))
+        pieces, first = of_each_piece(t, modes.reshape(t.x.size, -1)), of_bodies
+        for tool in self.tools:
+            pieces.append((-1, np.arange(first, first := first + len(tool.free))))
         sizes = (
             np.abs(contact.normal * contact.pressure[:, :, None]).sum(axis=(0, 1))
             + np.abs(np.einsum("fadk,fad->fak", contact.across, contact.shear)).sum(axis=(0, 1))
             for contact in contacts
         )
         small = small_rests(loads, sum(sizes, np.zeros(loads.size)), pieces)
-        group = self.group_of_piece
+        # Tools join the bodies that they touch: all of them are balanced together.
+        group = self.group_of_piece * (not self.tools)
         for number in np.unique([group[piece] for piece, _ in pieces]):
             together = [columns for piece, columns in pieces if group[piece] == number]
             part = np.concatenate(together)

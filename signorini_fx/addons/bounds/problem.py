@@ -26,6 +26,7 @@ from signorini_fx.addons.bounds.bounded_scene import (
     refuse_unknown,
 )
 from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, TRIPLE, bernstein, coefficients, times_linear
+from signorini_fx.addons.bounds.moving_tools import MovingTool, tools_of
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
 from signorini_fx.addons.bounds.round_foundations import RoundFacets, is_round
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, divide
@@ -231,7 +232,8 @@ class PlainProblem:
             shape (f, d, d).
         supported: those of supports alone.
         loads: what acts on the body.
-        contacts: the contacts of the scene.
+        tools: foundations that forces move.
+        contacts: the contacts of the scene, in its order.
     """
 
     def __init__(
@@ -265,10 +267,16 @@ class PlainProblem:
             if factor != 0
         ]
         self.loads = (PlaneLoads if self._dimension == 2 else LinearLoads)(self.t, self.held, forces)
+        self.tools: list[MovingTool] = []
+        if contact is not None and (bodies := self._statement.rigid_bodies):
+            self.tools = tools_of(bodies, y, contact, self._statement.time_at(step), d.tagged.size)
         self.contacts = (
             []
             if contact is None
-            else [self._contact(number, effect, contact) for number, effect in enumerate(self._statement.contact)]
+            else [
+                self._on_tool(number, self._contact(number, effect, contact))
+                for number, effect in enumerate(self._statement.contact)
+            ]
         )
 
     @property
@@ -595,6 +603,23 @@ class PlainProblem:
             least=least,
             round=foundation,
         )
+
+    def _on_tool(self, number: int, surface: FacetsInContact) -> FacetsInContact:
+        """The same with what its foundation has moved, where forces move it, added to the gap: see ``moving_tools``."""
+        d = self._dimension
+        for tool in self.tools:
+            if number not in tool.parts:
+                continue
+            directions, away = surface.directions, tool.displacement(self.t.x[self.t.facets[surface.facets]])
+            first, second = EDGES_OF_FACET[d].T
+            along = np.einsum("fad,fbd->fab", directions, away)
+            between = (along[:, first, second] + along[:, second, first]) / 2
+            surface = replace(
+                surface,
+                gap=surface.gap + np.einsum("fqd,fqd->fq", POINTS[d] @ directions, POINTS[d] @ away),
+                below=surface.below + np.concatenate((np.einsum("faa->fa", along), between), axis=1),
+            )
+        return surface
 
     def _paired(self, number: int, effect: Contact, parts: PairedParts) -> tuple[Ints, Array, Array, OtherSide]:
         """The facets of the contact of two bodies, its normals, the distance of both sides along these at the vertices,
