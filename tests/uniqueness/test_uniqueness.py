@@ -251,3 +251,22 @@ def test_a_preload_by_force_is_not_proved_by_the_stiffness_of_a_fixed_shortening
     found = alone(scene).uniqueness
     assert found.proved == ("shortening" in given)
     assert ("not tried where a force determines the shortening" in str(found)) == ("force" in given)
+
+
+def test_the_size_of_slip_is_not_lipschitz_continuous_in_the_energy():
+    """Why no constant of a mesh tells of the body: in H^(1/2) a change of phi changes |phi| by more than k^(1/2) times
+    as much, where phi has the same norm for all k; in L2 it does not."""
+    count, change = 2**18, 1e-4
+    x = 2 * np.pi * np.arange(count) / count
+    k = np.abs(np.fft.fftfreq(count, 1 / count))
+
+    def norms(values):
+        squares = np.abs(np.fft.fft(values) / count) ** 2
+        return np.sqrt(squares @ (1 + k)), np.sqrt(squares.sum())
+
+    for waves in (4, 64, 1024):
+        phi = np.sin(waves * x) / np.sqrt(waves)
+        assert norms(phi)[0] == pytest.approx(np.sqrt(0.5 * (1 + 1 / waves)), rel=1e-9)
+        ratio, in_l2 = np.array(norms(np.abs(phi + change) - np.abs(phi))) / change
+        assert ratio > np.sqrt(waves)
+        assert in_l2 < 1 + 1e-9

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.addons.bounds.arrays import Array
+from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.rigid import rigid_modes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
@@ -45,7 +45,7 @@ class MovingTool:
     pivot: Array
     size: float
     motion: Array
-    free: Array
+    free: Ints
     force: Array
 
     def modes(self, x: Array) -> Array:

@@ -10,6 +10,25 @@ proof give
 So for m > 1 the map from g to F r_N(g) has one fixed point g*, and |g - g*| <= |F r_N(g) - g| / (1 - 1 / m).  A
 computed state is the solution for the bound g that is |mu| where a point slips, and at least F lambda where it sticks:
 whatever ended the iteration.  docs/theory.md derives it.
+
+*Why the solution on the body is not enclosed.*  Let u*, sigma*, p* be a solution with Coulomb friction on the body, v a
+displacement that does not enter the foundation, and tau a stress in equilibrium with a pressure p >= 0 and a shear
+|mu| <= F p.  As tau - sigma* is in equilibrium without loads,
+
+    |v - u*|^2 + |tau - sigma*|^2 = |C eps(v) - tau|^2 + 2 int ((p* - p) (v_N - u*_N) + (mu* - mu) . (v_T - u*_T)),
+
+and with p* (d - u*_N) = 0, mu* . u*_T = F p* |u*_T| and |mu*| <= F p* this is at most
+
+    |C eps(v) - tau|^2 + 2 int p (d - v_N) + 2 int (F p |v_T| - mu . v_T) + 2 int F (p - p*) (|u*_T| - |v_T|).
+
+All but the last term is (B1) of docs/theory.md, and known.  The energy bounds p - p* in the dual space of H^(1/2) alone,
+so that the last term asks for | |u*_T| - |v_T| | <= c |u*_T - v_T| in H^(1/2).  There is no such c: on a circle of
+length 2 pi the norm of phi = k^(-1/2) sin(k x) is the same for all k, and that of |phi + e| - |phi| with a small number
+e is more than k^(1/2) times that of e, as it jumps between -e and e along k waves.  In L2, where c = 1, the pressure
+is not bounded: cos(k x) has an energy of the order 1 / k.  On a mesh the norms are equivalent, with constants of the
+order h^(-1/2), which the weights d_i make as good as they can be: so m falls as h^(1/2), and with q = 1 / m < 1 on one
+mesh it is above 1 on finer ones.  That small coefficients make the solution on the body the only one is not known
+either, but for a solution of more regularity (Y. Renard, SIAM J. Math. Anal. 38 (2006) 452-467).
 """
 
 from __future__ import annotations
