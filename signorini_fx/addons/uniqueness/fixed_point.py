@@ -21,7 +21,7 @@ and with p* (d - u*_N) = 0, mu* . u*_T = F p* |u*_T| and |mu*| <= F p* this is a
 
     |C eps(v) - tau|^2 + 2 int p (d - v_N) + 2 int (F p |v_T| - mu . v_T) + 2 int F (p - p*) (|u*_T| - |v_T|).
 
-All but the last term is (B1) of docs/theory.md, and known.  The energy bounds p - p* in the dual space of H^(1/2) alone,
+All but the last term is (B1) of docs/theory.md, and known.  The energy bounds p - p* only in the dual space of H^(1/2),
 so that the last term asks for | |u*_T| - |v_T| | <= c |u*_T - v_T| in H^(1/2).  There is no such c: on a circle of
 length 2 pi the norm of phi = k^(-1/2) sin(k x) is the same for all k, and that of |phi + e| - |phi| with a small number
 e is more than k^(1/2) times that of e, as it jumps between -e and e along k waves.  In L2, where c = 1, the pressure
