@@ -76,7 +76,7 @@ def _contact(entry: Any, given: Any) -> Any:
     if getattr(given, "measure", None) is not None:
         raise Refused("forms that are multiplied by a measure have no guaranteed bound")
     if getattr(given, "shape", None) is not None:
-        raise Refused("a guaranteed bound is for a gap along given directions, not for a foundation with a shape")
+        raise Refused("of forms a guaranteed bound is for gaps along given directions, not for shapes: scenes have it")
     direction = entry.direction
     if direction is not None:
         if not isinstance(direction, tuple | list | np.ndarray):
