@@ -260,8 +260,8 @@ def test_many_true_errors(dimension, many, median):
 TOOL = {"force": [0.0, 5.0], "pivot": [0.8, -1.5], "prescribed": {"x": 0.0, "rotation": 0.0}}
 BOARD = {
     "shape": "plane",
-    "point": [0.0, -0.001],
-    "normal": [0.0, 1.0],
+    "point": [1.0, -0.001],
+    "normal": [0.05, 1.0],
     "force": [0.0, 5.0],
     "pivot": [0.9, 0.0],
     "moment": 0.4,
