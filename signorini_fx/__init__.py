@@ -71,6 +71,7 @@ _PUBLIC = {
     "mechanics.statement.mesh_sources": ("Body", "MeshFile", "MeshGenerator"),
     "scenes.scene": ("Scene",),
     "mechanics.statement.settings": ("Accuracy", "Box", "Discretised", "SolverSettings", "TitleBlock", "Units"),
+    "scenes.periodic": ("periodic_sides",),
     "scenes.reading": ("read_scene",),
     "scenes.solver": ("solve",),
     "scenes.sweep": ("SweepPoint", "sweep"),

@@ -136,7 +136,7 @@ NO_LIBRARY = 'raise OSError("libGLU.so.1: cannot open shared object file")'
     ("module", "message"),
     [
         ("raise ModuleNotFoundError('gmsh')", "gmsh, which is not installed: pip install gmsh, or apt install"),
-        (NO_LIBRARY, "cannot be loaded: libGLU.so.1: cannot open .*: apt install libglu1-mesa"),
+        (NO_LIBRARY, "cannot be loaded: libGLU.so.1: cannot open .*: apt install libgl1 libglu1-mesa"),
     ],
 )
 @pytest.mark.mpi

@@ -30,7 +30,7 @@ def loaded_gmsh() -> Any:
     except OSError as error:
         raise InstallationError(
             f"this mesh is made by gmsh, which cannot be loaded: {error}; its wheel needs libraries of the system, on "
-            "Debian and Ubuntu: apt install libglu1-mesa libxcursor1 libxft2 libxinerama1"
+            "Debian and Ubuntu: apt install libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1"
         ) from None
     return gmsh
 
