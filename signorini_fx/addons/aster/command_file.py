@@ -101,7 +101,7 @@ def read_commands(file: Path) -> CommandFile:
         raise MeshError(f"{file}: line {error.lineno}: this is no command file: {error.msg}") from None
     except (ValueError, RecursionError, MemoryError) as error:
         raise MeshError(f"{file}: this is no command file: {error or type(error).__name__}") from None
-    evaluator = _Evaluator()
+    evaluator = _CommandReader()
     try:
         evaluator.run(tree.body, evaluator.variables)
     except CommandError as error:
@@ -111,7 +111,7 @@ def read_commands(file: Path) -> CommandFile:
     return evaluator.content
 
 
-class _Evaluator:
+class _CommandReader:
     """Evaluates statements, and collects the commands."""
 
     def __init__(self) -> None:
@@ -397,7 +397,7 @@ def value_at(value: Any, parameters: Parameters, command: AsterCommand, key: str
         CommandError: it has no value there.
     """
     if isinstance(value, Concept):
-        value = _Evaluator().function(value, parameters)
+        value = _CommandReader().function(value, parameters)
     return command.number(value, key)
 
 

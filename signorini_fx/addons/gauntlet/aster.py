@@ -171,8 +171,8 @@ class _Fields:
             complete = len(rows) == len(expectation.nodes) or expectation.how in ("MAX", "MIN")
             return -np.nan_to_num(moment.contact[rows, 3]) if rows and complete else None
         if name == "REAC_NODA" and component in _AXES and (expectation.how == "SOMM" or not self.study.has_27_nodes):
-            complete = moment.reactions[rows, _AXES.index(component)] / self.deck.printed_share
-            return np.asarray(complete / self.study.circumference)
+            share = self.deck.printed_share * self.study.circumference
+            return np.asarray(moment.reactions[rows, _AXES.index(component)] / share)
         if name in ("SIEF_NOEU", "SIGM_NOEU") and component in _STRESSES:
             return moment.stress[rows, _STRESSES.index(component)]
         return None
@@ -193,7 +193,9 @@ class _Fields:
 
 def _combined(values: Floats, expectation: Expectation) -> float:
     """The value that is compared, of those at the nodes."""
-    value = float({"MAX": np.max, "MIN": np.min, "SOMM": np.sum, "": np.sum}[expectation.how](values))
+    value = float(
+        values.max() if expectation.how == "MAX" else values.min() if expectation.how == "MIN" else values.sum()
+    )
     return float(np.copysign(value, expectation.theirs)) if expectation.unsigned else value
 
 
