@@ -48,6 +48,8 @@ def test_terms(tmp_path, term, before, value):
     "term",
     [
         "open('written', 'w')",
+        "'%1000000000d' % 3",
+        "'%(a)*d' % {'a': 3}",
         "__import__('os').getpid()",
         "().__class__.__bases__",
         "(lambda: exec('x = 1'))()",

@@ -7,6 +7,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import re
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -294,8 +295,10 @@ class _CommandReader:
             return Unknown("an operation that is not evaluated")
         if isinstance(op, ast.Pow):
             operands = tuple(map(float, operands))
-        if isinstance(op, ast.Mod) and not numbers and not isinstance(operands[0], str):
-            return Unknown("an operation that is not evaluated")
+        if isinstance(op, ast.Mod) and not numbers:
+            text = operands[0]
+            if not isinstance(text, str) or re.search(r"%[^a-zA-Z%]*(\d{3}|\*)", text):  # or as wide as it says
+                return Unknown("an operation that is not evaluated")
         try:
             result = function(*operands)
         except (ArithmeticError, TypeError, ValueError) as error:
