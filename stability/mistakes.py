@@ -1029,7 +1029,7 @@ MUTANTS = (
         tests=("nested::test_neighbours_at_the_same_distance",),
     ),
     Mutant(
-        "contact/map",
+        "contact/traces_and_forces",
         "scale.reciprocal()",
         "pass",
         "stiffness of a contact point is a compliance",
@@ -1371,7 +1371,7 @@ MUTANTS = (
     ),
     # --- residual and Jacobian ---------------------------------------------------------------------------------------
     Mutant(
-        "contact/map",
+        "contact/traces_and_forces",
         "self._force.getArray()[self.fixed] = 0.0",
         "pass",
         "contact forces on supports",
@@ -4150,7 +4150,7 @@ MUTANTS = (
         tests=("units::test_the_size_of_the_forces",),
     ),
     Mutant(
-        "contact/map",
+        "contact/traces_and_forces",
         "scale.getArray()[self.fixed] = 0.0",
         "pass",
         "augmentation: prescribed unknowns have a stiffness",

@@ -25,8 +25,8 @@ from signorini_fx.addons.derivatives.law import LinearisedLaw, linearised
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package

@@ -1,6 +1,7 @@
 """Multigrid for the tangent of contact: one hierarchy for each mesh, truncated where contact holds the body.
 
-The hierarchy is that of smoothed aggregation for A, the stiffness without contact; it never changes.  Contact adds
+The hierarchy is that of coarser meshes, see ``mechanics.body.mesh_levels``, as far as there are any, and below them of
+smoothed aggregation, for A, the stiffness without contact; it never changes.  Contact adds
 C = B^T D B, which lives on the contact unknowns c and is as large as gamma.  What it holds, the directions in which C
 is no smaller than A, must not move on coarse levels either.  With E the projection onto these directions, the finest
 interpolation P becomes (I - E) P and the smoother leaves them alone: truncation, as in monotone multigrid (Kornhuber
@@ -23,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.map import ContactMap
+from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.algebra.linalg import options, row_by_row
 from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks, rough
 from signorini_fx.algebra.linalg.callbacks import called_back

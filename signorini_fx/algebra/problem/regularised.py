@@ -1,4 +1,8 @@
-"""The regularised contact problem (3.3) as SNES callbacks: residual and active-set Jacobian."""
+"""The regularised contact problem (3.3) as SNES callbacks: residual and active-set Jacobian.
+
+(3.3b), the contact pressure, is in ``algebra.contact.complementarity``, (3.3c), the friction, in
+``algebra.contact.active_sets``.
+"""
 
 from __future__ import annotations
 
