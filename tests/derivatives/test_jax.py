@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-DEMO = Path(__file__).parents[2] / "demos" / "forms" / "jax_gradient.py"
+DEMO = Path(__file__).parents[2] / "demos" / "studies" / "jax_gradient.py"
 
 
 def test_demo():
