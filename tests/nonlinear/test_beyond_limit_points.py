@@ -11,10 +11,11 @@ from support.nonlinear_bodies import held, neo_hooke
 from signorini_fx import FormError, Foundation, NonlinearContactProblem, Status
 
 FORCE, HELD = 0.15, {"x": 0.0, "rotation": 0.0}
+WEIGHT = 0.01  # force per volume
 
 
-def arch(comm, **shape):
-    """The right half of a shallow arch that is clamped at its end, below a circle."""
+def arch(comm, *, weighs=False, **shape):
+    """The right half of a shallow arch that is clamped at its end, below a circle; its weight is ``problem.weight``."""
     mesh = dmesh.create_rectangle(comm, [[0.0, 0.0], [4.0, 0.3]], [12, 1], dmesh.CellType.quadrilateral)
     space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
 
@@ -26,8 +27,13 @@ def arch(comm, **shape):
     u = fem.Function(space)
     circle = {"shape": "circle", "centre": (0.0, 1.6), "radius": 0.5, "pivot": (0.0, 1.6)} | shape
     F = ufl.derivative(neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 4}), u, ufl.TestFunction(space))
+    weight = fem.Constant(mesh, 0.0)
+    if weighs:
+        F += WEIGHT * weight * ufl.TestFunction(space)[1] * ufl.dx
     bcs = [held(space, end), held(space, middle, 0)]
-    return NonlinearContactProblem(F, u, bcs=bcs, contact=Foundation(top, shape=circle), algorithm="alm")
+    problem = NonlinearContactProblem(F, u, bcs=bcs, contact=Foundation(top, shape=circle), algorithm="alm")
+    problem.weight = weight
+    return problem
 
 
 def pressed(problem, **further):
@@ -67,6 +73,55 @@ def test_an_arch_snaps_through():
     assert [step.tools[0].translation[1] for step in steps] == pytest.approx(places, abs=1e-12)
     assert all(step.certificate.holds for step in steps)
     assert (np.diff([step.time for step in steps]) > 0).all()
+
+
+def pushed(problem, weight=None, prescribed=None, spring=0.0, **further):
+    """A ramp of the force, and of a weight on the arch; rows of load, place and what the circle exerts."""
+    path = []
+
+    def apply(load):
+        placement = {} if prescribed is None else {"prescribed": prescribed}
+        if spring:
+            placement["spring"] = {"y": spring}
+        problem.place(0, force=(0.0, -FORCE * load), **placement)
+        if weight is not None:
+            weight.value = load
+
+    def record(step):
+        path.append((step.load, float(problem.tools[0].translation[1]), -float(sum(problem.state.forces)[1])))
+
+    problem.ramp(apply, on_step=record, **({"first": 0.1, "largest": 0.1} | further))
+    assert problem.status is Status.CONVERGED
+    return np.array(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["prescribed once", "from a distance", "first step", "spring", "weight"])
+def test_the_whole_path_however_it_is_stated(case):
+    """What is prescribed is given once, or again with each load; the circle comes from a distance; the first step is
+    the whole load; a spring holds it, too; another load changes beside the force.  The path snaps through, and ends
+    where the whole load alone puts the arch.
+    """
+    away = 0.4 if case == "from a distance" else 0.0
+    shape = {"centre": (0.0, 1.6 + away), "pivot": (0.0, 1.6 + away), "force": (0.0, 0.0), "prescribed": HELD}
+    further = {"first step": {"first": None, "largest": None}, "spring": {"spring": 0.02}}.get(case, {})
+    further |= {} if case == "prescribed once" else {"prescribed": HELD}
+
+    def heavy():
+        """The arch, and what weighs it down."""
+        problem = arch(MPI.COMM_SELF, weighs=case == "weight", **shape)
+        return problem, problem.weight if case == "weight" else None
+
+    path = pushed(*heavy(), control=(0, "y"), **further)
+    loads, places, forces = path.T
+    assert forces == pytest.approx(FORCE * loads + further.get("spring", 0.0) * places, abs=1e-8 * FORCE)
+    assert loads[-1] == 1.0
+    assert (np.diff(loads) < 0).any()  # it falls
+    assert np.abs(np.diff(places)).max() < 0.3
+    problem, weight = heavy()
+    at_once = pushed(problem, weight, **further | {"first": None, "largest": None})
+    assert path[-1] == pytest.approx(at_once[-1], abs=1e-8)
+    assert problem.shapes[0].shape.prescribed.y is None
 
 
 def test_what_cannot_be_controlled():

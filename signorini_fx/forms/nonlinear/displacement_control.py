@@ -4,7 +4,8 @@ the tool there, so that it may fall while the tool moves on.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, place
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.tuned import (
@@ -35,6 +36,21 @@ def jumps(places: list[float], position: float) -> bool:
     """Whether a tool goes much farther in a step than in any before; ``places``: where they have begun and ended."""
     largest = float(np.abs(np.diff(places)).max(initial=0.0))
     return 0.0 < JUMP * largest < abs(position - places[-1])
+
+
+def alike(start: tuple[float, float], half: tuple[float, float] | None, whole: tuple[float, float] | None) -> bool:
+    """Whether a tool gives way in both halves of a step alike.
+
+    Args:
+        start: where it is before, and the force that drives it there.
+        half: the same after half of the step; None: there is no solution.
+        whole: the same after all of it.
+    """
+    if half is None or whole is None:
+        return False
+    moved, driven = np.abs(np.diff([start, half, whole], axis=0)).T
+    first, second = moved * driven[::-1]  # compliances, each times both changes of the force
+    return bool(first <= JUMP * second and second <= JUMP * first)
 
 
 @dataclass(frozen=True)
@@ -89,11 +105,24 @@ class Control:
         springs = stiffness * self.position(shapes)
         return self.drive(shapes) + taken - springs, max(abs(taken), abs(springs))
 
-    def held_at(self, position: float, shapes: dict[int, MovingShape]) -> dict[str, Any]:
-        """What to place the tool with so that the component is prescribed."""
-        prescribed = shapes[self.number].shape.prescribed
-        fixed = {} if prescribed is None else {key: value for key, value in prescribed if value is not None}
-        return {"prescribed": fixed | {self.key: position}}
+    @contextmanager
+    def held_at(self, position: float, shapes: dict[int, MovingShape]) -> Iterator[None]:
+        """The component is prescribed within, and no spring acts along it; then all drives the tool as before, from
+        where it is.
+        """
+        moving = shapes[self.number]
+        driven = moving.shape
+        others = {
+            name: {key: value for key, value in getattr(driven, name) or () if value is not None and key != self.key}
+            for name in ("prescribed", "spring")
+        }
+        fixed, springs = others["prescribed"] | {self.key: position}, others["spring"] or None
+        place(moving, self.number, {"prescribed": fixed, "spring": springs})
+        try:
+            yield
+        finally:
+            carried = {"shift": moving.shape.shift, "rotation": moving.shape.rotation}
+            moving.put(driven.model_copy(update=carried))
 
 
 def load_that_holds(
@@ -103,8 +132,11 @@ def load_that_holds(
     solve: Callable[[], ContactState],
     load: float,
     difference: float,
-) -> float:
-    """The load with which the drive holds a tool where ``solve`` puts it, by the secant of its drive; collective.
+) -> float | None:
+    """The load with which the drive holds a tool where ``solve`` puts it; None: none is found; collective.
+
+    It is found by Newton's method, with the slope of the drive, and the secant of what contact and springs take of it
+    where other loads change, too.
 
     Args:
         control: what is prescribed.
@@ -118,21 +150,26 @@ def load_that_holds(
         ConvergenceError: see ``solve``.
         FormError: the force of the tool does not depend on the load.
     """
+    before: tuple[float, float] | None = None  # a load, and what was taken there
     for _ in range(LOADS_TRIED):
         apply(load + difference)
         ahead = control.drive(shapes)
         apply(load)
-        slope = (ahead - control.drive(shapes)) / difference
+        drive = control.drive(shapes)
+        slope = (ahead - drive) / difference
         if slope == 0.0:
             reason = f"the force on contact[{control.number}] along {control.key} does not change with the load"
             raise FormError([("control", reason)], "ramp")
-        state = solve()
-        apply(load)
-        missing, size = control.missing(shapes, state)
+        missing, size = control.missing(shapes, solve())
         if abs(missing) <= LARGEST_LOAD_ERROR * size:
-            break
+            return load
+        if before is not None:
+            slope += (missing - drive - before[1]) / (load - before[0])
+            if slope == 0.0:
+                return None
+        before = load, missing - drive
         load -= missing / slope
-    return load
+    return None
 
 
 @dataclass

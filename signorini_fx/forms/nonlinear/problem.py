@@ -27,7 +27,14 @@ from signorini_fx.forms.elasticity import MatrixError, MatrixFault
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.arguments import checked
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.forms.nonlinear.displacement_control import Control, ControlSteps, SnapThrough, jumps, load_that_holds
+from signorini_fx.forms.nonlinear.displacement_control import (
+    Control,
+    ControlSteps,
+    SnapThrough,
+    alike,
+    jumps,
+    load_that_holds,
+)
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
@@ -557,7 +564,7 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         sizes, steps = StepSizes(to, first, largest, smallest), list[RampStep]()
         tool = None if control is None else Control.of(control, self.shapes, self._dimension)
-        places = [] if tool is None else [tool.position(self.shapes)]
+        places = [] if tool is None else [self._begins_to_move(tool, apply, sizes, LOAD_DIFFERENCE * to)]
         gone = [0.0]  # how far the load has gone, up and down
 
         def solved(load: float, step: StepResult) -> StepResult:
@@ -581,6 +588,48 @@ class NonlinearContactProblem(ProblemOfForms):
                 raise
             self._beyond_limit(tool, apply, to, places, solved, lambda step: on_step(steps[-1]))
         return steps
+
+    def _begins_to_move(
+        self, tool: Control, apply: Callable[[float], object], sizes: StepSizes, slightest: float
+    ) -> float:
+        """Where a tool is under hardly any load, once it has come to the body; collective.
+
+        The first step, which no other tells from a jump, is halved until the tool gives way in both of its halves
+        alike.
+
+        Args:
+            tool: whose translation will be prescribed.
+            apply: see ``ramp``.
+            sizes: of the steps.
+            slightest: hardly any load.
+        """
+        begun, kept = self._snapshot(), (self._good, self._solved, self.status)
+
+        def at(load: float) -> tuple[float, float] | None:
+            """Where the tool is, and what drives it there; None: there is no solution."""
+            apply(load)
+            with suppress(ConvergenceError):
+                self._attempt(damps=False)
+                return tool.position(self.shapes), tool.drive(self.shapes)
+            return None
+
+        def tried(load: float) -> tuple[float, float] | None:
+            try:
+                return at(load)
+            finally:
+                self._begin_again(begun, partial(apply, 0.0))
+                self._good, self._solved, self.status = kept
+
+        start = tried(slightest) or (tool.position(self.shapes), 0.0)
+        whole = tried(sizes.next)
+        while sizes.may_halve:
+            half = tried(sizes.next / 2)
+            if alike(start, half, whole):
+                break
+            self.history.add(f"load {sizes.next:g} may be beyond a limit point: the first step is halved")
+            sizes.halve()
+            whole = half
+        return start[0]
 
     def _beyond_limit(
         self,
@@ -610,12 +659,15 @@ class NonlinearContactProblem(ProblemOfForms):
             begun, position = self._snapshot(), places[-1] + steps.step
 
             def solve(position: float = position) -> ContactState:
-                self.place(tool.number, **tool.held_at(position, self.shapes))
-                self._attempt(damps=not steps.may_halve)
+                with tool.held_at(position, self.shapes):
+                    self._attempt(damps=not steps.may_halve)
                 return self.state
 
             try:
                 held = load_that_holds(tool, self.shapes, apply, solve, load, LOAD_DIFFERENCE * to)
+                if held is None:
+                    self.status = Status.OUTER_MAX_ITERATIONS
+                    raise ConvergenceError(self, f"no load is found that holds contact[{tool.number}] at {position:g}")
                 if abs(held) >= abs(to) and held * to > 0:  # on a branch that carries it
                     apply(to)
                     self._attempt()
