@@ -237,3 +237,21 @@ def test_no_bound_and_no_derivative():
     assert "soft contact" in why_unbounded(solve(scene).model)
     with pytest.raises(SceneError, match="overclosure"):
         sensitivity(scene, "mean top y")
+
+
+@pytest.mark.parametrize("law", ["linear", pytest.param("tabular", marks=pytest.mark.slow)])
+def test_what_the_law_gives_way_is_no_error(law):
+    """An accuracy of the pressure is reached, and is that against a fine mesh; only sticking keeps a regularisation."""
+
+    def loaded(cells, **more):
+        size = {"length": 1.0, "height": 1.0, "nx": cells, "ny": cells}
+        mesh = {"generator": "rectangle", "parameters": size}
+        return solve(block(LAWS[law], "-20*x[0]*x[0]", mesh=mesh, material={"young": YOUNG, "poisson": 0.3}, **more))
+
+    solution, fine = loaded(4, accuracy={"target": 0.05, "of": "pressure"}), loaded(32)
+    assert solution.status is Status.CONVERGED
+    assert [level.pressure_regularisation for level in solution.levels] == [0.0] * len(solution.levels)
+    reached, exact = solution.contact, fine.contact
+    order = np.argsort(reached.boundary.x[:, 0])
+    there = np.interp(exact.boundary.x[:, 0], reached.boundary.x[order, 0], reached.pressure[order])
+    assert exact.points.norm(there - exact.pressure) < 0.05 * exact.points.norm(exact.pressure)

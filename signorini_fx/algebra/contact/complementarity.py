@@ -40,6 +40,11 @@ class Yielding:
     share: Nodal
     offset: Nodal
 
+    @property
+    def soft(self) -> npt.NDArray[np.bool_]:
+        """Where a law takes the place of gamma_1, shape (n,)."""
+        return np.asarray((self.share != 1.0) | (self.offset != 0.0))
+
 
 @dataclass(frozen=True)
 class RegularisedData:
