@@ -559,7 +559,7 @@ def test_loads_with_the_same_component(tmp_path, capsys):
         (["*ELASTIC", "abc, 0.3"], "could not convert string to float: 'abc'"),
         (["*MATERIAL"], "'NAME' is missing"),
         (["*STEP", "*DSLOAD", "LID, TRVEC, 1., 0., 0., 0."], "a direction is expected"),
-        (["*BOUNDARY", "WALL"], "list index out of range"),
+        (["*BOUNDARY", "WALL"], "a data line ends too early, or is missing"),
         (
             ["*SURFACE, TYPE=SEGMENTS, NAME=G", "START, 0., a", "LINE, 1., 0.", "*CONTACT PAIR", "FLOOR SIDE, G"],
             "the rigid surface 'G': could not convert",
@@ -649,3 +649,50 @@ def test_what_tightens_bolts(tmp_path, capsys, rows, wanted, word):
 def test_sections_that_are_none(tmp_path, capsys, section, word):
     _, _, said = drafted(tmp_path, [*block(), *MATERIAL, *RIGID, *BOLTED, section], capsys)
     assert word in said
+
+
+def test_an_empty_word_is_zero(tmp_path):
+    """Coordinates, ends of steps, thicknesses, directions and coefficients that are left out shift nothing."""
+    full = {
+        "1., 1.": "0.1, 1.",
+        "0.3": "0., 1e4",
+        "1.0": "1., 2.",
+        "1, 0.0, 0.0": "1, 0., 0., 0.",
+        "10, 0.0, 0.25": "10, 0., .25, 0.",
+        "BODY, GRAV, 9.81, 0., -1., 0.": "BODY, GRAV, 9.81, 0., -1.",
+    }
+    left_out = {
+        "1., 1.": ", ",
+        "0.3": ", 1e4",
+        "1.0": ", 2.",
+        "1, 0.0, 0.0": "1, , , ",
+        "10, 0.0, 0.25": "10, , .25",
+        "BODY, GRAV, 9.81, 0., -1., 0.": "BODY, GRAV, 9.81, , -1.",
+    }
+    drafts = []
+    for change in (full, left_out):
+        lines = [line for text in [*block(), *MATERIAL, *RIGID, *STEPS] for line in text.splitlines()]
+        assert change.keys() <= set(lines)
+        deck, scene = tmp_path / "deck.inp", tmp_path / "draft.toml"
+        deck.write_text("\n".join(change.get(line, line) for line in lines) + "\n")
+        cli.main(["convert", str(deck), str(scene)])
+        drafts.append((tomllib.loads(scene.read_text()), read_file(deck).points.tolist()))
+        scene.unlink()
+    assert drafts[1] == drafts[0]
+    assert "friction" not in drafts[0][0]["contact"][0]
+
+
+@pytest.mark.parametrize(
+    ("line", "other", "says"),
+    [
+        ("HIGH, S3", ", S3", "set '' does not exist"),
+        ("*FRICTION", "*FRICTION, TAUMAX=", "TAUMAX has no value"),
+    ],
+)
+def test_a_name_or_a_parameter_is_not_empty(tmp_path, capsys, line, other, says):
+    """By the line of its keyword."""
+    deck = tmp_path / "deck.inp"
+    lines = [line for text in [*block(), *MATERIAL, *RIGID, *STEPS] for line in text.splitlines()]
+    deck.write_text("\n".join(lines).replace(line, other) + "\n")
+    assert cli.main(["convert", str(deck), str(tmp_path / "draft.toml")]) == 2
+    assert says in " ".join(capsys.readouterr().err.split())

@@ -44,6 +44,8 @@ SAID = {
         [],
     ),
     ("PLASTIC", "elsewhere"): ELSEWHERE,
+    ("PLASTIC", "of rubber"): ELSEWHERE,
+    ("SOLIDSECTION", "beside rubber"): ELSEWHERE,
     ("COUPLING", ""): (
         [*NODE, "*COUPLING, REF NODE=900, SURFACE=UP_TOP, CONSTRAINT NAME=C", "*DISTRIBUTING"],
         ["*CLOAD", "900, 2, -1."],

@@ -158,6 +158,9 @@ BELOW = [
         (["*HYPERELASTIC, POLYNOMIAL, N=2", "1., 1., 1., 1., 1., .1, .1"], GROUND, "only NEO HOOKE"),
         (["*HYPERELASTIC, NEO HOOKE", "1., .1"], [*TWO, *BELOW], "not possible yet with another deformable body"),
         (["*ELASTIC", "1000., .3", "*PLASTIC", "5., .1"], GROUND, "the first plastic strain must be 0"),
+        (["*ELASTIC", "1000., .3", "*PLASTIC", "5.", "6., 0."], GROUND, "plastic strains must increase"),
+        (["*ELASTIC", "1000., .3", "*PLASTIC", "5.", "4., .1"], GROUND, "yield stresses not decrease"),
+        (["*ELASTIC", "1000., .3", "*PLASTIC"], GROUND, "a data line ends too early, or is missing"),
     ],
 )
 def test_what_is_refused(tmp_path, capsys, material, others, says):
@@ -183,9 +186,76 @@ def test_what_does_not_yield(tmp_path, plastic, others, says):
     assert "law" not in data["material"]
 
 
+OF_DIRECTIONS = [
+    *("*ELASTIC, TYPE=ENGINEERING CONSTANTS", "1000., 1000., 1000., .3, .3, .3, 300., 300.", "300."),
+    *("*PLASTIC", "5., 0."),
+]
+
+
+@pytest.mark.parametrize(
+    ("material", "says"),
+    [
+        (OF_DIRECTIONS, "not possible yet with directions: elastic here"),
+        (["*HYPERELASTIC, NEO HOOKE", "10., .02", "*PLASTIC", "5., 0."], "it does not yield here"),
+    ],
+)
+def test_no_yield_stress_is_lost_without_a_word(tmp_path, material, says):
+    """Of a material that is not isotropic, or rubber."""
+    _, data = converted(tmp_path, [*SQUARE, "*MATERIAL, NAME=M", *material, *GROUND, *pushed(0.01)], code=4)
+    assert any(says in remark for remark in data["incomplete"])
+
+
+HALVES = [
+    *(line for line in SQUARE if not line.startswith("*SOLID") and line != "1."),
+    *("*ELSET, ELSET=LOWER", "1, 2", "*SOLID SECTION, ELSET=LOWER, MATERIAL=M", "1."),
+    *("*ELSET, ELSET=UPPER", "3, 4", "*SOLID SECTION, ELSET=UPPER, MATERIAL=S", "1."),
+]
+SOFT = ["*MATERIAL, NAME=M", "*HYPERELASTIC, NEO HOOKE", "10., .02"]
+
+
+@pytest.mark.parametrize("yields", [False, True])
+def test_rubber_on_metal(tmp_path, yields):
+    """One part is rubber, the other one as stiff as steel beside it: at the same stress, which the whole shares."""
+    steel = ["*MATERIAL, NAME=S", "*ELASTIC", "1e6, 0.", *(["*PLASTIC", "5., 0."] if yields else [])]
+    sides = ["*NSET, NSET=SIDE", "3, 6, 9", "*BOUNDARY", "SIDE, 1, 1"]
+    scene, data = converted(tmp_path, [*HALVES, *SOFT, *steel, *GROUND, *sides, *pushed(0.1)], code=4 if yields else 0)
+    assert [part["law"] for part in data["material"]] == ["mooney-rivlin", "saint-venant-kirchhoff"]
+    assert any("beside rubber: elastic here" in remark for remark in data.get("incomplete", [])) is yields
+    if yields:
+        return
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    assert solution.certificate.holds
+    energy, step = of_abaqus(lambda s: 10.0 * (np.sum(s**2) - 3), 0.02), 1e-30
+    alone = energy(1.0, 0.8 + 1j * step, 1.0).imag / step  # all of the way is that of the rubber, which is half
+    assert np.sum(solution.contact.forces, axis=0)[1] == pytest.approx(-alone, rel=1e-3)
+
+
+def test_rubber_that_is_nowhere(tmp_path):
+    """A material of no section does not make displacements finite: the remark on NLGEOM stays."""
+    nowhere = ["*MATERIAL, NAME=OTHER", "*HYPERELASTIC, NEO HOOKE", "10., .02"]
+    material = [*nowhere, "*MATERIAL, NAME=M", "*ELASTIC", "1000., .3"]
+    scene, _ = converted(tmp_path, [*SQUARE, *material, *GROUND, *pushed(0.01)])
+    assert "NLGEOM" in scene.read_text()
+
+
 def test_constants_of_several_temperatures(tmp_path):
     """Those of the first one."""
     material = ["*MATERIAL, NAME=M", "*ELASTIC", "1000., .3", "*PLASTIC", "5., 0., 20.", "6., .1, 20.", "4., 0., 90."]
     _, data = converted(tmp_path, [*SQUARE, *material, *GROUND, *pushed(0.01)], code=4)
     assert data["material"]["hardening"] == [[0.1, 6.0]]
     assert any("the first line is taken" in remark for remark in data["incomplete"])
+
+
+def test_an_empty_word_is_zero(tmp_path):
+    """C01 of MOONEY-RIVLIN and the plastic strain that are left out, and what follows them in their lines."""
+    draft, data = converted(
+        tmp_path, [*SQUARE, "*MATERIAL, NAME=M", "*HYPERELASTIC", "7., , .02", *GROUND, *pushed(0.1)]
+    )
+    assert data["material"] == {"law": "mooney-rivlin", "c10": 7.0, "c01": 0.0, "bulk": 100.0}
+    draft.unlink()
+    plastic = ["*ELASTIC", "1000., , 20.", "*PLASTIC", "5., , 20.", "6., .1, 20."]
+    _, data = converted(tmp_path, [*SQUARE, "*MATERIAL, NAME=M", *plastic, *GROUND, *pushed(0.01)])
+    assert data["material"] == {
+        **{"law": "j2", "young": 1000.0, "poisson": 0.0, "yield_stress": 5.0},
+        **{"hardening": [[0.1, 6.0]]},
+    }

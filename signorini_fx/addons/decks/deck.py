@@ -37,12 +37,12 @@ from signorini_fx.addons.decks.keywords import (
 from signorini_fx.addons.decks.loads import read_body_forces, read_boundary, read_forces, read_surface_loads
 from signorini_fx.addons.decks.material import read_constants, read_section
 from signorini_fx.addons.decks.nodal import read_constraints, read_equations
-from signorini_fx.addons.decks.nonlinear_material import read_hardening, read_rubber
+from signorini_fx.addons.decks.nonlinear_material import has_rubber, read_hardening, read_rubber
 from signorini_fx.addons.decks.temperatures import read_temperatures
 from signorini_fx.addons.decks.ties import link_sectors
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus import NO_BODY, POINTS, read_model, removes_elements
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, parameter, real
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
@@ -146,7 +146,9 @@ def _placed(file: Path, block: DeckBlock) -> Iterator[None]:
         yield
     except DeckError as error:  # of another keyword that this one refers to
         raise MeshError(f"{file}: {error.text}") from None
-    except (ValueError, IndexError) as error:
+    except IndexError:
+        raise MeshError(f"{file}: {block.origin}: a data line ends too early, or is missing") from None
+    except ValueError as error:
         raise MeshError(f"{file}: {block.origin}: {error}") from None
     except KeyError as error:
         raise MeshError(f"{file}: {block.origin}: {error} is missing") from None
@@ -195,12 +197,11 @@ def _read(deck: Deck, block: DeckBlock) -> None:
             deck.steps.append(parameters.get("NAME", f"step {len(deck.steps) + 1}"))
             deck.time += deck.period if deck.step else 0.0
             deck.period = 1.0
-            finite = any("rubber" in properties for properties in deck.materials.values())
-            if not finite and "NLGEOM" in parameters and parameters["NLGEOM"].upper() in ("", "YES"):
+            if not has_rubber(deck) and "NLGEOM" in parameters and parameters["NLGEOM"].upper() in ("", "YES"):
                 deck.note(block, SMALL)
                 deck.nonlinear = block
         case "STATIC":
-            deck.period = real(rows[0][1]) if rows and len(rows[0]) > 1 else 1.0
+            deck.period = (real(rows[0][1]) if rows and len(rows[0]) > 1 else 0.0) or 1.0  # as both programs take it
             deck.ends[deck.step] = deck.time + deck.period
         case "BOUNDARY":
             read_boundary(deck, block)
@@ -270,13 +271,13 @@ def _clearance(deck: Deck, block: DeckBlock) -> None:
     if "VALUE" not in parameters or deck.step > 0:
         deck.lose(block, NO_CLEARANCE)
         return
-    deck.clearances[frozenset((parameters["SLAVE"].upper(), parameters["MASTER"].upper()))] = real(parameters["VALUE"])
+    deck.clearances[frozenset((parameters["SLAVE"].upper(), parameters["MASTER"].upper()))] = parameter(block, "VALUE")
 
 
 def _output(deck: Deck, block: DeckBlock) -> None:
     """Say which tables are not written, and of which body forces are."""
     file, written = WRITTEN[block.keyword]
-    words = [word.upper() for row in block.rows for word in row]
+    words = [word.upper() for row in block.rows for word in row if word]
     missing = [word for word in words if word[:4] not in written]
     if missing:
         deck.note(block, f"{', '.join(missing)} in {file}: {NOT_WRITTEN}")
@@ -355,7 +356,7 @@ def _friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
     if block.rows and block.rows[0]:
         friction["coefficient"] = real(block.rows[0][0])
     if "TAUMAX" in block.parameters:
-        friction["cap"] = real(block.parameters["TAUMAX"])
+        friction["cap"] = parameter(block, "TAUMAX")
     # CalculiX gives the stiffness of sticking after the coefficient.
     if len(block.rows) == 1 and len(block.rows[0]) == 2:
         deck.sticking[interaction] = real(block.rows[0][1])

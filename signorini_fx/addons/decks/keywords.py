@@ -60,6 +60,8 @@ OTHER_BEHAVIOUR = "another stiffness, or a bond, from a step on: the first one i
 GENERAL_CONTACT = "general contact: name the pairs of surfaces, in [[contact]]"
 OTHER_RUBBER = "only NEO HOOKE, MOONEY-RIVLIN and OGDEN with D1 above 0 are known"
 OTHER_HARDENING = "hardening that is not isotropic: elastic here"
+YIELDING_RUBBER = "of a material with *HYPERELASTIC: it does not yield here"
+BESIDE_RUBBER = "beside rubber: law = 'saint-venant-kirchhoff', linear in the strain of Green"
 NOT_YET_NONLINEAR = "not possible yet"
 FIRST_LINE = "constants that depend on temperature: the first line is taken"
 SECTOR = "forces on a sector of 2 degrees, as CalculiX prints them"
@@ -99,6 +101,8 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.REFUSED, f"{NOT_YET_NONLINEAR} with another body and more", "HYPERELASTIC", case="elsewhere"),
     *_rules(Grade.LOST, OTHER_HARDENING, "PLASTIC", case="HARDENING other than ISOTROPIC"),
     *_rules(Grade.LOST, f"{NOT_YET_NONLINEAR} with another body and more: elastic here", "PLASTIC", case="elsewhere"),
+    *_rules(Grade.LOST, YIELDING_RUBBER, "PLASTIC", case="of rubber"),
+    *_rules(Grade.NOTED, BESIDE_RUBBER, "SOLID SECTION", case="beside rubber"),
     *_rules(Grade.LOST, FIRST_LINE, "ELASTIC", "EXPANSION", case="several temperatures"),
     *_rules(Grade.LOST, CHANGED_WITHIN, "ELASTIC", "EXPANSION", "FRICTION", "SURFACE BEHAVIOR", case="within a step"),
     *_rules(Grade.LOST, CHANGED_WITHIN, "HYPERELASTIC", "PLASTIC", case="within a step"),

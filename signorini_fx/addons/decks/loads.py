@@ -13,7 +13,15 @@ from signorini_fx.addons.decks.bolts import drive, hold
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
 from signorini_fx.addons.decks.couplings import spread
 from signorini_fx.addons.decks.nodal import direction, ground
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, DeckError, components, quoted, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import (
+    ROTATIONS,
+    DeckBlock,
+    DeckError,
+    components,
+    parameter,
+    quoted,
+    real,
+)
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import completed
@@ -398,7 +406,7 @@ def share_of(deck: Deck, block: DeckBlock) -> float:
         return 1.0
     given_times, values = _course_of(amplitude)
     start = deck.time if "TIME" in amplitude.parameters else 0.0
-    times = given_times + real(block.parameters.get("TIMEDELAY", "0"))
+    times = given_times + (parameter(block, "TIMEDELAY") if "TIMEDELAY" in block.parameters else 0.0)
     if np.count_nonzero(times == start + deck.period) > 1:
         deck.lose(block, f"the amplitude {name!r} jumps at the end of the step: its value after it is taken")
     within = values[(times > start) & (times < start + deck.period)]

@@ -43,7 +43,7 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
     if region is not None:
         material, turned = (block.parameters.get(key, "").upper() for key in ("MATERIAL", "ORIENTATION"))
         deck.sections.append(DeckSection(region, material, turned, block))
-    if deck.mesh.dim == 2 and deck.kinematics.uniform and block.rows and block.rows[0]:
+    if deck.mesh.dim == 2 and deck.kinematics.uniform and block.rows and block.rows[0] and block.rows[0][0]:
         deck.thickness = real(block.rows[0][0])
         if deck.thickness != 1:
             deck.note(block, f"the thickness {deck.thickness:g}: forces are per unit of it")
@@ -165,7 +165,7 @@ def material_tables(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bo
         name = f"the material {section.material!r} of {section.region!r}"
         if (properties := deck.materials.get(section.material)) is None:
             raise DeckError(section.block, f"{name} is not defined")
-        law = nonlinear_law(deck, properties, obstacle) or _law(deck, properties, section.orientation)
+        law = nonlinear_law(deck, section, obstacle) or _law(deck, properties, section.orientation)
         if law is None:
             raise DeckError(section.block, f"{name} has no *ELASTIC that is isotropic or orthotropic")
         # without *EXPANSION a material does not expand

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
-from signorini_fx.addons.decks.content import Deck
-from signorini_fx.addons.decks.keywords import FIRST_LINE, NOT_YET_NONLINEAR, OTHER_HARDENING, OTHER_RUBBER
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
+from signorini_fx.addons.decks.content import Deck, DeckSection
+from signorini_fx.addons.decks.keywords import (
+    BESIDE_RUBBER,
+    FIRST_LINE,
+    NOT_YET_NONLINEAR,
+    OTHER_HARDENING,
+    OTHER_RUBBER,
+    YIELDING_RUBBER,
+)
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, parameter, real
 
 # By the parameters of *HYPERELASTIC that name an energy: its law; a polynomial is what it is without any.
 _ENERGIES = {
@@ -29,7 +37,7 @@ def read_rubber(deck: Deck, block: DeckBlock, material: str) -> None:
     """
     parameters = block.parameters
     named = [key for key in _ENERGIES if key in parameters] or ["POLYNOMIAL"]
-    terms = round(real(parameters.get("N", "1")))
+    terms = round(parameter(block, "N")) if "N" in parameters else 1
     law = _ENERGIES[named[0]]
     if any(key in parameters for key in _OTHER_ENERGIES) or (named[0] in _FIRST_TERM and terms != 1):
         raise DeckError(block, OTHER_RUBBER)
@@ -59,42 +67,64 @@ def read_hardening(deck: Deck, block: DeckBlock, material: str) -> None:
     if block.parameters.get("HARDENING", "ISOTROPIC").upper() != "ISOTROPIC":
         deck.lose(block, OTHER_HARDENING)
         return
-    rows = [[*map(real, row), 0.0][:3] if len(row) > 1 else [real(row[0]), 0.0, 0.0] for row in block.rows]
+    rows = [[*map(real, row), 0.0, 0.0][:3] for row in block.rows]
     if any(row[2] != rows[0][2] for row in rows):
         deck.lose(block, FIRST_LINE)
     curve = [(strain, stress) for stress, strain, temperature in rows if temperature == rows[0][2]]
     if curve[0][0] != 0.0:
         raise ValueError("the first plastic strain must be 0")
+    if any(b[0] <= a[0] or b[1] < a[1] for a, b in itertools.pairwise(curve)):
+        raise ValueError("plastic strains must increase from row to row, and yield stresses not decrease")
     deck.materials[material]["plastic"] = curve, block
 
 
-def nonlinear_law(deck: Deck, properties: dict[str, Any], obstacle: str) -> list[str] | None:
+def nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str] | None:
     """The lines of a material that is not linear; None: it is linear here.
+
+    Beside rubber one with two constants is that of Saint Venant and Kirchhoff, which knows finite strains.
 
     Args:
         deck: the input file.
-        properties: of the material.
+        section: of the material.
         obstacle: what of the scene does not go together with one; "": nothing.
 
     Raises:
         DeckError: it is rubber, and there is an obstacle.
     """
+    properties = deck.materials[section.material]
+    _, yielding = properties.get("plastic", (None, None))
     if "rubber" in properties:
+        if yielding is not None:
+            deck.lose(yielding, YIELDING_RUBBER)
         lines, block = properties["rubber"]
         if lines["law"] == "ogden" and deck.mesh.dim == 3:
             obstacle = "in space with OGDEN: take MOONEY-RIVLIN"
         if obstacle:
             raise DeckError(block, f"{NOT_YET_NONLINEAR} {obstacle}")
         return _written(lines)
-    if "plastic" not in properties or "young" not in properties:
-        return None
-    curve, block = properties["plastic"]
-    if obstacle:
-        deck.lose(block, f"{NOT_YET_NONLINEAR} {obstacle}: elastic here")
+    beside_rubber = has_rubber(deck)
+    if yielding is not None:
+        if not obstacle and "young" not in properties:
+            obstacle = "with directions"
+        obstacle = obstacle or ("beside rubber" if beside_rubber else "")
+        if obstacle:
+            deck.lose(yielding, f"{NOT_YET_NONLINEAR} {obstacle}: elastic here")
+    if "young" not in properties or (yielding is None and not beside_rubber):
         return None
     constants = {"law": "j2", "young": properties["young"], "poisson": properties["poisson"]}
+    if beside_rubber:
+        deck.note(section.block, BESIDE_RUBBER)
+        return _written(constants | {"law": "saint-venant-kirchhoff"})
+    if obstacle:
+        return None
+    curve, _ = properties["plastic"]
     hardening = {"hardening": [list(row) for row in curve[1:]]} if len(curve) > 1 else {}
     return _written(constants | {"yield_stress": curve[0][1]} | hardening)
+
+
+def has_rubber(deck: Deck) -> bool:
+    """Whether a part of the body is rubber."""
+    return any("rubber" in deck.materials.get(section.material, {}) for section in deck.sections)
 
 
 def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) -> str:

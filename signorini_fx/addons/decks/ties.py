@@ -10,7 +10,7 @@ import numpy as np
 
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.nodal import Term, link_nodes
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, parameter, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import Cell
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
@@ -77,7 +77,7 @@ def link_sectors(deck: Deck, block: DeckBlock) -> None:
     ]
     if len(ties) != 1 or not ties[0].rows or len(ties[0].rows[0]) < 2:
         raise DeckError(block, f"{f'TIE={name}' if name else 'its tie'} is no single *TIE, CYCLIC SYMMETRY of the file")
-    count = real(block.parameters["N"])
+    count = parameter(block, "N")
     words = [real(word) for word in block.rows[0][:6]]
     if count < 2 or count != round(count) or len(words) != 6 or words[:3] == words[3:]:
         raise DeckError(block, "N, a whole number from 2 on, and two points of the axis are expected")

@@ -241,7 +241,7 @@ class _Reader:
                     raise ValueError(f"set {name!r}: {first} to {last} by {step} is not a possible range")
                 members.update(dict.fromkeys(range(first, last + 1, step)))
                 continue
-            for word in row:
+            for word in filter(None, row):
                 if word.isdigit():
                     members[int(word)] = None
                 elif self._name(word) == name:
@@ -326,7 +326,7 @@ class _Reader:
 
     def _remove_elements(self) -> None:
         """Take away the elements that the first step removes: they never carry anything."""
-        names = [word for block in self._removed for row in block.rows for word in row]
+        names = [word for block in self._removed for row in block.rows for word in row if word]
         removed = {element for name in names for element in self._member(self.element_sets, name)}
         if not removed & self.elements.keys():
             return

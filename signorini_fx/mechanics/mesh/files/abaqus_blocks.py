@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 class DeckBlock:
     """A keyword with its parameters, its line in the file, and its data lines split at commas.
 
+    A word that is empty is "", but for those at the end of a line: of numbers it is zero, see ``real``.
+
     Attributes:
         keyword: in capitals and without blanks, which the programs ignore.
         parameters: in capitals -> value.
@@ -85,22 +87,35 @@ def blocks(lines: Iterable[tuple[int, str, str]]) -> Iterator[DeckBlock]:
             block = DeckBlock(name.replace(" ", ""), parameters, number, name=name, file=file)
         elif block is not None:
             words = [part.strip().strip('"') for part in line.rstrip(", \t").split(",")]
-            # In a support an empty word says that there is one component only.
-            block.rows.append([word for word in words if word or block.keyword == "BOUNDARY"])
+            block.rows.append(words if any(words) else [])
     if block is not None:
         yield block
 
 
 def real(word: str) -> float:
-    """A number, perhaps as Fortran writes it.
+    """A number of a data line, perhaps as Fortran writes it; an empty word is zero, as in both programs.
 
     Raises:
         ValueError: it is none, or not finite.
     """
+    if not word:
+        return 0.0
     number = float(re.sub("[dD]", "E", word))
     if not math.isfinite(number):
         raise ValueError(f"a finite number is expected, got {word!r}")
     return number
+
+
+def parameter(block: DeckBlock, key: str) -> float:
+    """The number that a parameter of a keyword has.
+
+    Raises:
+        KeyError: there is no such parameter.
+        ValueError: it is no number, or not finite.
+    """
+    if not (word := block.parameters[key]):
+        raise ValueError(f"{key} has no value")
+    return real(word)
 
 
 _LABELS = {

@@ -303,6 +303,8 @@ def _check_plane(points: Floats, name: str) -> None:
     spread = np.ptp(points, axis=0)
     if spread[2] <= 1e-9 * max(spread[:2]):
         return
+    off = points[np.argmax(np.abs(points[:, 2] - np.median(points[:, 2])))]
+    place = ", ".join(f"{value:g}" for value in off)
     _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     if len(extents) < 3 or extents[2] <= 1e-9 * extents[0]:
         normal = ", ".join(f"{value + 0.0:.3g}" for value in np.round(axes[2], 12))
@@ -312,7 +314,9 @@ def _check_plane(points: Floats, name: str) -> None:
             "it is a surface in space (a shell); a body in space has tetrahedra or hexahedra: in gmsh, put the volume "
             "into a physical group of dimension 3"
         )
-    raise MeshError(f"{name}: the mesh is not in a plane x[2] = constant, x[2] varies by {spread[2]:g}; {where}")
+    raise MeshError(
+        f"{name}: the mesh is not in a plane x[2] = constant, off by {spread[2]:g}, the most at ({place}); {where}"
+    )
 
 
 def _check_twice(corners: Ints, name: str) -> None:
