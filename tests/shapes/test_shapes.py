@@ -652,6 +652,15 @@ def moving(*, tool, shift, rotation=0.0, **more):
 
 
 @pytest.mark.mpi
+def test_a_foundation_moves_a_body_that_nothing_holds():
+    """It is refused, and the error names both ways out."""
+    statement = moving(tool=True, shift=["0.01*t", "0.0"])
+    loose = statement.model_copy(update={"displacement": ()})
+    with pytest.raises(SceneError, match=r"contact\[0\].foundation: .*contact alone: add them, or let a force move"):
+        solve(loose)
+
+
+@pytest.mark.mpi
 @pytest.mark.parametrize(
     "more",
     [

@@ -41,7 +41,10 @@ def _refuse_moving(d: Model) -> None:
     """Refuse a foundation that moves with the time where supports do not hold the body."""
     if not d.motions.free.shape[1] or d.statement.steps < 2:
         return
-    wrong = "moves with the time, so that supports must hold the body, and not contact alone"
+    wrong = (
+        "moves with the time, so that supports must hold the body, and not contact alone: add them, or let a force "
+        "move the foundation (keys force and prescribed)"
+    )
     problems = [(f"contact[{k}].foundation", wrong) for k, effect in enumerate(d.statement.contact) if effect.moves]
     if problems:
         raise SceneError(problems)
