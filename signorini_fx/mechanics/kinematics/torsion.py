@@ -58,7 +58,8 @@ TORSION = TwistedBody(
     least_x=0.0,
     refuses={
         **REFUSED,
-        "contact of two bodies": "is not possible yet where material.torsion is true",
+        "contact of two bodies": "is not possible yet where material.torsion is true: model the stiffer body as rigid, "
+        "or both in space",
         "driven foundation": "is not possible yet where material.torsion is true",
         "friction axes": "is not possible yet where material.torsion is true",
     },
