@@ -26,6 +26,7 @@ class ContactFigures:
         boundary: its name.
         area: of the whole boundary.
         contact_area: of the nodes in contact.
+        touching_nodes: how many these are.
         pressure_integral: integral of the pressure, a force.
         mean_pressure: that over the area in contact, stress; None where nothing is in contact.
         max_pressure: largest nodal pressure, stress.
@@ -43,6 +44,7 @@ class ContactFigures:
     boundary: str
     area: float
     contact_area: float
+    touching_nodes: int
     pressure_integral: float
     mean_pressure: float | None
     max_pressure: float
@@ -67,22 +69,25 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
     for part, (effect, turning) in enumerate(zip(statement.contact, turnings, strict=True)):
         on_part = boundary.part == part
         weight, pressure = boundary.weight[on_part], contact.pressure[on_part]
+        closed = contact.in_contact[on_part]
         sums = np.array(
-            [weight.sum(), weight @ contact.in_contact[on_part], weight @ pressure, weight @ contact.bound[on_part]]
+            [weight.sum(), weight @ closed, closed.sum(), weight @ pressure, weight @ contact.bound[on_part]]
         )
         total = parallel.global_sum(comm, np.concatenate((sums, shear[on_part].sum(axis=0))))
-        area, touching, normal, limit = map(float, total[:4])
-        tangential = float(np.linalg.norm(total[4:]))
+        area, touching, count, normal, limit = map(float, total[:5])
+        resultant = total[5:]
+        tangential = float(np.linalg.norm(resultant))
         if tangential <= ZERO_IN_SOLUTION * max(abs(normal), limit if np.isfinite(limit) else 0.0):
             tangential = 0.0
         if boundary.friction_axes is not None and 0 < limit < np.inf:
-            reached = total[4:] if tangential else np.zeros(3)
+            reached = resultant if tangential else np.zeros(3)
             limit = _largest_resultant(boundary.tangents[on_part], weight * contact.bound[on_part], reached, comm)
         figures.append(
             ContactFigures(
                 boundary=effect.boundary,
                 area=area,
                 contact_area=touching,
+                touching_nodes=round(count),
                 pressure_integral=normal,
                 mean_pressure=normal / touching if touching > 0 else None,
                 contact_force=(contact.forces_of_each[part, 0] + 0.0).tolist(),

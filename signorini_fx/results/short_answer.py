@@ -12,13 +12,14 @@ from signorini_fx.machine.display import clean, effort_in_words, results_of, sta
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.quantities.answers import error_in_words
 from signorini_fx.quantities.digits import between, figure
+from signorini_fx.quantities.families.contact_nodes import boundaries_touched_by
 from signorini_fx.quantities.families.cost import cost_in_words
 from signorini_fx.quantities.families.safety import used_friction
 from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
 from signorini_fx.quantities.text import has_friction, kinematics_of, named_components, point_in_words
 from signorini_fx.quantities.validity import Validity, validity_of
-from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.records import CERTIFICATE_TOLERANCE, UNRESOLVED_NODES
 
 # Lines of the whole answer, unless what to do takes more of them.
 MOST_LINES = 10
@@ -175,8 +176,13 @@ def _contact(summary: dict[str, Any]) -> list[TerminalLine]:
     if "touching_nodes" not in summary:
         return []
     touching, peak = summary["touching_nodes"], figure(summary["max_pressure"], error_of(summary, "max_pressure"))
+    coarse = boundaries_touched_by(range(1, UNRESOLVED_NODES + 1), summary)
     pressed = f", largest pressure {peak}" if touching else ""
-    return _line("contact", f"at {touching} of {summary['contact_nodes']} nodes{pressed}")
+    text = f"at {touching} of {summary['contact_nodes']} nodes{pressed}"
+    if coarse:
+        texts = [f"{text}; too few on {names}" for names in (", ".join(coarse), f"{len(coarse)} sides")]
+        text = next((one for one in texts if len(one) <= COLUMNS - _LABEL), texts[-1])
+    return _line("contact", text)
 
 
 def _safety(summary: dict[str, Any]) -> list[TerminalLine]:

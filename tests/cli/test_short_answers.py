@@ -13,6 +13,7 @@ from signorini_fx.machine.display import results_of
 from signorini_fx.machine.terminal import clauses
 from signorini_fx.records import SHORT_OF_ACCURACY, Status
 from signorini_fx.results.short_answer import short_answer
+from signorini_fx.results.summary import render
 from signorini_fx.scenes.check_text import short_text
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.cli import main
@@ -71,7 +72,9 @@ def test_any_answer_is_short(summary, seed):
         "title": text(30),
         "advice": text(80),
         "findings": [{"level": "warning", "path": "mesh", "message": text(60)} for _ in range(dice.randrange(5))],
-        "contact_boundaries": [row | {"boundary": text(20)} for _ in range(dice.randint(1, 9))],
+        "contact_boundaries": [
+            row | {"boundary": text(20), "touching_nodes": dice.randint(0, 9)} for _ in range(dice.randint(1, 9))
+        ],
         "status": dice.choices([status.value for status in Status], [30, *[1] * (len(Status) - 1)])[0],
         "ranks": dice.choice([1, 4096]),
     }
@@ -195,6 +198,23 @@ def test_forces_around_an_axis_are_those_along_it(summary):
     rubs = around["contact"][0] | {"friction": {"law": "coulomb"}}
     (line,) = (line for line in told(summary | forces | {"scene": around | {"contact": [rubs]}}) if "force" in line)
     assert line.split(maxsplit=1)[1] == "25, friction -1376 along the axis"
+
+
+@pytest.mark.parametrize("nodes", [0, 1, 2, 3, 7, 8])
+@pytest.mark.parametrize("coarse", [1, 5])
+def test_contact_that_the_mesh_does_not_resolve(summary, coarse, nodes):
+    """Boundaries that touch with one or two nodes are named in the answer, those with fewer than eight in the whole
+    text, however many nodes of other boundaries touch.
+    """
+    row = summary["contact_boundaries"][0] | {"boundary": "wide", "touching_nodes": 40}
+    names = [f"rim {number}" for number in range(coarse)]
+    rows = [row, *(row | {"boundary": name, "touching_nodes": nodes} for name in names)]
+    drawn = summary | {"contact_boundaries": rows, "touching_nodes": 40 + coarse * nodes}
+    (line,) = [line for line in told(drawn) if line.startswith("  contact ")]
+    assert line.endswith({1: "; too few on rim 0", 5: "; too few on 5 sides"}[coarse]) == (nodes in (1, 2))
+    assert "wide" not in line
+    (whole,) = [line for line in render(drawn).splitlines() if line.startswith("  contact nodes")]
+    assert (f"too few on {', '.join(names)} for the ends" in whole) == (0 < nodes < 8)
 
 
 def test_no_figure_is_cut(summary):

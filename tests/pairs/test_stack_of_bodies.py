@@ -77,6 +77,9 @@ def test_forces_of_each_contact(tmp_path, monkeypatch):
     for figures in solution.contact_figures:
         found = figures.contact_force, figures.friction_force
         np.testing.assert_allclose(found, EXPECTED[figures.boundary], atol=1e-7 * PRESS)
+        on_boundary = solution.table.columns["boundary"] == figures.boundary
+        closed = solution.table.columns["state"] != "open"
+        assert figures.touching_nodes == np.count_nonzero(on_boundary & closed) > 0
     row = figures_of(solution)
     assert (row["contact_force"], row["friction_force"]) == pytest.approx((2 * PRESS, PUSH), rel=1e-7)
     folder = WORLD.bcast(tmp_path)

@@ -167,6 +167,7 @@ def test_block_that_may_tip(cell, degree, push):
     assert foot.tangential_force == pytest.approx(push, rel=1e-8)
     assert foot.friction_limit == pytest.approx(2.0 * weight, rel=1e-8)
     assert foot.mean_pressure * foot.contact_area == pytest.approx(weight, rel=1e-8)
+    assert foot.touching_nodes == np.count_nonzero(solution.table.columns["pressure"] > 0)
     assert foot.area == pytest.approx(LENGTH)
     slides, tips = 2.0 * weight / push, weight * LENGTH / 2 / overturning
     assert safety.bound == pytest.approx(min(slides, tips), rel=1e-8)

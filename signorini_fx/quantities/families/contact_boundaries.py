@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.machine.terminal import TerminalLine
-from signorini_fx.quantities.kinds import Number, Row, Vector, described
+from signorini_fx.quantities.kinds import Count, Number, Row, Vector, described
 from signorini_fx.quantities.quantity import Quantity, Summary
 from signorini_fx.quantities.text import MOST_ROWS, labelled
 from signorini_fx.tuned import RESULTANT_OF_MESH
@@ -19,6 +19,7 @@ class ContactBoundaryRow(Row):
     boundary: str
     area: Number
     contact_area: Number = described("Area of the nodes in contact.")
+    touching_nodes: Count = described("How many these are.")
     pressure_integral: Number = described("Normal force N.")
     mean_pressure: Number = described("N over the area in contact; null where nothing is in contact.")
     max_pressure: Number

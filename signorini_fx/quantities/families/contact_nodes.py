@@ -11,6 +11,11 @@ from signorini_fx.quantities.text import row
 from signorini_fx.records import FEW_NODES
 
 
+def boundaries_touched_by(counts: range, summary: Summary) -> list[str]:
+    """The contact boundaries of which so many nodes are in contact, by name."""
+    return [row["boundary"] for row in summary.get("contact_boundaries") or () if row.get("touching_nodes") in counts]
+
+
 class CountOfNodes(Quantity):
     """All nodes, which the terminal shows with those that touch."""
 
@@ -27,9 +32,9 @@ class CountOfNodes(Quantity):
         if self.key not in summary:
             return []
         nodes = summary["touching_nodes"]
-        few = (
-            ": too few for the ends of the zone or the largest pressure, refine there" if 0 < nodes < FEW_NODES else ""
-        )
+        coarse = boundaries_touched_by(range(1, FEW_NODES), summary)
+        few = f": too few on {', '.join(coarse)}" if coarse else ""
+        few += " for the ends of the zone or the largest pressure, refine there" if coarse else ""
         return [row(self.terminal, f"{summary[self.key]}, {nodes or 'none'} in contact{few}")]
 
 
