@@ -52,11 +52,15 @@ def read_rubber(deck: Deck, block: DeckBlock, material: str) -> None:
         deck.lose(block, FIRST_LINE)
     lines: dict[str, Any] = {"law": "ogden" if law == "ogden" else "mooney-rivlin"}
     if law == "ogden":
+        if not all(words[1 : 2 * terms : 2]) or not min(words[: 2 * terms : 2]) > 0:
+            raise ValueError("mu must be above 0 here, and no exponent alpha zero")
         lines["mu"] = [
             2 * mu / alpha for mu, alpha in zip(words[: 2 * terms : 2], words[1 : 2 * terms : 2], strict=True)
         ]
         lines["alpha"] = words[1 : 2 * terms : 2]
     else:
+        if min(words[: count - 1]) < 0 or not sum(words[: count - 1]) > 0:
+            raise ValueError("C10 and C01 must not be negative here, and their sum be above 0")
         lines |= dict(zip(("c10", "c01"), words[: count - 1], strict=False))
     lines["bulk"] = 2 / volumes[0]
     deck.materials[material]["rubber"] = lines, block
