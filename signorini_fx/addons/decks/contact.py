@@ -118,9 +118,6 @@ def _stiffness(deck: Deck, contacts: list[tuple[str | None, list[str]]]) -> list
     """
     names = [name for name, _ in contacts]
     slopes = {None if name is None else deck.stiffness.get(name) for name in names}
-    for slope in slopes:
-        if slope is not None and not slope > 0:
-            raise ValueError(f"a contact has the stiffness {slope:g}, which is not positive")
     bonds = {slope for name in names if name in deck.tied and (slope := deck.stiffness.get(str(name))) is not None}
     lines = []
     if len(slopes) == 1 and None not in slopes and not deck.overclosures.keys() & set(names):
@@ -141,8 +138,6 @@ def _stiffness(deck: Deck, contacts: list[tuple[str | None, list[str]]]) -> list
     soft = sorted(slope for slope in sticking if slope is not None)
     if soft:
         lines.append(f"gamma_t = {soft[-1]!r}")
-        if not soft[0] > 0:
-            raise ValueError(f"a contact has the stiffness {soft[0]:g}, which is not positive")
         listed = ", ".join(f"{slope:g}" for slope in soft)
         if len(soft) > 1:
             deck.lose(None, f"contact of several stiffnesses of sticking, {listed}: a scene has one gamma_t")

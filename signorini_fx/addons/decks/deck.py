@@ -359,7 +359,7 @@ def _friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
         friction["cap"] = parameter(block, "TAUMAX")
     # CalculiX gives the stiffness of sticking after the coefficient.
     if len(block.rows) == 1 and len(block.rows[0]) == 2:
-        deck.sticking[interaction] = real(block.rows[0][1])
+        deck.sticking[interaction] = _stiffness_of(block.rows[0][1])
     if len(block.rows) > 1 or any(len(row) > 2 for row in block.rows):
         deck.lose(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
 
@@ -384,7 +384,7 @@ def _behaviour(deck: Deck, block: DeckBlock, interaction: str) -> None:
     if kind == "TIED":
         deck.tied.add(interaction)
     if kind in ("LINEAR", "TIED") and block.rows and block.rows[0]:
-        deck.stiffness[interaction] = real(block.rows[0][0])
+        deck.stiffness[interaction] = _stiffness_of(block.rows[0][0])
     elif kind == "EXPONENTIAL":
         clearance, pressure = (real(word) for word in block.rows[0][:2])
         deck.overclosures[interaction] = f'law = "exponential", clearance = {clearance!r}, pressure = {pressure!r}'
@@ -395,6 +395,13 @@ def _behaviour(deck: Deck, block: DeckBlock, interaction: str) -> None:
         deck.lose(block, f"soft contact, {kind.lower()}: here it is hard")
     if "NOSEPARATION" in block.parameters:
         deck.lose(block, 'contact that does not open again: kind = "bilateral" does not open at all')
+
+
+def _stiffness_of(word: str) -> float:
+    """Of a contact."""
+    if not (stiffness := real(word)) > 0:
+        raise ValueError(f"a contact has the stiffness {stiffness:g}, which is not positive")
+    return stiffness
 
 
 def _from_zero(rows: list[list[float]]) -> list[list[float]]:
