@@ -8,7 +8,6 @@ from pathlib import Path
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
-from mpi4py import MPI
 
 from signorini_fx.addons.aster.command_file import CommandFile, read_commands
 from signorini_fx.addons.aster.draft import CommandDraft, draft_result
@@ -31,14 +30,13 @@ from signorini_fx.addons.gauntlet.outcomes import (
     GauntletCase,
     in_short,
 )
+from signorini_fx.addons.gauntlet.solved_drafts import solved_draft, without_folders
 from signorini_fx.addons.gauntlet.sources import ASTER
-from signorini_fx.errors import MeshError, SceneError, SignoriniError
+from signorini_fx.errors import MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.scenes.reading import read_scene
+from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import DIGITS_OF_FILES, EXPLAINED_FROM
 
 _STRESSES = ("SIXX", "SIYY", "SIZZ", "SIXY", "SIXZ", "SIYZ")
@@ -87,20 +85,11 @@ class CommandRun:
             drafted = draft_result(self.file, commands, result, target, tested_instants(commands, result))
         except SignoriniError as error:
             return replace(case, why=self._without_folder(str(error)))
-        if drafted.deck.apart:
-            return replace(case, state=LOST, why=in_short(drafted.lost))
-        for path, text in drafted.files.items():
-            path.write_text(text, encoding="utf-8")
+        solved = solved_draft(case, drafted, target, self._without_folder)
+        if isinstance(solved, GauntletCase):
+            return solved
+        scene, solution = solved
         lost = list(drafted.lost)
-        try:
-            scene = read_scene(target)
-            solution = solve(scene, MPI.COMM_SELF, check=False)
-        except (SceneError, MeshError) as error:
-            return replace(case, why=in_short([self._without_folder(str(error)), *lost]))
-        except ConvergenceError as error:
-            return replace(case, state=UNSOLVED, why=in_short([str(error), *lost]))
-        if not solution.converged:
-            return replace(case, state=UNSOLVED, why=in_short([solution.status.value, *lost]))
         lost += slips_too_far(solution, drafted.study)
         case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
         try:
@@ -140,9 +129,7 @@ class CommandRun:
         return case
 
     def _without_folder(self, text: str) -> str:
-        for folder in (self.file.parent, self.out):
-            text = text.replace(f"{folder}/", "")
-        return text.replace("\n", "; ")
+        return without_folders(text, self.file.parent, self.out)
 
 
 @dataclass

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
-from mpi4py import MPI
 
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.draft import Draft, draft
@@ -28,26 +27,24 @@ from signorini_fx.addons.gauntlet.outcomes import (
     LOST,
     OTHER_KIND,
     REFUSED,
-    UNSOLVED,
     WHOLE,
     ComparedQuantity,
     GauntletCase,
     in_short,
 )
 from signorini_fx.addons.gauntlet.printed_tables import by_time, last_tables, read_tables
+from signorini_fx.addons.gauntlet.solved_drafts import solved_draft, without_folders
 from signorini_fx.addons.gauntlet.sources import PRINTED, PROGRAM
 from signorini_fx.addons.judging.calculix_results import NodeTables, read_frd
 from signorini_fx.addons.judging.judge import judge
-from signorini_fx.errors import MeshError, SceneError, SignoriniError
+from signorini_fx.errors import MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.abaqus import read_model
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.scenes.reading import read_scene
+from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import EXPLAINED_FROM, JUDGED_SAME_TIME
 
 # Keywords of steps that are none of a scene.
@@ -70,28 +67,20 @@ class DeckRun:
 
     def outcome(self) -> GauntletCase:
         """Run it, and say what it has come to."""
-        case = GauntletCase(self.deck.stem, PROGRAM, REFUSED)
+        case, target = GauntletCase(self.deck.stem, PROGRAM, REFUSED), self.out / f"{self.deck.stem}.toml"
         try:
             if (block := _other_procedure(self.deck)) is not None:
                 return replace(case, state=OTHER_KIND, why=f"{block.origin}: {OTHER_PROCEDURE}")
-            drafted = draft(self.deck, read_file(self.deck), self.out / f"{self.deck.stem}.toml")
+            drafted = draft(self.deck, read_file(self.deck), target)
         except SignoriniError as error:
-            return replace(case, why=_without_folder(str(error), self.deck))
-        if drafted.deck.apart:
-            return replace(case, state=LOST, why=in_short(drafted.lost))
-        for file, text in drafted.files.items():
-            file.write_text(text, encoding="utf-8")
+            return replace(case, why=self._without_folder(str(error)))
         lost = list(drafted.lost)
-        self.tell(replace(case, state=LOST if lost else WHOLE, why=in_short(lost)))
-        try:
-            scene = read_scene(self.out / f"{self.deck.stem}.toml")
-            solution = solve(scene, MPI.COMM_SELF, check=False)
-        except (SceneError, MeshError) as error:
-            return replace(case, why=in_short([_without_folder(str(error), self.deck), *lost]))
-        except ConvergenceError as error:
-            return replace(case, state=UNSOLVED, why=in_short([str(error), *lost]))
-        if not solution.converged:
-            return replace(case, state=UNSOLVED, why=in_short([solution.status.value, *lost]))
+        if not drafted.deck.apart:
+            self.tell(replace(case, state=LOST if lost else WHOLE, why=in_short(lost)))
+        solved = solved_draft(case, drafted, target, self._without_folder)
+        if isinstance(solved, GauntletCase):
+            return solved
+        scene, solution = solved
         graded = judged_rotations(solution, drafted.deck)
         lost += graded.statement.incomplete[len(solution.statement.incomplete) :]
         case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
@@ -99,8 +88,12 @@ class DeckRun:
         try:
             return self._compared(case, drafted, scene, graded)
         except MeshError as error:
-            message = f"what stands beside it cannot be read: {_without_folder(str(error), self.deck)}"
+            message = f"what stands beside it cannot be read: {self._without_folder(str(error))}"
             return replace(case, state=REFUSED, why=in_short([message, *lost]))
+
+    def _without_folder(self, text: str) -> str:
+        """A message without the folder of the deck, which differs between machines."""
+        return without_folders(text, self.deck.parent)
 
     def _compared(self, case: GauntletCase, drafted: Draft, scene: Scene, solution: Solution) -> GauntletCase:
         deck = drafted.deck
@@ -184,8 +177,3 @@ def _other_procedure(deck: Path) -> DeckBlock | None:
 def _end(deck: Deck) -> float:
     """The time at which the last step of a deck ends."""
     return max(deck.ends.values(), default=1.0)
-
-
-def _without_folder(text: str, deck: Path) -> str:
-    """A message without the folder of the deck, which differs between machines."""
-    return text.replace(f"{deck.parent}/", "").replace("\n", "; ")

@@ -1,0 +1,53 @@
+"""The scene of a draft, solved: what the cases of all programs have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+from mpi4py import MPI
+
+from signorini_fx.addons.decks.draft import Draft
+from signorini_fx.addons.gauntlet.outcomes import LOST, UNSOLVED, GauntletCase, in_short
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.results.solution import ConvergenceError, Solution
+from signorini_fx.scenes.reading import read_scene
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
+
+
+def solved_draft(
+    case: GauntletCase, drafted: Draft, file: Path, plainly: Callable[[str], str]
+) -> tuple[Scene, Solution] | GauntletCase:
+    """The scene and its solution on this rank, or the row of a case that has none.
+
+    Args:
+        case: refused, without a reason.
+        drafted: the draft; its files are written.
+        file: of the scene.
+        plainly: takes what differs between machines out of a message.
+    """
+    lost = list(drafted.lost)
+    if drafted.deck.apart:
+        return replace(case, state=LOST, why=in_short(drafted.lost))
+    for path, text in drafted.files.items():
+        path.write_text(text, encoding="utf-8")
+    try:
+        scene = read_scene(file)
+        solution = solve(scene, MPI.COMM_SELF, check=False)
+    except (SceneError, MeshError) as error:
+        return replace(case, why=in_short([plainly(str(error)), *lost]))
+    except ConvergenceError as error:
+        return replace(case, state=UNSOLVED, why=in_short([str(error), *lost]))
+    if not solution.converged:
+        return replace(case, state=UNSOLVED, why=in_short([solution.status.value, *lost]))
+    return scene, solution
+
+
+def without_folders(text: str, *folders: Path) -> str:
+    """A message on one line without the names of folders, which differ between machines."""
+    for folder in folders:
+        text = text.replace(f"{folder}/", "")
+    return text.replace("\n", "; ")
