@@ -10,6 +10,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
+from petsc4py import PETSc
 from scipy.optimize import brentq
 from support.nonlinear_scenes import block, indented, material
 
@@ -202,9 +203,19 @@ def projected(solution):
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     stress = solution.stress.stress.in_space
     dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2})
-    options = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
-    problem = fem_petsc.LinearProblem(ufl.inner(u, v) * dx, ufl.inner(stress, v) * dx, petsc_options=options)
-    return problem.solve().x.array
+    matrix = fem_petsc.assemble_matrix(fem.form(ufl.inner(u, v) * dx))
+    matrix.assemble()
+    load = fem_petsc.assemble_vector(fem.form(ufl.inner(stress, v) * dx))
+    ksp, values = PETSc.KSP().create(space.mesh.comm), fem.Function(space)
+    ksp.setOperators(matrix)
+    ksp.setType("preonly")
+    ksp.pc.setType("lu")
+    ksp.pc.setFactorSolverType("mumps")
+    ksp.solve(load, values.x.petsc_vec)
+    values.x.scatter_forward()
+    for kept in (ksp, matrix, load):
+        kept.destroy()
+    return values.x.array
 
 
 @pytest.mark.mpi
