@@ -91,7 +91,8 @@ def test_units():
     one, other = (solve(cylinders(goal, length=a, force=b), MPI.COMM_SELF) for a, b in ((1.0, 1.0), (1e-6, 1e9)))
     assert [level.dofs for level in one.levels] == [level.dofs for level in other.levels]
     for name in ("energy", "pressure", "force", "zone", "peak"):
-        assert getattr(other.price_list[-2], name) == pytest.approx(getattr(one.price_list[-2], name), rel=1e-4)
+        theirs, mine = (getattr(solution.price_list[-2], name) for solution in (one, other))
+        assert mine is theirs is None or mine == pytest.approx(theirs, rel=1e-4)
 
 
 def block(count, **more):

@@ -1,5 +1,7 @@
 """Ramps beyond a limit point: an arch that snaps through under a circle that a force presses."""
 
+import re
+
 import numpy as np
 import pytest
 import ufl
@@ -122,6 +124,64 @@ def test_the_whole_path_however_it_is_stated(case):
     at_once = pushed(problem, weight, **further | {"first": None, "largest": None})
     assert path[-1] == pytest.approx(at_once[-1], abs=1e-8)
     assert problem.shapes[0].shape.prescribed.y is None
+
+
+def test_a_jump_is_enclosed_and_told(tmp_path):
+    """Without control the ramp reaches its load and says between which two loads the arch jumps: the path of the same
+    arch on which the circle is prescribed has its limit point between them.  A restart says the same.
+    """
+    problem = arch(MPI.COMM_SELF, force=(0.0, 0.0), prescribed=HELD)
+    path = pressed(problem)
+    (found,) = problem.findings
+    begin, end = map(float, re.search(r"between the loads (\S+) and (\S+) the body jumps", found.message).groups())
+    jump = np.abs(np.diff(path[:, 1])).argmax()
+    assert path[jump : jump + 2, 0] == pytest.approx([begin, end], rel=1e-5)
+    assert end - begin < 0.03
+    placed, peak = arch(MPI.COMM_SELF), 0.0
+    for place in np.linspace(path[jump - 1, 1], path[jump, 1] - 0.2, 20):
+        placed.place(0, shift=(0.0, float(place)))
+        placed.solve()
+        peak = max(peak, -sum(placed.state.forces)[1] / FORCE)
+    assert begin < peak < end
+
+    def run(restart):
+        """The same as a path of load steps."""
+        solved = arch(MPI.COMM_SELF, force=(0.0, 0.0), prescribed=HELD)
+
+        def at(load):
+            solved.place(0, force=(0.0, -FORCE * load), prescribed=HELD)
+
+        return solved.run(np.linspace(0.1, 0.6, 6), at, folder=tmp_path, restart=restart)
+
+    first, second = run(restart=False), run(restart=True)
+    assert [found.path for found in first.findings] == ["load_steps"]
+    assert first.findings == second.findings
+    assert first.displacement.x.array == pytest.approx(second.displacement.x.array, abs=1e-12)
+
+
+def test_what_becomes_softer_does_not_jump():
+    """A bar whose stiffness falls to a thirtieth at a strain, drawn by a force through this strain: two steps that are
+    halves are shorter, and no jump is told.
+    """
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [1.0, 1.0]], [2, 2])
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = fem.Function(space), ufl.TestFunction(space)
+    force = fem.Constant(mesh, 0.0)
+    strain = ufl.sym(ufl.grad(u))
+    along = strain[0, 0]
+    stress = ufl.conditional(ufl.lt(along, 0.01), along, 0.01 + (along - 0.01) / 30)
+    right = dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[0], 1.0))
+    left = dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[0], 0.0))
+    tags = dmesh.meshtags(mesh, 1, np.sort(right), 1)
+    ds = ufl.Measure("ds", mesh, subdomain_data=tags)
+    F = (stress * v[0].dx(0) + strain[1, 1] * v[1].dx(1) + 2 * strain[0, 1] * ufl.sym(ufl.grad(v))[0, 1]) * ufl.dx
+    bottom, top = (dmesh.locate_entities_boundary(mesh, 1, lambda x, y=y: np.isclose(x[1], y)) for y in (0.0, 1.0))
+    bcs, far = [held(space, left, 0), held(space, bottom, 1)], Foundation(top, gap=1.0, direction=(0, 1))
+    problem = NonlinearContactProblem(F - force * v[0] * ds(1), u, bcs=bcs, contact=far)
+    problem.ramp(lambda t: setattr(force, "value", 0.021 * t), first=0.25, largest=0.25)
+    assert u.x.array.max() == pytest.approx(0.01 + 30 * 0.011, rel=1e-9)
+    assert problem.findings == ()
+    assert any("may jump" in event for event in problem.history.events)
 
 
 def test_what_cannot_be_controlled():

@@ -560,7 +560,7 @@ def test_meshes(tmp_path, method):
         assert ours.regularisation == pytest.approx(theirs.regularisation, rel=1e-3)
 
 
-@pytest.mark.parametrize("text", [PUSHED, NESTED])
+@pytest.mark.parametrize("text", [PUSHED, NESTED], ids=["pushed", "nested"])
 def test_what_was_done_is_not_done_again(tmp_path, text):
     """The history has the linear solves of both runs, but a restart shows only its own."""
     given, seen = scene(text), []

@@ -75,7 +75,7 @@ def quarter_of_disk(cells, comm=MPI.COMM_SELF):
     points, corners = np.concatenate(points), np.concatenate(corners).reshape(-1, 4)
     _, first, places = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
     element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
-    mesh = dmesh.create_mesh(comm, places.ravel()[corners].astype(np.int64), points[first], element)
+    mesh = dmesh.create_mesh(comm, cells=places.ravel()[corners].astype(np.int64), x=points[first], e=element)
 
     def side(marker):
         return dmesh.locate_entities_boundary(mesh, 1, marker)

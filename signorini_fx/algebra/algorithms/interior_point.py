@@ -266,9 +266,11 @@ class _Programme:
         )
 
     def _room(self, shear: Nodal) -> Nodal:
-        """(F^2 g^2 - |mu|^2) / 2 where there is a disc, elsewhere a number that is not zero, shape (n,)."""
+        """(F^2 g^2 - |mu|^2) / 2 where there is a disc, at least its round-off; elsewhere a number that is not zero;
+        shape (n,).
+        """
         bound, size = np.where(self._rubs, self._bound, 1.0), np.where(self._rubs, length(shear), 0.0)
-        return (bound - size) * (bound + size) / 2
+        return np.maximum((bound - size) * (bound + size) / 2, np.finfo(np.float64).eps * bound**2)
 
     def _product(self, at: _Inside) -> float:
         """The sum of the products; collective."""
@@ -330,7 +332,7 @@ class _Programme:
         blocks = np.zeros((room.size, 1 + size, 1 + size))
         opens = np.divide(at.opening, at.pressure, out=np.zeros_like(room), where=self._one_sided)
         blocks[:, 0, 0] = 1.0 / (1.0 / data.stiffness + opens)
-        soft, grows = 1.0 / data.gamma_t + at.rate, np.where(self._rubs, at.rate / room, 0.0)
+        soft, grows = 1.0 / data.gamma_t + at.rate, np.divide(at.rate, room, out=np.zeros_like(room), where=self._rubs)
         share = grows / (soft + grows * inner(at.shear, at.shear))
         along = share[:, None, None] * at.shear[:, :, None] * at.shear[:, None, :]
         blocks[:, 1:, 1:] = np.where(self._bound > 0, 1.0 / soft, 0.0)[:, None, None] * (np.eye(size) - along)

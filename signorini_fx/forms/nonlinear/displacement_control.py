@@ -29,13 +29,7 @@ Array = npt.NDArray[np.float64]
 
 
 class SnapThrough(Exception):
-    """A step has jumped over a limit point."""
-
-
-def jumps(places: list[float], position: float) -> bool:
-    """Whether a tool goes much farther in a step than in any before; ``places``: where they have begun and ended."""
-    largest = float(np.abs(np.diff(places)).max(initial=0.0))
-    return 0.0 < JUMP * largest < abs(position - places[-1])
+    """A step may have jumped over a limit point."""
 
 
 def alike(start: tuple[float, float], half: tuple[float, float] | None, whole: tuple[float, float] | None) -> bool:

@@ -32,9 +32,9 @@ from signorini_fx.forms.nonlinear.displacement_control import (
     ControlSteps,
     SnapThrough,
     alike,
-    jumps,
     load_that_holds,
 )
+from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
@@ -190,6 +190,8 @@ class NonlinearContactProblem(ProblemOfForms):
         self._failure = ""  # how the last solve failed that did
         self._tangent_at = u.x.array.copy()  # the displacement of the last iteration
         self._tools_at = self.linear.moving_tools.coordinates  # where tools were in it
+        self._predicted = 0.0  # how far the first tangent of the last solve moves the body
+        self._leaps = Leaps(update is not None)  # of the last ramp
         self._inner = ""  # how the last contact problem of a tangent ended that had no solution
         self._solved: SolvedBody | None = None  # the last solution
         self._ramped: list[StepResult] = []  # the steps of the last ramp, until the next solve
@@ -247,7 +249,7 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        return () if self.linear.solved.state is None else findings_of_last(self.linear)
+        return () if self.linear.solved.state is None else (*self._leaps.findings, *findings_of_last(self.linear))
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:
@@ -322,6 +324,7 @@ class NonlinearContactProblem(ProblemOfForms):
     def _forget_steps(self) -> None:
         """Those of the last ramp, and what was shown of one whose first step had no solution."""
         self._ramped, self._mechanics_of_steps, self._timings = [], [], Timings()
+        self._leaps = Leaps(self._leaps.yields)
         if self._solved is not None and self._solved.step.status is not Status.CONVERGED:
             self._solved = None
 
@@ -408,6 +411,8 @@ class NonlinearContactProblem(ProblemOfForms):
                 raise
             if length == 0.0:
                 return Status.INVERTED
+            if iteration == 1:
+                self._predicted = float(parallel.largest(comm, np.abs(increment), 0.0))
             u.x.array[:] = old + length * increment
             moved = length * (self.linear.reached - self._tools_at)
             self.linear.moving_tools.carry_to(self._tools_at + moved)
@@ -577,12 +582,8 @@ class NonlinearContactProblem(ProblemOfForms):
         def last_words(reached: float | None) -> str:
             return outcomes.last_solution(reached, to)
 
-        def check() -> None:
-            if tool is not None and jumps(places, tool.position(self.shapes)):
-                raise SnapThrough
-
         try:
-            self._follow(sizes, apply, solved, lambda step: on_step(steps[-1]), last_words, check=check)
+            self._follow(sizes, apply, solved, lambda step: on_step(steps[-1]), last_words, controlled=tool is not None)
         except (ConvergenceError, SnapThrough):
             if tool is None or not steps or self.status in outcomes.NOT_A_LIMIT:
                 raise
@@ -755,7 +756,8 @@ class NonlinearContactProblem(ProblemOfForms):
         shown: Callable[[float], float] = float,
         announce: Callable[[float], object] = lambda end: None,
         stored: StepsOnDisk | None = None,
-        check: Callable[[], object] = lambda: None,
+        *,
+        controlled: bool = False,
     ) -> None:
         """One step after the other; collective.
 
@@ -768,10 +770,14 @@ class NonlinearContactProblem(ProblemOfForms):
             shown: a load or time for messages, from where a step ends.
             announce: called before a step is solved with where it ends.
             stored: the checkpoint that steps are taken from and stored in; None: there is none.
-            check: called where a step has a solution; what it raises ends the way at the step before.
+            controlled: whether the way ends before a step that may jump, unless it is the first; otherwise the step is
+                halved as long as it may be.
+
+        Raises:
+            SnapThrough: a step may jump.
         """
         self._forget_steps()
-        solves = len(self.history.iterations)
+        solves, what, jumps = len(self.history.iterations), "time" if isinstance(sizes, PathSizes) else "load", False
         if stored is not None:
             stored.begin(self.linear)
         while not sizes.done:
@@ -785,31 +791,64 @@ class NonlinearContactProblem(ProblemOfForms):
             try:
                 announce(end)
                 apply(end)
-                self._attempt(damps=not sizes.may_halve)
-                check()
+                ends = controlled and bool(self._ramped)
+                may_jump = jumps or not (ends or sizes.may_halve)
+                suspected = self._attempt_at_step(begun, end, damps=not sizes.may_halve, may_jump=may_jump)
             except Exception as error:
                 final = not sizes.may_halve or self.status in outcomes.FINAL
                 if final and isinstance(error, ConvergenceError) and self._solved is None:
                     tried = len(self.history.iterations) - solves
                     self._solved = self._before_the_first(partial(solved, end), tried)
                 self._begin_again(begun, lambda: apply(sizes.reached))
-                what = "time" if isinstance(sizes, PathSizes) else "load"
                 where, reached = f"{what} {shown(end):g}", shown(sizes.reached)
                 self.history.add(f"{where} is given up, back at {reached:g}: {error}")
-                if not isinstance(error, ConvergenceError | FormError):
+                if not isinstance(error, ConvergenceError | FormError | SnapThrough):
                     raise
-                if not final:
+                if isinstance(error, SnapThrough) and ends:
+                    raise
+                if isinstance(error, SnapThrough) or not final:
                     sizes.halve()
+                    continue
+                if not jumps and self._leaps.end is not None and self._leaps.ends_beyond(sizes.reached, end):
+                    jumps = True
+                    sizes.reach(self._leaps.end)
                     continue
                 last = last_words(sizes.reached if self._ramped else None)
                 raise self._ended(error, where, last) from error.__cause__
-            sizes.accept(self.iterations)
+            if suspected:
+                self._leaps.take(f"{what}s", shown(sizes.reached), shown(end))
+            else:
+                self._leaps.pass_by(sizes.reached, end)
+            sizes.accept(self.iterations, grows=self._leaps.end is None)
+            jumps = False
             step = self._end_step(end, solved, on_step)
             if stored is not None:
                 with self._timings.phase("checkpoint"):
                     tangent = self._tangent_at, self._tools_at
-                    stored.store(self.linear, step, tangent, self.iterations, self._timings)
+                    stored.store(self.linear, step, tangent, self.iterations, self._timings, self._leaps)
                 stored.begin(self.linear)
+
+    def _attempt_at_step(self, begun: Snapshot, end: float, *, damps: bool, may_jump: bool) -> bool:
+        """Solve a step, and return whether it may jump; for ``damps`` see ``_attempt``; collective.
+
+        Args:
+            begun: where the body is when it begins.
+            end: where it ends.
+            damps: see ``_attempt``.
+            may_jump: whether a step that may jump is a solution.
+
+        Raises:
+            ConvergenceError: it has no solution.
+            SnapThrough: it may jump, and must not.
+        """
+        before = self._good, self._solved, self.status
+        self._attempt(damps=damps)
+        moved = float(parallel.largest(self._space.mesh.comm, np.abs(self.u.x.array - begun.displacement), 0.0))
+        suspected = self._leaps.suspects(moved, max(self._predicted, SMALL_INCREMENT * self._size), end)
+        if suspected and not may_jump:
+            self._good, self._solved, self.status = before
+            raise SnapThrough("the body may jump")
+        return suspected
 
     def _end_step(
         self,
@@ -862,6 +901,7 @@ class NonlinearContactProblem(ProblemOfForms):
                 arguments = self.linear, self.u, self.certificate, self._mechanics, foundations
                 self._solved = SolvedBody.of(*arguments, stored.figure(number, "linear_solves"))
                 recalled.accept(self.history, self._timings, stored.sizes)
+                stored.leaps(number, self._leaps)
                 return stored.figure(number, "linear_solves")
             self.history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
             stored.forget(number)

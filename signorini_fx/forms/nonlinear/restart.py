@@ -18,6 +18,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import MatrixError
+from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.step_sizes import PathSizes
@@ -101,6 +102,10 @@ class StepsOnDisk:
         """One of a load step that is there: ``newton``, its iterations, or ``linear_solves``."""
         return int(self.checkpoint.figure(number, name))
 
+    def leaps(self, number: int, leaps: Leaps) -> None:
+        """Give ``leaps`` what was known of jumps after a load step that is there."""
+        leaps.resume(self.checkpoint.figure(number, "leaps"))
+
     def recall(self, linear: LinearisedProblem, residual: Residual, timings: Timings) -> Recalled[RestartedBody] | None:
         """Give a body the displacement and the contact of its next load step; None: it is not there, or does not fit.
 
@@ -141,6 +146,7 @@ class StepsOnDisk:
         tangent: tuple[Nodal, Nodal],
         iterations: int,
         timings: Timings,
+        leaps: Leaps,
     ) -> None:
         """Store a load step that has a solution.
 
@@ -150,12 +156,13 @@ class StepsOnDisk:
             tangent: where the last tangent was formed: values of the displacement, and coordinates of tools.
             iterations: of Newton's method.
             timings: of the run.
+            leaps: jumps so far.
         """
         assert linear.outcome is not None
         space, start = linear.space, replace(linear.begun, place=step.place)
         ways = {_SOLUTION: linear.moving_tools.coordinates.tolist(), _TANGENT: tangent[1].tolist()}
         figures: dict[str, Any] = {"newton": iterations, "linear_solves": step.linear_solves}
-        figures |= {"definite": linear.definite, "coordinates": ways}
+        figures |= {"definite": linear.definite, "coordinates": ways, "leaps": leaps.stored()}
         body, at, iterate = RestartedBody(linear, timings, figures), fem.Function(space), linear.u.copy()
         at.x.array[:] = tangent[0]
         beside = {_SOLUTION: step.displacement, _TANGENT: at}

@@ -54,8 +54,11 @@ class StepEnds(Protocol):
     def halve(self) -> None:
         """The next step has no solution."""
 
-    def accept(self, iterations: int) -> None:
-        """The next step has a solution, after so many iterations."""
+    def reach(self, end: float) -> None:
+        """The next step ends there, farther on."""
+
+    def accept(self, iterations: int, *, grows: bool = True) -> None:
+        """The next step has a solution, after so many iterations; ``grows``: whether the one after it may be larger."""
 
 
 class PathSizes:
@@ -102,10 +105,14 @@ class PathSizes:
         """See ``StepEnds``."""
         self._step = (self.next - self.reached) / 2
 
-    def accept(self, iterations: int) -> None:
+    def reach(self, end: float) -> None:
+        """See ``StepEnds``."""
+        self._step = end - self.reached
+
+    def accept(self, iterations: int, *, grows: bool = True) -> None:
         """See ``StepEnds``."""
         self.reached = self.next
-        if iterations <= FEW_NEWTON_ITERATIONS:
+        if grows and iterations <= FEW_NEWTON_ITERATIONS:
             self._step = self._step * STEP_GROWTH
         self._step = min(self._step, self._whole)
 
@@ -180,8 +187,12 @@ class StepSizes:
         """The next step has no solution."""
         self._step = abs(self.next - self.reached) / 2
 
-    def accept(self, iterations: int) -> None:
-        """The next step has a solution, after so many iterations."""
+    def reach(self, end: float) -> None:
+        """See ``StepEnds``."""
+        self._step = abs(end - self.reached)
+
+    def accept(self, iterations: int, *, grows: bool = True) -> None:
+        """The next step has a solution, after so many iterations; ``grows``: whether the one after it may be larger."""
         self.reached = self.next
-        if iterations <= FEW_NEWTON_ITERATIONS:
+        if grows and iterations <= FEW_NEWTON_ITERATIONS:
             self._step = min(self._step * STEP_GROWTH, self._largest)
