@@ -1,5 +1,7 @@
 """The tutorial as a notebook: it is what its script makes, it runs, and its outputs are those that are stored."""
 
+import base64
+import io
 import json
 import os
 import re
@@ -67,6 +69,35 @@ def test_progress_line(run):
         ["linear solve 2"],
         [""],
     ]
+
+
+SPACE = """
+from signorini_fx import Scene, solve
+scene = Scene.model_validate({
+    "mesh": {"generator": "box", "parameters": {"nx": 3, "ny": 3, "nz": 3}},
+    "material": {"young": 100.0, "poisson": 0.3},
+    "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.1},
+    "contact": {"boundary": "bottom", "gap": 0.05},
+})
+solution = solve(scene)
+"""
+
+
+@pytest.mark.slow
+def test_pictures_of_a_body_in_space(run):
+    """``solution.plot()`` displays pictures, those of a body in space by PyVista."""
+    image = pytest.importorskip("PIL.Image")
+    pytest.importorskip("pyvista")
+    from nbformat.v4 import new_code_cell, new_notebook
+
+    notebook = new_notebook(cells=[new_code_cell(text) for text in (SPACE, "solution.plot()")])
+    run(notebook)
+    (page,) = notebook.cells[1].outputs
+    coded = re.findall(r"data:image/png;base64,([^\"]+)", page.data["text/html"])
+    assert len(coded) >= 3
+    for text in coded:
+        with image.open(io.BytesIO(base64.b64decode(text))) as picture:
+            assert len(set(picture.convert("L").resize((60, 60)).getdata())) > 10  # it is not blank
 
 
 def test_notebook_runs(tmp_path, run):
