@@ -993,6 +993,14 @@ JUDGED_WRONG_WAY, JUDGED_BOUND_ENERGY = 2e-3, 3e-4
 # Contact is softer or harder than the problem's beyond this factor (.95 to 1.3 is reached), where its penalty has more
 # than this share of the energy.
 JUDGED_SOFTNESS, JUDGED_PENALTY_ENERGY = 1.5, 1e-3
+# A linear law of contact is judged as one where it gives way with more than this share of the energy; below it is a
+# penalty, which may be harder.  With 50 times Young's modulus per length 5.2e-2 is reached.
+JUDGED_SOFT_ENERGY = 0.1
+# Share of force that is not by the law of soft contact.  3.2e-2 is reached by tetrahedra that touch in part of a facet.
+JUDGED_LAW = (5e-2, 0.15)
+# CalculiX completes a linear law of nodes by a tension at large clearances of this share of Young's modulus (its
+# *SURFACE BEHAVIOR; the force goes to it by an arc tangent).
+TENSION_OF_CALCULIX = 1 / 70000
 # The last increment of a result ends with the step up to this share of its time.  Choice.
 JUDGED_SAME_TIME = 1e-4
 # The guaranteed error of a result is sought on meshes of ours with sides halved at most so often, as long as there are

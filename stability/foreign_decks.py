@@ -61,6 +61,9 @@ class ForeignDeck:
         clamped: whether a shelf is held on its left.
         tied: whether contact is bonded.
         lower: modulus of the lower body of a stack over that of the upper one.
+        law: of soft contact instead of ``stiffness``: its PRESSURE-OVERCLOSURE, and the numbers of each row.
+        adjust: ADJUST of *CONTACT PAIR: a length, or a set of nodes; "": none.
+        tilt: by which a plate is lower on its right than on its left, length.
     """
 
     kind: str = "shelf"
@@ -81,6 +84,9 @@ class ForeignDeck:
     clamped: bool = True
     tied: bool = False
     lower: float = 3.0
+    law: tuple[str, tuple[tuple[float, ...], ...]] | None = None
+    adjust: str = ""
+    tilt: float = 0.0
 
     @property
     def dim(self) -> int:
@@ -200,6 +206,8 @@ def text_of(deck: ForeignDeck) -> str:
     else:
         gap = deck.gap if deck.kind == "shelf" else 0.0
         other = box(one, (-0.5, -0.5 - gap), (2.5, -gap), start)
+        for number, (x, *rest, y) in other.nodes.items():
+            other.nodes[number] = (x, *rest, y - deck.tilt * (x - inner + 0.5) / 3)
         lines += _written(deck, other, "BASE")
         boundary += [f"BASE_N, 1, {dim}", *across]
         boundary += [f"BODY_LEFT_N, 1, {dim}"] * (deck.kind == "shelf" and deck.clamped)
@@ -212,9 +220,14 @@ def text_of(deck: ForeignDeck) -> str:
     else:
         hard = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE="
         lines += ["*SURFACE INTERACTION, NAME=S"]
-        lines += [f"{hard}HARD"] if deck.stiffness is None else [f"{hard}LINEAR", repr(deck.stiffness)]
+        if deck.law is not None:
+            name, rows = deck.law
+            lines += [f"{hard}{name}", *(", ".join(map(repr, row)) for row in rows)]
+        else:
+            lines += [f"{hard}HARD"] if deck.stiffness is None else [f"{hard}LINEAR", repr(deck.stiffness)]
         lines += ["*FRICTION", f"{deck.friction!r}, {deck.stick!r}"] if deck.friction else []
-        lines += [f"*CONTACT PAIR, INTERACTION=S, TYPE={deck.pair}", "BODY_BOTTOM, BASE_TOP"]
+        adjust = f", ADJUST={deck.adjust}" if deck.adjust else ""
+        lines += [f"*CONTACT PAIR, INTERACTION=S, TYPE={deck.pair}{adjust}", "BODY_BOTTOM, BASE_TOP"]
     lines += _set("ALL", [*body.nodes, *other.nodes])
     step = 1 / deck.increments
     static = ["*STATIC, DIRECT", f"{step!r}, 1."] if deck.increments > 1 else ["*STATIC", "1., 1."]

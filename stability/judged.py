@@ -46,7 +46,7 @@ ALIKE = 2e-3
 UNKNOWN = ("CPS4R", "C3D8R", "CPE4R")
 CELLS = {1: ((10, 4), (14, 5), (12, 6)), 2: ((6, 2), (8, 3)), 3: ((6, 3, 2), (5, 2, 3)), 4: ((4, 2, 1),)}
 # What follows where forces of contact are others: the sides come apart or enter, too.
-ANY_CONTACT = ("penetration", "tension", "apart", "reaction", "cone", "wrong way", "slip", "penalty")
+ANY_CONTACT = ("penetration", "tension", "apart", "reaction", "cone", "wrong way", "slip", "law", "penalty")
 # The words for each change, besides those of a kind that all may have.
 NOT_IN_EQUILIBRIUM, LOADS = "not in equilibrium", "another problem: load or modulus"
 
@@ -56,6 +56,10 @@ def contact(*keys: str) -> tuple[str, ...]:
     return tuple(f"violates contact: {key}" for key in keys)
 
 
+# Laws of soft contact.
+EXPONENTIAL = ("EXPONENTIAL", ((0.01, 2.0),))
+TABULAR = ("TABULAR", ((0.0, 0.0), (1.0, 0.01), (5.0, 0.02)))
+LINEAR = ("LINEAR", ((300.0,),))
 DATA = {
     "shelf_CPE4": ForeignDeck("shelf", "CPE4", (8, 3)),
     "shelf_CPE6": ForeignDeck("shelf", "CPE6", (4, 2), warp=0.2),
@@ -70,6 +74,17 @@ DATA = {
     "press_CPE4": ForeignDeck("press", "CPE4", (8, 3), friction=0.3, warp=0.2),
     "press_CPS8R": ForeignDeck("press", "CPS8R", (5, 2), friction=0.3),
     "press_C3D8": ForeignDeck("press", "C3D8", (4, 2, 2), friction=0.2),
+    "shelf_exponential": ForeignDeck("shelf", "CPE4", (8, 3), law=EXPONENTIAL, pair="NODE TO SURFACE"),
+    "shelf_linear": ForeignDeck("shelf", "CPE8", (5, 2), law=LINEAR),
+    "shelf_tabular": ForeignDeck("shelf", "C3D8", (4, 2, 2), law=TABULAR, pair="NODE TO SURFACE", increments=10),
+    "shelf_tetrahedra": ForeignDeck("shelf", "C3D4", (4, 2, 2), law=EXPONENTIAL, pair="NODE TO SURFACE"),
+    "shelf_adjusted": ForeignDeck("shelf", "CPE4", (8, 3), adjust="0.032", tilt=0.03),
+    "shelf_adjusted8": ForeignDeck("shelf", "CPE8R", (5, 2), adjust="0.06", tilt=0.03),
+    "shelf_adjusted10": ForeignDeck("shelf", "C3D10", (3, 2, 1), adjust="0.032", tilt=0.03),
+    "shelf_adjusted3": ForeignDeck("shelf", "CPE3", (8, 3), adjust="0.032"),
+    "shelf_adjusted_set": ForeignDeck("shelf", "C3D8", (4, 2, 2), adjust="BODY_BOTTOM_N", tilt=0.03),
+    "press_linear": ForeignDeck("press", "C3D8", (4, 2, 2), law=LINEAR, friction=0.2),
+    "stack_exponential": ForeignDeck("stack", "CPE4", (6, 2), law=EXPONENTIAL, pair="NODE TO SURFACE"),
     "stack_CPE4": ForeignDeck("stack", "CPE4", (6, 2), friction=0.3),
     "stack_CPE8R": ForeignDeck("stack", "CPE8R", (4, 2)),
 }
@@ -117,6 +132,8 @@ def drawn(rng: Rng) -> ForeignDeck:
     friction = {"shelf": 0.0, "press": float(rng.choice([0.15, 0.3])), "stack": float(rng.choice([0.0, 0.3]))}[kind]
     pair = "SURFACE TO SURFACE" if quadratic or rng.random() < 0.6 else "NODE TO SURFACE"
     stiffness = None if rng.random() < 0.15 else float(rng.choice([50.0, 100.0, 300.0])) * young
+    law = _drawn_law(rng, young, nodal=pair == "NODE TO SURFACE") if rng.random() < 0.3 else None
+    adjusts = kind == "shelf" and rng.random() < 0.3
     return ForeignDeck(
         kind,
         element,
@@ -131,7 +148,32 @@ def drawn(rng: Rng) -> ForeignDeck:
         push=young / (200 if kind != "shelf" and friction else 2000),
         displaced=(0.01, 0.03),
         warp=float(rng.choice([0.0, 0.2])),
+        law=law,
+        increments=10 if law is not None and law[0] == "TABULAR" else 1,
+        adjust="0.032" if adjusts else "",
+        tilt=0.03 if adjusts else 0.0,
     )
+
+
+def _drawn_law(rng: Rng, young: float, *, nodal: bool) -> tuple[str, tuple[tuple[float, ...], ...]]:
+    """A law of soft contact that CalculiX has: between faces it has none but the linear one (a table is passed over in
+    version 2.20, an exponential one jumps where the sides meet).
+    """
+    laws = {
+        "LINEAR": ((float(rng.choice([0.3, 1.0])) * young,),),
+        "EXPONENTIAL": ((float(rng.choice([0.01, 0.02])), 2e-3 * young),),
+        "TABULAR": ((0.0, 0.0), (1e-3 * young, 0.01), (5e-3 * young, 0.02)),
+    }
+    name = str(rng.choice(sorted(laws))) if nodal else "LINEAR"
+    return name, laws[name]
+
+
+def _times(law: tuple[str, tuple[tuple[float, ...], ...]], factor: float) -> tuple[str, tuple[tuple[float, ...], ...]]:
+    """A law whose pressures are so many times as large."""
+    name, rows = law
+    if name == "EXPONENTIAL":
+        return name, tuple((clearance, factor * pressure) for clearance, pressure in rows)
+    return name, tuple((factor * pressure, *depth) for pressure, *depth in rows)
 
 
 def _prescribed(deck: ForeignDeck) -> bool:
@@ -145,7 +187,7 @@ def good_changes(deck: ForeignDeck) -> list[Change]:
     changes = [Change("itself", ("agrees", "agrees with another penalty"))]
     if deck.kind == "shelf":
         changes.append(Change("4 increments", ("agrees", "agrees with another penalty"), replace(deck, increments=4)))
-    if harder is not None:
+    if harder is not None and deck.law is None:
         right = ("agrees", "agrees with another penalty")
         changes.append(Change("penalty x 4", right, replace(deck, stiffness=4 * harder)))
     other = {"CPE8": "CPE8R", "CPE8R": "CPE8", "C3D8": "C3D8I", "C3D8I": "C3D8"}.get(deck.element)
@@ -157,7 +199,7 @@ def good_changes(deck: ForeignDeck) -> list[Change]:
 def bad_changes(deck: ForeignDeck, rng: Rng) -> list[Change]:
     """Changes after which it is not."""
     prescribed = _prescribed(deck)
-    entering = contact("penetration", "penalty", "tension", "apart")
+    entering = contact("penetration", "penalty", "tension", "apart", "law")
     changes: list[Change] = []
     if not prescribed:
         share = float(rng.choice([1.02, 1.05, 1.1, 0.5]))
@@ -177,7 +219,14 @@ def bad_changes(deck: ForeignDeck, rng: Rng) -> list[Change]:
     else:
         moved = replace(deck, displaced=(deck.displaced[0] * 1.3, deck.displaced[1]))
         changes += [Change("prescribed motion", ("violates supports",), moved)] if prescribed else []
-    if deck.stiffness is not None:
+    for factor in (0.5, 2.0):
+        if deck.law is not None:
+            other = replace(deck, law=_times(deck.law, factor))
+            changes.append(Change(f"law x {factor:g}", contact("law", "penetration", "penalty"), other))
+    if deck.adjust:
+        right = (NOT_IN_EQUILIBRIUM, LOADS, *entering, *contact("law"))
+        changes.append(Change("not adjusted", right, replace(deck, adjust="")))
+    if deck.stiffness is not None and deck.law is None:
         changes.append(
             Change("penalty / 100", contact("penetration", "penalty"), replace(deck, stiffness=deck.stiffness / 100))
         )

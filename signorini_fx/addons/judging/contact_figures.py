@@ -17,8 +17,10 @@ from signorini_fx.tuned import (
     JUDGED_CONE_MARGIN,
     JUDGED_DEEP,
     JUDGED_ELASTIC_SLIP,
+    JUDGED_PENALTY_ENERGY,
     JUDGED_PENETRATION_OF_PRESSURE,
     JUDGED_SAME_WAY,
+    JUDGED_SOFT_ENERGY,
 )
 
 
@@ -48,6 +50,9 @@ class JudgedContactFigures:
         slips_energy: the same over a(v, v).
         slack: the corner with most of it.
         touching: how many corners are pressed.
+        gives_way: work of forces on the length by which the law of soft contact gives way, over a(v, v); 0: it is hard.
+        unlawful: share of force that is not that of the law.
+        misfit: the corner with most of it.
     """
 
     surface: TouchingSurface
@@ -71,6 +76,19 @@ class JudgedContactFigures:
     slips_energy: float
     slack: int
     touching: int
+    gives_way: float
+    unlawful: float
+    misfit: int
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether contact gives way so much that its law is judged; a linear one may be a penalty that is meant to be
+        hard.
+        """
+        law = self.surface.contact.law
+        return law is not None and self.gives_way > (
+            JUDGED_PENALTY_ENERGY if law.kind != "linear" else JUDGED_SOFT_ENERGY
+        )
 
 
 def contact_stiffness(problem: JudgedProblem, surface: TouchingSurface) -> float:
@@ -108,11 +126,16 @@ def contact_figures(
     pressure = (push / s.area).clip(min=0.0)
     around = np.array([pressure[s.neighbours[[row]].indices].max(initial=0.0) for row in range(len(s.corners))])
     hardness = stated if stated > 0 else stiffness
-    allowed = JUDGED_PENETRATION_OF_PRESSURE * around / hardness if hardness > 0 else np.zeros_like(around)
+    law = s.contact.law
+    if law is not None and law.kind != "linear":
+        allowed = law.overclosure(JUDGED_PENETRATION_OF_PRESSURE * around).clip(min=0.0)
+    else:
+        allowed = JUDGED_PENETRATION_OF_PRESSURE * around / hardness if hardness > 0 else np.zeros_like(around)
     entered = np.where(s.judged, s.penetration - allowed, 0.0)
-    is_apart = (s.clearance > JUDGED_APART * largest) & s.judged
+    reach = 0.0 if law is None else law.reach
+    is_apart = (s.clearance > JUDGED_APART * largest + reach) & s.judged
     apart = np.where(is_apart, np.abs(push), 0.0)
-    figures = _friction(s, push, force, energy)
+    figures = _friction(s, push, force, energy) | _lawful(s, push, pressure, energy)
     return JudgedContactFigures(
         surface=s,
         force=force if np.isfinite(force) else 0.0,
@@ -128,6 +151,25 @@ def contact_figures(
         touching=int(np.count_nonzero(pressed & s.judged)),
         **figures,
     )
+
+
+def _lawful(s: TouchingSurface, push: Floats, pressure: Floats, energy: float) -> dict[str, Any]:
+    """The figures of the law of soft contact."""
+    law = s.contact.law
+    if law is None or s.lawful is None:
+        return {"gives_way": 0.0, "unlawful": 0.0, "misfit": 0}
+    low, high = np.where(s.judged, s.lawful, 0.0)
+    away = (low - push).clip(min=0.0) + (push - high).clip(min=0.0)
+    most = max(float(push.clip(min=0.0).sum()), float(low.sum()))
+    # By the larger one of both forces, so that sides that enter without any are soft, too; of a linear law, which may
+    # be as hard as can be, by that which is there.
+    larger = pressure if law.kind == "linear" else np.maximum(pressure, low / s.area)
+    work = float((larger * s.area * law.give(larger)).sum())
+    return {
+        "gives_way": work / energy,
+        "unlawful": float(away.sum()) / most if most > 0 else 0.0,
+        "misfit": int(np.argmax(away)),
+    }
 
 
 def _friction(s: TouchingSurface, push: Floats, force: float, energy: float) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from signorini_fx.tuned import (
     JUDGED_ENTERED,
     JUDGED_FORCE_APART,
     JUDGED_HARD_DEPTH,
+    JUDGED_LAW,
     JUDGED_PENALTY_ENERGY,
     JUDGED_REACTION,
     JUDGED_SLIP_BELOW,
@@ -54,8 +55,9 @@ def contact_findings(
         return f"{100 * value:.2g} %"
 
     stated = contact_stiffness(problem, figures.surface)
-    depth = JUDGED_ENTERED if stated > 0 else JUDGED_HARD_DEPTH
-    entered = figures.entered if stated > 0 else figures.penetration
+    explained = stated > 0 or figures.surface.contact.law is not None
+    depth = JUDGED_ENTERED if explained else JUDGED_HARD_DEPTH
+    entered = figures.entered if explained else figures.penetration
     if entered > depth:
         text = f"enters by {percent(figures.penetration)} of the largest displacement"
         yield finding("penetration", text, entered, depth, figures.deepest, figures.penetration)
@@ -65,6 +67,11 @@ def contact_findings(
     if figures.apart > apart:
         text = f"{percent(figures.apart)} of the contact force acts where the sides are apart"
         yield finding("apart", text, figures.apart, apart, figures.beside, figures.apart)
+    if figures.is_soft and figures.unlawful > JUDGED_LAW[unknown]:
+        law = figures.surface.contact.law
+        assert law is not None
+        text = f"{percent(figures.unlawful)} of the contact force is not by {law.words} of soft contact"
+        yield finding("law", text, figures.unlawful, JUDGED_LAW[unknown], figures.misfit, figures.unlawful)
     if figures.cone > cone:
         text = "shear without friction"
         if figures.surface.contact.rubs:
@@ -83,6 +90,9 @@ def contact_findings(
 
 def _of_penalty(figures: JudgedContactFigures, stated: float, finding: Any) -> Iterator[JudgedFinding]:
     """How hard contact is."""
+    law = figures.surface.contact.law
+    if law is not None and law.kind != "linear":
+        return
     if figures.penalty_energy <= JUDGED_PENALTY_ENERGY or not np.isfinite(figures.stiffness):
         return
     shown = f"contact has the stiffness {figures.stiffness:.3g}"
@@ -187,6 +197,12 @@ def figures_of_contact(
         name: {"value": max(getattr(figure, attributes.get(name, name)) for figure in contacts), "threshold": limit}
         for name, limit in limits.items()
     }
+    soft = [figure for figure in contacts if figure.is_soft]
+    figures["gives_way"] = {"value": max(figure.gives_way for figure in contacts), "threshold": None}
+    figures["unlawful"] = {"value": None, "reason": "contact is hard"}
+    if soft:
+        value = max(figure.unlawful for figure in soft)
+        figures["unlawful"] = {"value": value, "threshold": JUDGED_LAW[unknown]}
     if problem.several_steps:
         for name in ("wrong_way", "slip_below_bound"):
             figures[name] = {"value": None, "reason": "slip counts from the load step before, which is not there"}

@@ -30,10 +30,10 @@ from signorini_fx.addons.judging.own_solution import (
     at_points,
     one_body,
     solved,
-    tagged,
 )
 from signorini_fx.addons.judging.problem_data import JudgedProblem
 from signorini_fx.addons.judging.reference_elements import gauss, reference_element
+from signorini_fx.addons.judging.tagged_arrays import tagged
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.results.solution import Solution
@@ -99,6 +99,8 @@ def measured_distance(
     try:
         if not supported:
             raise Refused("it does not keep to its supports")
+        if any(figure.is_soft for figure in contacts):
+            raise Refused("a guaranteed bound is for hard contact")
         body = one_body(problem, exact)
         if body.scene.statement.has_coulomb:
             raise Refused("friction of Coulomb")

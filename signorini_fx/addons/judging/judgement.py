@@ -27,7 +27,7 @@ WORDS = {
     "equilibrium": NOT_BALANCED,
     **{
         key: CONTACT + key
-        for key in ("penetration", "tension", "apart", "reaction", "cone", "wrong way", "slip", "bond", "penalty")
+        for key in ("penetration", "tension", "apart", "reaction", "cone", "wrong way", "slip", "law", "penalty")
     },
     "element": OTHER_ELEMENT,
     "another penalty": OTHER_PENALTY,

@@ -18,13 +18,12 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.addons.judging.problem_data import JudgedProblem
 from signorini_fx.addons.judging.problems import rigid_planes
+from signorini_fx.addons.judging.tagged_arrays import tagged
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.mesh.distribution import from_root
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, combinations, plain
-from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
+from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.shape import Floats, is_straight
-from signorini_fx.mechanics.mesh.halving import halved, straightened
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.results.solution import Solution
@@ -190,15 +189,6 @@ def _part(mesh: CarriedMesh, cells: Any) -> CarriedMesh:
 
 def _held(rows: Any) -> Any:
     return np.sort(rows[rows >= 0])
-
-
-def tagged(arrays: MeshArrays, *, straight: bool = True) -> TaggedMesh:
-    """A mesh for the solver; ``straight``: without the nodes between corners, so that cells are straight."""
-    arrays = straightened(arrays) if straight else arrays
-    of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
-    of_cell, parts = combinations(arrays.regions, len(arrays.cells))
-    mesh, facet_tags, cell_tags = from_root(MPI.COMM_SELF, CELLS[arrays.kind], (arrays, of_side, of_cell))
-    return TaggedMesh(mesh, facet_tags, sides, cell_tags if parts else None, parts)
 
 
 def solved(scene: Scene) -> Solution:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss, reference_element
+from signorini_fx.addons.judging.soft_contact import SoftLaw
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
@@ -116,6 +117,7 @@ class JudgedContact:
         stiffness: stress per length that the deck gives; None: hard.
         stick: the same of sticking.
         nodal: whether a node of one side touches a surface, as *TYPE=NODE TO SURFACE* says.
+        law: by which pressure and overclosure belong together; None: contact is hard.
     """
 
     name: str
@@ -127,6 +129,7 @@ class JudgedContact:
     stiffness: float | None = None
     stick: float | None = None
     nodal: bool = False
+    law: SoftLaw | None = None
 
     @property
     def nodes(self) -> Ints:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,9 @@ from dolfinx.io.utils import cell_perm_vtk
 from mpi4py import MPI
 
 from signorini_fx.addons.decks.content import Deck
-from signorini_fx.addons.decks.draft import draft
+from signorini_fx.addons.decks.deck import read_deck
+from signorini_fx.addons.decks.draft import draft_of
+from signorini_fx.addons.judging.adjusted_nodes import adjusted_points
 from signorini_fx.addons.judging.problem_data import (
     JudgedContact,
     JudgedMaterial,
@@ -23,12 +26,14 @@ from signorini_fx.addons.judging.problem_data import (
     JudgedProblem,
     facet_points,
 )
+from signorini_fx.addons.judging.soft_contact import law_of_deck, law_of_scene
 from signorini_fx.addons.judging.stated_loads import loads_of, prescribed_of
+from signorini_fx.addons.judging.tagged_arrays import tagged
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats
@@ -63,24 +68,44 @@ def judged_problem(problem: object) -> tuple[JudgedProblem, list[str]]:
 
 
 def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
-    arrays = read_file(file)
+    deck = read_deck(file, read_file(file))
+    mesh = _mesh_of_deck(deck)
+    points, unclear = adjusted_points(deck, mesh)
+    moved = not np.array_equal(points, mesh.points)
+    if moved:
+        mesh = replace(mesh, points=points)
+        deck = replace(deck, mesh=_with_points(deck.mesh, mesh))
+    deck = replace(deck, adjusted={})  # which would close distances in the scene
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / f"{file.stem}.toml"
-        drafted = draft(file, arrays, target)
+        drafted = draft_of(deck, file, target, file.name)
         for path, text in drafted.files.items():
             path.write_text(text, encoding="utf-8")
         try:
             scene = read_scene(target)
         except SceneError as error:
             raise error.of(file) from None
-        scene = scene.model_copy(update={"mesh": MeshFile(file=file.resolve())})
+        source = tagged(deck.mesh, straight=False) if moved else MeshFile(file=file.resolve())
+        scene = scene.model_copy(update={"mesh": source})
         # Loads at nodes may be in files of the folder.
-        return _problem(scene, _mesh_of_deck(arrays, drafted.deck), drafted.deck, tuple(drafted.lost))
+        problem, reasons = _problem(scene, mesh, drafted.deck, tuple(drafted.lost))
+        return problem, unclear + reasons
 
 
-def _mesh_of_deck(arrays: MeshArrays, deck: Deck) -> JudgedMesh:
+def _with_points(arrays: MeshArrays, mesh: JudgedMesh) -> MeshArrays:
+    """A mesh whose nodes of the file are elsewhere, and with them those that complete its cells."""
+    points = arrays.points.copy()
+    points[: len(mesh.points)] = mesh.points
+    if arrays.cells.shape[1] > mesh.cells.shape[1]:
+        full_cell = completed(mesh.kind)
+        assert full_cell is not None
+        points[arrays.cells] = np.einsum("qk,mkd->mqd", full_cell[1], mesh.points[mesh.cells])
+    return replace(arrays, points=points)
+
+
+def _mesh_of_deck(deck: Deck) -> JudgedMesh:
     """The nodes and cells of the file itself, without nodes that complete cells."""
-    count = len(deck.numbers)
+    arrays, count = deck.mesh, len(deck.numbers)
     kind, width, facet_width = arrays.kind, arrays.cells.shape[1], arrays.facets.shape[1]
     if len(arrays.points) > count and kind in _SERENDIPITY:
         kind, width, facet_width = _SERENDIPITY[kind]
@@ -141,7 +166,7 @@ def _problem(
     reasons += [
         f"{entry.name} is not judged yet"
         for _, entry in statement.listed()
-        if entry.label in ("springs", "preload", "fluid", "links") or entry.interface
+        if entry.label in ("springs", "preload", "fluid", "links") or entry.interface not in ("", "overclosures")
     ]
     prescribed, misfits = prescribed_of(statement, position, mesh)
     reasons += misfits
@@ -223,8 +248,8 @@ def turned(material: Any, axes: Floats) -> Floats:
 def _contact(entry: Any, mesh: JudgedMesh, deck: Deck | None) -> JudgedContact:
     facets = mesh.boundaries[entry.boundary]
     opposite = mesh.boundaries[entry.against] if entry.against else facets[:0]
-    stiffness = stick = None
-    nodal = False
+    nodal, law = False, law_of_scene(entry)
+    stiffness, stick = (law.rows[0][0] if law is not None and law.kind == "linear" else None), None
     if deck is not None:
         for names, interaction in _interactions(deck):
             if entry.boundary in names:
@@ -232,8 +257,11 @@ def _contact(entry: Any, mesh: JudgedMesh, deck: Deck | None) -> JudgedContact:
                 block = deck.pairing[(*deck_names(deck, names), interaction)] if interaction else None
                 kind = "" if block is None else block.parameters.get("TYPE", "NODE TO SURFACE").upper()
                 nodal = kind.replace(" ", "").startswith("NODE")
+                law = law_of_deck(deck, interaction, nodal=nodal)
     bonded = not entry.opens and entry.kind == "bonded"
-    return JudgedContact(entry.boundary, entry.against or "", facets, opposite, entry, bonded, stiffness, stick, nodal)
+    return JudgedContact(
+        entry.boundary, entry.against or "", facets, opposite, entry, bonded, stiffness, stick, nodal, law
+    )
 
 
 def _interactions(deck: Deck) -> list[tuple[tuple[str | None, str | None], str]]:

@@ -65,7 +65,7 @@ def closest_points(mesh: JudgedMesh, facets: Ints, nodal: Floats, x: Floats) -> 
     corners = nodal[facets[facet]]
     foot = np.einsum("nk,nkd->nd", shape, corners)
     tangents = _tangents(element, corners, reference)
-    normal = _normal(tangents) * _orientation(mesh, facets)[facet][:, None]
+    normal = _normal(tangents) * outward_signs(mesh, facets)[facet][:, None]
     distance = np.einsum("nd,nd->n", x - foot, normal)
     beside = np.linalg.norm(x - foot - distance[:, None] * normal, axis=1)
     length = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
@@ -105,7 +105,7 @@ def _normal(tangents: Floats) -> Floats:
     return np.asarray(normal / np.linalg.norm(normal, axis=1)[:, None])
 
 
-def _orientation(mesh: JudgedMesh, facets: Ints) -> Floats:
+def outward_signs(mesh: JudgedMesh, facets: Ints) -> Floats:
     """1 where the normal by the order of the nodes leads out of the body, else -1, shape (f,)."""
     middle = np.full((len(facets), mesh.facet.dim), 1 / (mesh.dim if mesh.facet.simplex else 2))
     plain = _normal(_tangents(mesh.facet, mesh.points[facets], middle))

@@ -42,6 +42,7 @@ class TouchingSurface:
         neighbours: which corners share a facet, shape (c, c).
         rotation: by which facets in contact turn at most, radians.
         bound: force that friction can have, shape (c,); zero without friction.
+        lawful: the least and the largest force by the law of soft contact, shape (2, c); None: contact is hard.
     """
 
     contact: JudgedContact
@@ -58,6 +59,7 @@ class TouchingSurface:
     neighbours: csr_array
     rotation: float
     bound: Floats
+    lawful: Floats | None
 
 
 def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, residual: Floats) -> TouchingSurface:
@@ -97,10 +99,19 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
     np.minimum.at(clearance, local, np.repeat(gap.min(axis=1)[:, None], width, axis=1))
     toward = mean(normal)
     toward /= np.linalg.norm(toward, axis=1)[:, None]
-    if contact.nodal:
+    lawful = None
+    if contact.law is not None and not contact.nodal:
+        lawful = np.stack([mean(limit) * area for limit in contact.law.pressures(-gap)])
+    if contact.nodal or (contact.law is not None and contact.law.apart):
         outward = mean(at.normal)
-        gap_at, _, mean_slip = _opposite(problem, contact, v, mesh.points[corners], v[corners], outward)
-        penetration = (-gap_at).clip(min=0.0)
+        gap_at, _, slip_at = _opposite(problem, contact, v, mesh.points[corners], v[corners], outward)
+        if contact.nodal:
+            penetration, mean_slip = (-gap_at).clip(min=0.0), slip_at
+        if contact.law is not None:
+            of_nodes = np.stack(contact.law.pressures(-gap_at[:, None]))[..., 0] * area
+            # Points of a scene are in nodes or in facets: the force is between both.
+            pairs = of_nodes if lawful is None else np.concatenate((lawful, of_nodes))
+            lawful = np.stack((pairs.min(axis=0), pairs.max(axis=0)))
     force = weights @ residual
     held = ~np.isnan(problem.prescribed)
     along = weights @ held.astype(float) > 0
@@ -144,6 +155,7 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
         graph,
         float(turns.max(initial=0.0)),
         np.asarray(bound),
+        lawful,
     )
 
 
