@@ -778,6 +778,29 @@ def test_med_with_27_nodes(tmp_path, order):
         read_file(file)
 
 
+@pytest.mark.parametrize("old", [False, True])
+def test_names_of_groups_in_med(tmp_path, old):
+    """Of version 3, as rows of numbers, and of version 2, as one sequence of characters: the same names, several of one
+    family among them.
+    """
+    file = tmp_path / "mesh.med"
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [2.0, 0.0]])
+    names = {"TR3": ["inner part", "body"], "SE2": ["HAUT"]}
+    write_med(file, points, {"TR3": np.array([[0, 1, 2], [0, 2, 3], [1, 4, 2]]), "SE2": np.array([[0, 1]])})
+    with h5py.File(file, "r+") as data:
+        for name, family in data["FAS"][next(iter(data["ENS_MAA"]))]["ELEME"].items():
+            groups = names[name.rpartition("_")[2]]
+            text = b"".join(word.encode().ljust(80, b"\0") for word in groups)
+            del family["GRO"]["NOM"]
+            family["GRO"].attrs["NBR"] = len(groups)
+            letters = np.frombuffer(text + b"\0", dtype="S1") if old else np.frombuffer(text, dtype=np.int8)
+            family["GRO"].create_dataset("NOM", data=letters if old else letters.reshape(-1, 80))
+    mesh = read_file(file)
+    assert set(mesh.regions) == {"inner part", "body"}
+    assert set(mesh.boundaries) == {"HAUT"}
+    assert [len(rows) for rows in mesh.regions.values()] == [3, 3]
+
+
 def write_med(file, points, cells):
     """A MED file with types of cells that meshio does not write; each has a family of its own, called by its type."""
     meshio.write(file, meshio.Mesh(points, []))

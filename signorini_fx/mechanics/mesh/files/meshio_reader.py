@@ -112,7 +112,7 @@ def _read(file: Path, kind: str) -> RawMesh:
     for name in list(raw.data):
         _split_joined(raw, name)
     if kind == "med":
-        _name_families(mesh, raw)
+        _name_families(mesh, raw, source)
     return raw
 
 
@@ -258,15 +258,48 @@ def _split_joined(raw: RawMesh, name: str) -> None:
             return
 
 
-def _name_families(mesh: Any, raw: RawMesh) -> None:
+def _name_families(mesh: Any, raw: RawMesh, source: Any) -> None:
     """The groups of a MED file: an element has the number of a family, and a family belongs to groups."""
     numbers = raw.data.pop("cell_tags", None)
-    for family, groups in mesh.cell_tags.items():
+    for family, groups in _groups_of_families(source, "ELEME").items():
         for name in groups if numbers is not None else ():
             rows = [np.flatnonzero(values == family) for values in numbers or ()]
             raw.sets[name] = _union(raw.sets.get(name), rows)
     nodes = mesh.point_data.get("point_tags")
-    for family, groups in mesh.point_tags.items():
+    for family, groups in _groups_of_families(source, "NOEUD").items():
         for name in groups if nodes is not None else ():
             members = np.flatnonzero(np.asarray(nodes) == family)
             raw.node_sets[name] = np.union1d(raw.node_sets.get(name, members), members)
+
+
+_MED_NAME = 80  # bytes of the name of a group
+
+
+def _groups_of_families(source: Any, kind: str) -> dict[int, list[str]]:
+    """The names of the groups of each family of a MED file.
+
+    Since version 3 they are rows of numbers; before that they are one sequence of characters, of which meshio takes
+    each for a name.
+
+    Args:
+        source: the file.
+        kind: ELEME for those of elements, NOEUD for those of nodes.
+    """
+    import h5py
+
+    if isinstance(source, io.BytesIO):
+        source.seek(0)
+    with h5py.File(source) as data:
+        name = next(iter(data["ENS_MAA"]))
+        mesh = data["ENS_MAA"][name]
+        mesh = mesh if "NOE" in mesh else mesh[next(iter(mesh))]
+        families = mesh["FAS"] if "FAS" in mesh else data["FAS"][name]
+        groups: dict[int, list[str]] = {}
+        for family in families.get(kind, {}).values():
+            if "GRO" in family:
+                text = family["GRO"]["NOM"][()].tobytes()
+                count = int(family["GRO"].attrs["NBR"])
+                names = [text[k * _MED_NAME : (k + 1) * _MED_NAME] for k in range(count)]
+                words = (part.partition(b"\0")[0].decode("latin-1").strip() for part in names)
+                groups[int(family.attrs["NUM"])] = list(words)
+        return groups
