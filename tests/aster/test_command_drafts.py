@@ -10,6 +10,7 @@ from signorini_fx.addons.aster.draft import draft_commands
 from signorini_fx.errors import MeshError, SignoriniError
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene
+from signorini_fx.scenes.solver import solve
 
 
 def drafted(folder, text, mail=None, model="D_PLAN"):
@@ -85,7 +86,6 @@ DDL = '_F(GROUP_NO=("LOW_CORNER", "UP_CORNER"), DDL=("DX", "DX"), COEF_MULT=(1.0
         (('RELATION="ELAS"', 'RELATION="ELAS", DEFORMATION="GDEF_LOG"'), "DEFORMATION='GDEF_LOG'"),
         (("PRES=8.0", "PRES=8.0, CISA_2D=1.0"), "CISA_2D"),
         (("PRES_REP=", 'ARETE_IMPO=_F(GROUP_MA="UP_y1"), PRES_REP='), "ARETE_IMPO is not known here"),
-        (('ESCL="UP_y0"', 'ESCL="UP_y0", GLISSIERE="OUI"'), "contact that does not open again"),
         (('ESCL="UP_y0"', 'ESCL="UP_y0", DIST_ESCL=RAMP'), "DIST_ESCL is not known here"),
         (('ESCL="UP_y0"', 'ESCL="UP_y0", ALGO_CONT="PENALISATION"'), "without its stiffness: contact is hard"),
         (("PRES_REP=", f"LIAISON_DDL={DDL.format(0.5)}, PRES_REP="), "COEF_IMPO other than 0"),
@@ -106,22 +106,115 @@ def test_what_is_lost(tmp_path, change, lost):
     assert scene_of(draft).incomplete == (remark,)
 
 
-@pytest.mark.parametrize(
-    ("group", "held"),
-    [("UP_x0", False), ("FREE", False), ("HELD", True)],
+EXCLUDED = (
+    'MESH = DEFI_GROUP(reuse=MESH, MAILLAGE=MESH, CREA_GROUP_NO=(_F(GROUP_MA="UP_x0"), _F(GROUP_MA="UP_x1"), '
+    '_F(GROUP_MA="UP_y0"), _F(NOM="FREE", INTERSEC=("UP_x1", "UP_y0")), _F(NOM="HELD", INTERSEC=("UP_x0", "UP_y0"))))\n'
+    "MODEL ="
 )
-def test_excluded_nodes(tmp_path, group, held):
-    """Nodes without contact have it in the scene: that is the same where supports hold them along the normal."""
-    more = 'MESH = DEFI_GROUP(reuse=MESH, MAILLAGE=MESH, CREA_GROUP_NO=(_F(GROUP_MA="UP_x0"), _F(GROUP_MA="UP_x1"), '
-    more += '_F(GROUP_MA="UP_y0"), _F(NOM="FREE", INTERSEC=("UP_x1", "UP_y0")), _F(NOM="HELD", INTERSEC=("UP_x0", '
-    more += '"UP_y0"))))\nMODEL ='
-    text = commands("D_PLAN", zone=f', SANS_GROUP_NO="{group}"').replace("MODEL =", more, 1)
-    if held:
+
+
+@pytest.mark.parametrize("key", ["SANS_GROUP_NO", "SANS_GROUP_MA"])
+@pytest.mark.parametrize("group", ["UP_x0", "FREE", "HELD"])
+def test_nodes_without_contact(tmp_path, group, key):
+    """They are apart in the scene: no pressure is there, but where supports hold them along the normal."""
+    if key == "SANS_GROUP_MA" and group != "UP_x0":
+        pytest.skip("only that one is a group of elements")
+    text = commands("D_PLAN", zone=f', {key}="{group}"').replace("MODEL =", EXCLUDED, 1)
+    if group == "HELD":
         text = text.replace("PRES_REP=", 'DDL_IMPO=_F(GROUP_NO="HELD", DY=0.0), PRES_REP=')
     draft = drafted(tmp_path, text)
-    where = "which supports or relations hold" if held else "1 nodes have it here"
-    assert [where in remark for remark in (draft.noted if held else draft.lost)] == [True]
-    assert len(draft.lost) == (not held)
+    assert draft.lost == []
+    reason = "which supports or relations hold" if group == "HELD" else "1 nodes, where contact or friction"
+    assert [reason in remark for remark in draft.noted] == [True]
+    scene = scene_of(draft)
+    (contact,) = scene.contact
+    assert (contact.gap == 0.0) == (group == "HELD")
+    if group != "HELD":
+        table = solve(scene).table.columns
+        x, pressed = table["x"], table["pressure"] > 0
+        there = np.isclose(x, x.min() if group == "UP_x0" else x.max())
+        assert there.sum() == 1
+        np.testing.assert_array_equal(pressed, ~there)
+
+
+def test_nodes_without_friction(tmp_path):
+    """They have contact, but no shear; along a direction that supports hold friction has nothing to do."""
+    zone = ', COULOMB=0.3, SANS_GROUP_NO_FR="FREE"'
+    text = commands("D_PLAN", 'FROTTEMENT="COULOMB", ', zone).replace("MODEL =", EXCLUDED, 1)
+    push = text.replace('_F(GROUP_MA="UP_x0", DX=0.0)', '_F(GROUP_MA="UP_x0", DX=0.01)')
+    draft = drafted(tmp_path, push)
+    assert draft.lost == []
+    table = solve(scene_of(draft)).table.columns
+    there = np.isclose(table["x"], table["x"].max())
+    assert (table["pressure"] > 0).all()
+    assert there.sum() == 1
+    np.testing.assert_array_equal(np.abs(table["shear"]) > 1e-3, ~there)
+    for name, group, direction, lost in (("along", "FREE", 1, 1), ("up", "FREE", 0, 1), ("held", "HELD", 1, 0)):
+        exception = f", DIRE_EXCL_FROT=({direction}.0, {1.0 - direction}, 0.0)"
+        (folder := tmp_path / name).mkdir()
+        other = text.replace('_FR="FREE"', f'_FR="{group}"{exception}')
+        assert len(drafted(folder, other).lost) == lost
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_values_at_nodes_of_faces_without_a_middle(tmp_path, degree):
+    """The node in the middle, which cells of 20 nodes get here, moves as the element of the file has it: under a
+    prescribed uniform strain by that strain.
+    """
+    text = commands("3D").replace("MODEL =", 'PULL = FORMULE(VALE="0.01 * X", NOM_PARA=["X", "Y", "Z"])\nMODEL =', 1)
+    text = text.replace('_F(GROUP_MA="UP_x0", DX=0.0)', '_F(GROUP_MA="UP", DX=PULL)').replace(
+        "AFFE_CHAR_MECA(", "AFFE_CHAR_MECA_F("
+    )
+    draft = drafted(tmp_path, text, two_blocks("3D", degree, columns=(1, 1)))
+    assert draft.lost == []
+    middles = {node for link in draft.deck.links for node, _ in link.terms if node >= len(draft.deck.names)}
+    assert (len(middles) == 0) == (degree == 1)
+    if degree == 2:
+        solution = solve(scene_of(draft))
+        assert solution.converged
+        x = solution.displacement.function_space.tabulate_dof_coordinates()
+        u = solution.displacement.x.array.reshape(-1, 3)
+        top_face = np.isclose(x[:, 2], 2.0)
+        assert top_face.sum() == 9
+        np.testing.assert_allclose(u[top_face, 0], 0.01 * x[top_face, 0], atol=1e-6)
+
+
+def test_contact_that_does_not_open_again(tmp_path):
+    """Whether it would is seen in the solution: the draft lacks nothing."""
+    draft = drafted(tmp_path, commands("D_PLAN", zone=', GLISSIERE="OUI"'))
+    assert draft.lost == []
+    assert draft.study.stays == ["line 9, DEFI_CONTACT: zone 1: GLISSIERE"]
+
+
+PULL = """
+def step(x):
+    if x < {0}:
+        return 4.0
+    return 12.0
+
+PRESSURE = FORMULE(VALE="step({1})", step=step, NOM_PARA=["X", "Y"])
+MODEL ="""
+
+
+@pytest.mark.parametrize(("edge", "lost"), [(0.5, False), (0.6, True)])
+def test_a_pressure_that_is_a_function_of_the_position(tmp_path, edge, lost):
+    """One that is constant on each element of the boundary is several; another one is lost."""
+    text = commands("D_PLAN").replace("MODEL =", PULL.format(edge, "X").lstrip("\n"), 1)
+    text = text.replace("AFFE_CHAR_MECA(", "AFFE_CHAR_MECA_F(").replace("PRES=8.0", "PRES=PRESSURE")
+    mail = Mail(2, 1)
+    mail.block("UP", [2, 1], [0.0, 1.0], [1.0, 2.0])
+    mail.block("LOW", [2, 1], [0.0, 0.0], [1.0, 1.0])
+    draft = drafted(tmp_path, text, mail.text)
+    assert [remark.endswith("PRES: a function of the position within an element") for remark in draft.lost] == [
+        True
+    ] * lost
+    if not lost:
+        pressed = {entry.pressure: entry.boundary for entry in scene_of(draft).traction}
+        assert sorted(pressed) == [8.0, 24.0]  # times the largest value of the function of the instant
+        for value, boundary in pressed.items():
+            facets = draft.deck.mesh.facets[draft.deck.mesh.boundaries[boundary]]
+            middle = draft.deck.mesh.points[facets].mean(axis=1)
+            np.testing.assert_allclose(middle, [[0.25 if value == 8.0 else 0.75, 2.0]])
 
 
 def test_a_surface_without_body(tmp_path):
@@ -214,6 +307,17 @@ def test_run(tmp_path, monkeypatch, capsys):
     fields = (tmp_path / "results" / "case" / "case.frd").read_text().split("DISP")[-1].partition(" -3")[0]
     heights = [float(line[25:37]) for line in fields.splitlines() if line.startswith(" -1")]
     assert min(heights) == pytest.approx(top("D_PLAN"), rel=1e-4)
+    # What the solution says itself: surfaces slide by 2 % of their length, and contact follows them there.
+    sliding = tmp_path / "sliding.comm"
+    slide = commands("D_PLAN").replace('_F(GROUP_MA="UP_x0", DX=0.0)', '_F(GROUP_MA="UP_x0", DX=0.02)')
+    sliding.write_text(slide)
+    sliding.with_suffix(".mail").write_text(two_blocks("D_PLAN"))
+    assert cli.main(["run", "sliding.comm", "--no-pictures"]) == 4
+    said = capsys.readouterr()
+    assert (
+        "changes the answer: line 9, DEFI_CONTACT: REAC_GEOM: contact does not follow surfaces that slide" in said.out
+    )
+    assert "1 thing that changes the answer" in said.err
     lost = tmp_path / "lost.comm"
     lost.write_text(commands("D_PLAN").replace('ELAS")', 'ELAS", DEFORMATION="GDEF_LOG")'))
     lost.with_suffix(".mail").write_text(two_blocks("D_PLAN"))

@@ -117,15 +117,17 @@ def test_what_depends_on_what_is_not_evaluated(tmp_path):
     found = commands(
         tmp_path,
         "try:\n    M = LIRE_MAILLAGE()\nexcept Exception:\n    pass\n"
+        "try:\n    M = DEFI_GROUP(reuse=M)\nexcept Exception:\n    pass\n"
         "if rank() > 0:\n    E = 1.0\n"
         "X = DEFI_CONSTANTE(VALE=E)\n",
     )
     assert [(line, why.rpartition("in it: ")[2]) for line, why in found.unread] == [
-        (1, "LIRE_MAILLAGE"),
-        (5, "no command"),
+        (1, "no command"),  # what it makes is not known, and what needs that is refused
+        (5, "DEFI_GROUP"),  # but this changes something
+        (9, "no command"),
     ]
     (command,) = found.commands
-    with pytest.raises(CommandError, match="line 5"):
+    with pytest.raises(CommandError, match="line 9"):
         command.get("VALE")
 
 

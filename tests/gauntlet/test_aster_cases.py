@@ -102,6 +102,28 @@ def test_surfaces_that_slide(tmp_path, slip, contact, state):
     assert ("REAC_GEOM" in case.why) == (state == LOST)
 
 
+@pytest.mark.parametrize(
+    ("contact", "course", "state"),
+    [
+        (', GLISSIERE="OUI"', (1.0, 2.0), WHOLE),
+        (', GLISSIERE="OUI"', (1.0, -1.0), LOST),  # closed, then open
+        (', GLISSIERE="OUI"', (-1.0, -2.0), LOST),  # closed at the beginning only
+        ("", (1.0, -1.0), WHOLE),
+    ],
+)
+def test_contact_that_may_not_open_again(tmp_path, contact, course, state):
+    """Where the solution opens what was closed, contact that stays closed has another answer."""
+    text = commands(
+        "D_PLAN", zone=contact, tests=values_text({"DY": 0.0}) + values_text({"DY": 0.0}).replace("2.0", "1.0")
+    )
+    text = text.replace('PRES_REP=_F(GROUP_MA="UP_y1", PRES=8.0)', 'DDL_IMPO=_F(GROUP_MA="UP_y1", DY=-0.001)')
+    first, second = course
+    text = text.replace("VALE=(0.0, 0.0, 2.0, 2.0)", f"VALE=(0.0, 0.0, 1.0, {first}, 2.0, {second})")
+    case = outcome(tmp_path, text, two_blocks("D_PLAN"))
+    assert case.state == state, case.why
+    assert ("points open again" in case.why) == (state == LOST)
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 def test_curvature(dim):
     """Of an arc, or of a cylinder, one over its radius; of a plane zero."""
@@ -128,7 +150,7 @@ def test_curvature(dim):
         (('MODELISATION="D_PLAN"', 'MODELISATION="DKT"'), REFUSED, "line 5, AFFE_MODELE: MODELISATION='DKT'"),
         (("MAT = ", "MAT == "), REFUSED, "'MAT' is not defined"),
         (("MATER=MAT", "MATER=(MAT"), REFUSED, "this is no command file"),
-        (('ESCL="UP_y0"', 'ESCL="UP_y0", GLISSIERE="OUI"'), LOST, "contact that does not open again"),
+        (('ESCL="UP_y0"', 'ESCL="UP_y0", DIST_ESCL=RAMP'), LOST, "DIST_ESCL is not known here"),
     ],
 )
 def test_states(tmp_path, change, state, why):

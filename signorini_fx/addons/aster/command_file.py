@@ -157,14 +157,21 @@ class _CommandReader:
                     else:
                         why = values.why if isinstance(values, Unknown) else "this is no list"
                         self._leave(statement, f"a loop: {why}")
+                case ast.Try():
+                    # It may end with an error, as tests provoke some.  What it makes is not known then, and what needs
+                    # that is refused; what it changes would be lost.
+                    changes = any(isinstance(node, ast.keyword) and node.arg == "reuse" for node in ast.walk(statement))
+                    self._leave(statement, "try is not evaluated", alone=not changes)
                 case ast.Import() | ast.ImportFrom() | ast.Pass() | ast.Delete() | ast.Global() | ast.Assert():
                     pass
                 case _:
                     self._leave(statement, f"{type(statement).__name__.lower()} is not evaluated")
 
-    def _leave(self, statement: ast.stmt, why: str) -> None:
-        """Do not evaluate a statement; it matters if a command is in it, or what it assigns is needed."""
-        names = {name for node in ast.walk(statement) if (name := _command_name(node))} - {"_F"}
+    def _leave(self, statement: ast.stmt, why: str, *, alone: bool = False) -> None:
+        """Do not evaluate a statement; it matters if a command is in it, or what it assigns is needed, and if it stands
+        ``alone`` only that.
+        """
+        names = set() if alone else {name for node in ast.walk(statement) if (name := _command_name(node))} - {"_F"}
         self.content.unread.append((statement.lineno, f"{why}; in it: {', '.join(sorted(names)) or 'no command'}"))
         for node in ast.walk(statement):
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):

@@ -212,6 +212,8 @@ class DeckText:
             study.note(
                 zone.origin, f"zone {zone.number}: the slave surface is rigid: the other one has the contact points"
             )
+            if zone.apart.size or zone.smooth.size:
+                study.lose(zone.origin, f"zone {zone.number}: nodes of a rigid surface without contact or friction")
             slave, rigid = master, zone.slave
             master = self._rigid_surface(rigid, zone)
         elif slave and not master:
@@ -219,7 +221,7 @@ class DeckText:
         if not slave or not master:
             study.lose(zone.origin, f"zone {zone.number}: this contact is not of the body")
             return
-        name = f"zone_{zone.number}"
+        name = interaction_of(zone)
         self._add(zone.origin, f"*SURFACE INTERACTION, NAME={name}")
         if zone.stiffness is not None:
             self._add(zone.origin, "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", [repr(zone.stiffness)])
@@ -313,9 +315,6 @@ class DeckText:
     def _write_support(self, name: str, support: Support, step: int) -> None:
         value, component = support.values[step], support.component + 1
         if isinstance(value, np.ndarray):
-            if any(kind in ("hexahedron20", "hexahedron27", "wedge18") for _, kind, _, _ in self._elements):
-                why = "a function of the position: nodes in the middle of faces, which cells get here, stay free"
-                self._study.lose(support.origin, why)
             pairs = zip(plain(support.nodes), plain(value), strict=True)
             body_nodes = set(plain(self._of_body))
             rows = [f"{node + 1}, {component}, {component}, {number!r}" for node, number in pairs if node in body_nodes]
@@ -333,6 +332,11 @@ class DeckText:
             for axis in np.flatnonzero(load.vector.any(axis=0)) if name else ():
                 unit = ", ".join(str(int(k == axis)) for k in range(3))
                 self._add(load.origin, "*DSLOAD", [f"{name}, TRVEC, {float(load.vector[step, axis])!r}, {unit}"])
+
+
+def interaction_of(zone: Zone) -> str:
+    """The name of the interaction of a zone in the input file."""
+    return f"ZONE_{zone.number}"
 
 
 def _listed(numbers: Ints) -> list[str]:

@@ -6,13 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from signorini_fx.addons.aster.command_file import CommandFile, read_commands
-from signorini_fx.addons.aster.deck_text import DeckText
+from signorini_fx.addons.aster.deck_text import DeckText, interaction_of
 from signorini_fx.addons.aster.problem import read_study, results_of
 from signorini_fx.addons.aster.study import AsterStudy
 from signorini_fx.addons.aster.values import Concept
+from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.deck import read_deck
 from signorini_fx.addons.decks.draft import Draft, draft_of
+from signorini_fx.addons.decks.nodal import link_nodes
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.formats import read_file
 
@@ -75,6 +79,13 @@ def draft_result(
     try:
         deck = read_deck(beside, read_file(beside))
         deck.slaves = True
+        for zone in study.zones:
+            name = interaction_of(zone)
+            deck.untouched[name], deck.smooth[name] = (
+                np.array([deck.node(row) for number in nodes + 1 for row in deck.rows([int(number)])], dtype=np.int64)
+                for nodes in (zone.apart, zone.smooth)
+            )
+        _tie_middles(deck, study)
         for remark in study.noted:
             deck.note(None, remark)
         for remark in study.lost:
@@ -93,6 +104,28 @@ def draft_result(
         {table: deck_text.at_commands(origin) for table, origin in drafted.origins.items()},
         study,
     )
+
+
+# Of the nodes of a face of degree 2 without the middle one their shares there, corners first.
+_SERENDIPITY_MIDDLE = (-0.25,) * 4 + (0.5,) * 4
+
+
+def _tie_middles(deck: Deck, study: AsterStudy) -> None:
+    """Tie nodes in the middle of faces, which cells have here and not in the command file, to the other nodes of faces
+    that supports with a value of its own at each node hold: there their displacement is that of the file's elements.
+    """
+    faces = deck.mesh.facets
+    if deck.mesh.dim < 3 or faces.shape[1] != len(_SERENDIPITY_MIDDLE) + 1:
+        return
+    blocks = [block for block in deck.model.blocks if block.keyword == "BOUNDARY"]
+    for support in study.supports:
+        if not any(isinstance(value, np.ndarray) for value in support.values):
+            continue
+        held = [deck.node(row) for row in map(int, deck.rows(map(int, support.nodes + 1)))]
+        unit = np.eye(3)[support.component]
+        for face in faces[np.isin(faces[:, :-1], held).all(axis=1)]:
+            terms = [(int(node), -share * unit) for node, share in zip(face, _SERENDIPITY_MIDDLE, strict=False)]
+            link_nodes(deck, blocks[0], [(int(face[-1]), unit), *terms])
 
 
 def _write(file: Path, text: str) -> None:

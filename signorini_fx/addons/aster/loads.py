@@ -14,6 +14,8 @@ from signorini_fx.mechanics.mesh.files.shape import Floats
 
 _COMPONENTS = {"DX": 0, "DY": 1, "DZ": 2}
 _FORCES = {"FX": 0, "FY": 1, "FZ": 2}
+# How far from the middle of an element to a corner a load on it is asked for: nearly all of the way.
+_TOWARD_CORNERS = 0.95
 
 
 def read_excitation(study: AsterStudy, solve: AsterCommand, entry: dict[str, Any]) -> None:
@@ -117,7 +119,7 @@ def _pull(study: AsterStudy, command: AsterCommand, entry: dict[str, Any], cours
 def _surface_load(
     study: AsterStudy, command: AsterCommand, marks: list[Any], values: Mapping[str, Any], course: list[float]
 ) -> None:
-    """A pressure or a force per area; one that varies with the position becomes forces at nodes."""
+    """A pressure or a force per area."""
     varying = any(depends_on(value) & {"X", "Y", "Z"} for value in values.values())
     if varying:
         _varying_load(study, command, marks, values, course)
@@ -133,7 +135,35 @@ def _surface_load(
 def _varying_load(
     study: AsterStudy, command: AsterCommand, marks: list[Any], values: Mapping[str, Any], course: list[float]
 ) -> None:
-    study.lose(command.origin, f"{', '.join(values)}: a function of the position")
+    """A load that is a function of the position, where it is constant on each element of the boundary."""
+    components = {key: 0 if key == "PRES" else _FORCES[key] for key in values}
+    width = 1 if "PRES" in values else 3
+    of_elements: dict[bytes, tuple[Floats, list[tuple[int, int]]]] = {}
+    for block, ((kind, rows), mark) in enumerate(zip(study.mesh.blocks, marks, strict=True)):
+        for row in np.flatnonzero(mark):
+            corners = study.mesh.points[rows[row][: {"l": 2, "t": 3, "q": 4}[kind[0]]]]
+            # Between the middle and the corners, where a quadrature of the boundary has its points.
+            at = corners.mean(axis=0) + _TOWARD_CORNERS * (corners - corners.mean(axis=0))
+            vectors = np.zeros((len(at), len(study.instants), width))
+            for key, axis in components.items():
+                for point, x in enumerate(at):
+                    named = dict(zip("XYZ", map(float, x), strict=False))
+                    for k, (time, factor) in enumerate(zip(study.instants, course, strict=True)):
+                        value = value_at(
+                            values[key], {"X": 0.0, "Y": 0.0, "Z": 0.0, **named, "INST": time}, command, key
+                        )
+                        vectors[point, k, axis] = factor * value
+            if not (vectors == vectors[:1]).all():
+                study.lose(command.origin, f"{', '.join(values)}: a function of the position within an element")
+                return
+            of_elements.setdefault(vectors[0].tobytes(), (vectors[0], []))[1].append((block, int(row)))
+    for vector, elements in of_elements.values():
+        if vector.any():
+            chosen = [np.zeros(len(rows), dtype=bool) for _, rows in study.mesh.blocks]
+            for block, row in elements:
+                chosen[block][row] = True
+            loads = study.pressures if width == 1 else study.tractions
+            loads.append(SurfaceLoad(chosen, vector, command.origin))
 
 
 def _push(study: AsterStudy, command: AsterCommand, entry: dict[str, Any], course: list[float]) -> None:

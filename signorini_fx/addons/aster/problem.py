@@ -16,12 +16,11 @@ from signorini_fx.addons.aster.command_file import CommandFile
 from signorini_fx.addons.aster.grouped_mesh import DIMENSIONS, GroupedMesh
 from signorini_fx.addons.aster.loads import read_excitation
 from signorini_fx.addons.aster.mail_file import read_mail
-from signorini_fx.addons.aster.study import MODELS, AsterStudy
+from signorini_fx.addons.aster.study import MODELS, AsterStudy, ExcludedNodes
 from signorini_fx.addons.aster.values import AsterCommand, CommandError, Concept
 from signorini_fx.addons.aster.zones import read_contact
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.reading import read_separately
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 # Kinds of DEFORMATION for which displacements are small.
 SMALL = ("PETIT", "PETIT_REAC")
@@ -82,22 +81,32 @@ def _read(file: Path, commands: CommandFile, result: Concept, wanted: Sequence[f
     study.instants = _needed(instants, wanted, rubs=any(zone.coefficient for zone in study.zones))
     for entry in solve.factors("EXCIT"):
         read_excitation(study, solve, entry)
-    for nodes, acting, origin in study.excluded:
-        _say_of_excluded(study, nodes, acting, origin)
+    for excluded in study.excluded:
+        _exclude_nodes(study, excluded)
     return study
 
 
-def _say_of_excluded(study: AsterStudy, nodes: Ints, acting: Floats, origin: str) -> None:
-    """Nodes without contact have it here: that is the same where supports or relations hold all that it would move."""
+def _exclude_nodes(study: AsterStudy, excluded: ExcludedNodes) -> None:
+    """Take nodes out of a zone, but those of which supports or relations hold all that contact would move: there it is
+    the same with contact.
+    """
     held = {(int(node), support.component) for support in study.supports for node in support.nodes}
     held |= {(node, component) for relation in study.relations for node, component, _ in relation.terms}
-    free = 0
-    for row, node in enumerate(map(int, nodes)):
-        free += any(abs(acting[row, k]) > _ACROSS and (node, k) not in held for k in range(study.dim))
-    if free:
-        study.lose("", f"{origin}: {free} nodes have it here")
-    elif len(nodes):
-        study.note("", f"{origin}: {len(nodes)} nodes, which supports or relations hold")
+    loose = [
+        node
+        for row, node in enumerate(map(int, excluded.nodes))
+        if any(abs(excluded.acting[row, k]) > _ACROSS and (node, k) not in held for k in range(study.dim))
+    ]
+    if loose and excluded.directed:
+        study.lose("", f"{excluded.origin}: friction acts in all directions at {len(loose)} nodes")
+    elif loose:
+        study.zones = [
+            zone if zone.number != excluded.zone else zone.without(np.array(loose), rubbing=excluded.rubs)
+            for zone in study.zones
+        ]
+        study.note("", f"{excluded.origin}: {len(loose)} nodes, where contact or friction has an exception")
+    elif len(excluded.nodes):
+        study.note("", f"{excluded.origin}: {len(excluded.nodes)} nodes, which supports or relations hold")
 
 
 def _needed(instants: list[float], wanted: Sequence[float] | None, *, rubs: bool) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -76,6 +76,27 @@ class Relation:
 
 
 @dataclass(frozen=True)
+class ExcludedNodes:
+    """Nodes of the slave surface of a zone without contact, or without friction.
+
+    Attributes:
+        nodes: shape (n,).
+        acting: the directions along which it would act, shape (n, 3).
+        zone: the number of the zone.
+        rubs: whether it is friction alone.
+        directed: whether it is friction along a direction alone.
+        origin: of the command, with the keyword.
+    """
+
+    nodes: Ints
+    acting: Floats
+    zone: int
+    rubs: bool
+    directed: bool
+    origin: str
+
+
+@dataclass(frozen=True)
 class Zone:
     """Two surfaces that may touch.
 
@@ -88,6 +109,8 @@ class Zone:
         origin: of the command.
         number: of the zone, from 1.
         vector: whether LAGS_C is a component of a multiplier, and not the contact pressure.
+        apart: nodes of the slave surface without contact.
+        smooth: those without friction.
     """
 
     slave: list[Any]
@@ -98,6 +121,14 @@ class Zone:
     origin: str
     number: int
     vector: bool
+    apart: Ints
+    smooth: Ints
+
+    def without(self, nodes: Ints, *, rubbing: bool) -> Zone:
+        """The zone with further nodes that have no contact, or if ``rubbing`` no friction."""
+        if rubbing:
+            return replace(self, smooth=np.union1d(self.smooth, nodes))
+        return replace(self, apart=np.union1d(self.apart, nodes))
 
 
 @dataclass
@@ -114,8 +145,8 @@ class AsterStudy:
         noted: what does not.
         follows: the command by which contact follows the surfaces as they move; "": it does not.
         formulations: how code_aster solves its contact, in words.
-        excluded: nodes of slave surfaces without contact, the directions along which it would act, shape (n, 3), and
-            the command with the number of the zone.
+        excluded: what says that nodes of slave surfaces have no contact or friction.
+        stays: zones whose contact does not open again, with their command.
     """
 
     mesh: GroupedMesh
@@ -135,7 +166,8 @@ class AsterStudy:
     noted: list[str] = field(default_factory=list)
     follows: str = ""
     formulations: list[str] = field(default_factory=list)
-    excluded: list[tuple[Ints, Floats, str]] = field(default_factory=list)
+    excluded: list[ExcludedNodes] = field(default_factory=list)
+    stays: list[str] = field(default_factory=list)
 
     @property
     def dim(self) -> int:

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.aster.study import AsterStudy, Zone, add_once
+from signorini_fx.addons.aster.study import AsterStudy, ExcludedNodes, Zone, add_once
 from signorini_fx.addons.aster.values import AsterCommand, CommandError
+from signorini_fx.mechanics.mesh.files.shape import Ints
 
 # Keywords of a zone that steer how code_aster solves, or how it looks for the other side.
 _HOW = frozenset(
@@ -119,21 +120,19 @@ def _zone(
     if coefficient and entry.get("ALGO_FROT") == "PENALISATION" and "COEF_PENA_FROT" in entry:
         sticking = command.number(entry["COEF_PENA_FROT"], "COEF_PENA_FROT")
     if entry.get("GLISSIERE", "NON") == "OUI" or entry.get("TYPE_CONT", "UNILATERAL") == "BILATERAL":
-        study.lose(command.origin, f"{of_zone}GLISSIERE: contact that does not open again")
-    for key in ("SANS_GROUP_NO", "SANS_GROUP_MA"):
-        if key in entry:
-            _excluded(study, command, of_zone, key, entry[key], slave, rubs=coefficient > 0)
-    if "SANS_GROUP_NO_FR" in entry and coefficient:
-        _excluded(study, command, of_zone, "SANS_GROUP_NO_FR", entry["SANS_GROUP_NO_FR"], slave, rubs=True)
-    if "DIRE_EXCL_FROT" in entry and coefficient:
-        study.lose(command.origin, f"{of_zone}DIRE_EXCL_FROT: friction acts in all directions")
+        study.stays.append(f"{command.origin}: {of_zone}GLISSIERE")
+    for key in ("SANS_GROUP_NO", "SANS_GROUP_MA", "SANS_GROUP_NO_FR"):
+        if key in entry and (coefficient or key != "SANS_GROUP_NO_FR"):
+            _exclude(study, command, number, key, entry, slave, rubs=coefficient > 0)
     for key in entry.keys() - _HOW:
         study.lose(command.origin, f"{of_zone}{key} is not known here")
     add_once(
         study.formulations, _formulation(entry, discrete=discrete, penalty=penalty, mortar=command.name == "DEFI_CONT")
     )
     vector = command.name == "DEFI_CONT" and entry.get("FROTTEMENT") == "OUI"
-    study.zones.append(Zone(slave, master, coefficient, stiffness, sticking, command.origin, number, vector))
+    none: Ints = np.empty(0, dtype=np.int64)
+    zone = Zone(slave, master, coefficient, stiffness, sticking, command.origin, number, vector, none, none)
+    study.zones.append(zone)
 
 
 def _formulation(entry: dict[str, Any], *, discrete: bool, penalty: bool, mortar: bool) -> str:
@@ -146,16 +145,30 @@ def _formulation(entry: dict[str, Any], *, discrete: bool, penalty: bool, mortar
     return words + (", a penalty" if penalty else "")
 
 
-def _excluded(
-    study: AsterStudy, command: AsterCommand, of_zone: str, key: str, value: Any, slave: list[Any], *, rubs: bool
+def _exclude(
+    study: AsterStudy,
+    command: AsterCommand,
+    number: int,
+    key: str,
+    entry: dict[str, Any],
+    slave: list[Any],
+    *,
+    rubs: bool,
 ) -> None:
-    names = command.words(value, key)
+    """Note the nodes of a zone without contact or friction."""
+    names = command.words(entry[key], key)
     nodes = None if key == "SANS_GROUP_MA" else study.mesh.nodes(command, names)
     if nodes is None:
         nodes = study.mesh.nodes_of_cells(study.mesh.cells(command, names))
     nodes = np.intersect1d(nodes, study.mesh.nodes_of_cells(slave))
     acting = np.ones((len(nodes), 3)) if rubs else study.mesh.normals(slave)[nodes]
-    study.excluded.append((nodes, acting, f"{command.origin}: {of_zone}{key}"))
+    origin = f"{command.origin}: zone {number}: {key}"
+    friction = key == "SANS_GROUP_NO_FR"
+    if friction and "DIRE_EXCL_FROT" in entry:
+        direction = np.array(command.numbers(entry["DIRE_EXCL_FROT"], "DIRE_EXCL_FROT"))
+        acting = np.tile(direction / np.linalg.norm(direction), (len(nodes), 1))
+        origin = f"{command.origin}: zone {number}: DIRE_EXCL_FROT"
+    study.excluded.append(ExcludedNodes(nodes, acting, number, friction, "DIRE_EXCL_FROT" in origin, origin))
 
 
 def _nodal_area(study: AsterStudy, marks: list[Any]) -> float:

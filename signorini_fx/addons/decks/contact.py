@@ -12,6 +12,8 @@ from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, quoted, r
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
 
+# A distance of surfaces that nothing closes, in sizes of the mesh.
+_FAR = 2.0
 _PIECES = 64  # straight ones that an arc of a rigid surface becomes
 
 
@@ -82,6 +84,7 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
                 if names
                 else _clearance(deck, (slave, master)) or _adjust(deck, label, (slave, master, interaction or ""))
             )
+            lines += _untouched(deck, label, interaction or "", between=not names)
             if names and (slave, master, interaction) in deck.adjusted:
                 deck.lose(None, f"{label}: ADJUST, which scenes know between two bodies")
             tables.append([*lines, *_friction(deck, label, interaction or "")])
@@ -205,8 +208,32 @@ def _friction(deck: Deck, label: str, interaction: str) -> list[str]:
         course.append(current)
     if any(course):
         cap = f", cap = {friction['cap']!r}" if "cap" in friction else ""
-        return [f'friction = {{ law = "coulomb", coefficient = {of_time(course)}{cap} }}']
+        coefficient = of_time(course)
+        if (nodes := deck.smooth.get(interaction)) is not None and nodes.size:
+            coefficient = quoted(f"0.0 if {_at_nodes(deck, nodes)} else ({coefficient.strip(chr(34))})")
+        return [f'friction = {{ law = "coulomb", coefficient = {coefficient}{cap} }}']
     return []
+
+
+def _untouched(deck: Deck, label: str, interaction: str, *, between: bool) -> list[str]:
+    """Nodes of a slave surface without contact, as a distance there that is never closed."""
+    nodes = deck.untouched.get(interaction)
+    if nodes is None or not nodes.size:
+        return []
+    if not between:
+        deck.lose(None, f"{label}: {len(nodes)} nodes without contact have it with a rigid surface")
+        return []
+    far = float(f"{_FAR * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0))):.3g}")
+    return [f"gap = {quoted(f'{far!r} if {_at_nodes(deck, nodes)} else 0.0')}"]
+
+
+def _at_nodes(deck: Deck, nodes: Ints) -> str:
+    """The condition of being at one of some nodes."""
+    near = DIGITS_OF_FILES * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    places = (
+        "+".join(f"abs(x[{k}]-{value!r})" for k, value in enumerate(map(float, x))) for x in deck.mesh.points[nodes]
+    )
+    return " or ".join(f"{place.replace('--', '+')} < {near:.3g}" for place in places)
 
 
 def _gap(deck: Deck, where: str, rigid: str, tool: str) -> list[str]:

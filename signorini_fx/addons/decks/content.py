@@ -146,6 +146,8 @@ class Deck:
     ``vanished`` those that the first step removes, and ``clearances`` the distances of others, length. ``links``
     has the linear relations of nodes (``nodal.DeckLink``), and ``grounded`` the place among them of each that holds
     a component of one node. ``ends`` has the times at the ends of steps. ``apart`` says that all contact is lost.
+    ``untouched`` and ``smooth`` have the nodes of slave surfaces without contact, and without friction, by
+    interactions.
     ``nonlinear`` is the last step with NLGEOM.  ``slaves`` says that contact points are those of slave surfaces, whose
     pressure is wanted, and not those that the scene would choose.
     ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
@@ -188,6 +190,8 @@ class Deck:
     bolts: dict[int, str] = field(default_factory=dict)
     drawn: dict[str, list[list[str]]] = field(default_factory=dict)
     rough: set[str] = field(default_factory=set)
+    untouched: dict[str, Ints] = field(default_factory=dict)
+    smooth: dict[str, Ints] = field(default_factory=dict)
     rubbing: dict[str, dict[int, float]] = field(default_factory=dict)
     unpaired: set[frozenset[str]] = field(default_factory=set)
     vanished: set[frozenset[str]] = field(default_factory=set)

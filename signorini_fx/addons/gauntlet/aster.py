@@ -13,7 +13,6 @@ from signorini_fx.addons.aster.command_file import CommandFile, read_commands
 from signorini_fx.addons.aster.draft import CommandDraft, draft_result
 from signorini_fx.addons.aster.expectations import FIELDS, Expectation, expectations, tested_instants
 from signorini_fx.addons.aster.problem import instants_of, results_of
-from signorini_fx.addons.aster.sliding import slips_too_far
 from signorini_fx.addons.aster.study import AsterStudy
 from signorini_fx.addons.aster.values import Concept
 from signorini_fx.addons.decks.content import Deck
@@ -88,9 +87,7 @@ class CommandRun:
         solved = solved_draft(case, drafted, target, self._without_folder)
         if isinstance(solved, GauntletCase):
             return solved
-        scene, solution = solved
-        lost = list(drafted.lost)
-        lost += slips_too_far(solution, drafted.study)
+        scene, solution, lost = solved
         case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
         try:
             return self._compared(case, commands, drafted, scene, solution)

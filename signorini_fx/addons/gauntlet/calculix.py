@@ -19,7 +19,6 @@ from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.draft import Draft, draft
 from signorini_fx.addons.decks.keywords import OTHER_PROCEDURE, RULES
 from signorini_fx.addons.decks.node_results import NodeResults, at_nodes
-from signorini_fx.addons.decks.rotations import judged_rotations
 from signorini_fx.addons.decks.tables import dat
 from signorini_fx.addons.gauntlet.compared_tables import Tables, compared, compared_displacements, with_exact
 from signorini_fx.addons.gauntlet.finer import finer_values
@@ -80,13 +79,11 @@ class DeckRun:
         solved = solved_draft(case, drafted, target, self._without_folder)
         if isinstance(solved, GauntletCase):
             return solved
-        scene, solution = solved
-        graded = judged_rotations(solution, drafted.deck)
-        lost += graded.statement.incomplete[len(solution.statement.incomplete) :]
+        scene, solution, lost = solved
         case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
         self.tell(case)
         try:
-            return self._compared(case, drafted, scene, graded)
+            return self._compared(case, drafted, scene, solution)
         except MeshError as error:
             message = f"what stands beside it cannot be read: {self._without_folder(str(error))}"
             return replace(case, state=REFUSED, why=in_short([message, *lost]))

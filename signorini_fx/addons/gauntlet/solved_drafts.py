@@ -9,6 +9,7 @@ from pathlib import Path
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 from mpi4py import MPI
 
+from signorini_fx.addons.aster.grades import graded_solution
 from signorini_fx.addons.decks.draft import Draft
 from signorini_fx.addons.gauntlet.outcomes import LOST, UNSOLVED, GauntletCase, in_short
 from signorini_fx.errors import MeshError, SceneError
@@ -20,8 +21,8 @@ from signorini_fx.scenes.solver import solve
 
 def solved_draft(
     case: GauntletCase, drafted: Draft, file: Path, plainly: Callable[[str], str]
-) -> tuple[Scene, Solution] | GauntletCase:
-    """The scene and its solution on this rank, or the row of a case that has none.
+) -> tuple[Scene, Solution, list[str]] | GauntletCase:
+    """The scene, its solution on this rank and what that has lost of the draft; or the row of a case that has none.
 
     Args:
         case: refused, without a reason.
@@ -43,7 +44,8 @@ def solved_draft(
         return replace(case, state=UNSOLVED, why=in_short([str(error), *lost]))
     if not solution.converged:
         return replace(case, state=UNSOLVED, why=in_short([solution.status.value, *lost]))
-    return scene, solution
+    graded = graded_solution(solution, drafted)
+    return scene, graded, [*lost, *graded.statement.incomplete[len(solution.statement.incomplete) :]]
 
 
 def without_folders(text: str, *folders: Path) -> str:

@@ -154,22 +154,21 @@ def run(options: argparse.Namespace) -> int:
 
     out = options.out = options.out or Path("results") / options.deck.stem
     options.scene = out.parent / f"{out.name}.toml"
-    deck: Any = None
+    draft: Any = None  # on the first rank
 
     def drafted() -> tuple[int, list[terminal.TerminalLine], dict[str, str], bool]:
-        nonlocal deck
+        nonlocal draft
         draft = _draft_of_run(options.deck, options.scene)
-        deck = draft.deck
         graded = [("changes the answer: ", remark, "error") for remark in draft.lost]
         graded += [("does not change it: ", remark, "") for remark in draft.noted]
-        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins, deck.apart
+        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins, draft.deck.apart
 
     lost, lines, origins, apart = parallel.on_root(MPI.COMM_WORLD, drafted)
     remarks: list[terminal.TerminalLine] = []
 
     def judged(solution: Solution) -> Solution:
         nonlocal lost
-        graded = add_on("deck_rotations")(solution, deck)
+        graded = add_on("draft_grades")(solution, draft)
         larger = graded.statement.incomplete[len(solution.statement.incomplete) :]
         small = [finding.message for finding in graded.findings[len(solution.findings) :]]
         lost += len(larger)
@@ -191,7 +190,7 @@ def run(options: argparse.Namespace) -> int:
         raise SceneError(problems, str(options.scene)) from None
     if not options.quiet:
         parallel.log_on_root(MPI.COMM_WORLD, remarks)
-    written = add_on("deck_tables")(solution, deck, out, options.deck.stem)
+    written = add_on("deck_tables")(solution, None if draft is None else draft.deck, out, options.deck.stem)
     written.append(parallel.on_root(MPI.COMM_WORLD, lambda: add_on("report")(out, None)))
     if not options.quiet:
         named = ", ".join(file.name for file in written)
