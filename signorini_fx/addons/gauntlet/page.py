@@ -36,7 +36,8 @@ of [`run`](command-line.md). [code_aster](gauntlet-code-aster.md) has its own pa
     "why": """\
 - **Why**: what is lost, and of differences above 1 % what further runs have found: whether their result is in
   equilibrium, and in which element formulation, by [`judge`](judge.md), and how far both are from the finer solution.
-  It is the same program that says so: who doubts it may refine their mesh with theirs.""",
+  It is the same program that says so: who doubts it may refine their mesh with theirs. Others were
+  [followed up by hand](gauntlet-differences.md).""",
 }
 _OF_ASTER = {
     "of": ": code_aster",
@@ -50,7 +51,7 @@ A case is a command file of code_aster with contact and tests, `NAME.comm`, besi
     "exact": "- **Exact** is the value that a test calls analytical.",
     "why": """\
 - **Why**: what is lost, and of differences above 1 % how code_aster solves its contact, what differs in the cells, and
-  how far both are from our finer solution.""",
+  how far both are from our finer solution. Others were [followed up by hand](gauntlet-differences.md).""",
 }
 
 
