@@ -244,7 +244,6 @@ def test_two_sheets():
         ({"bonded": True}, "bonded"),
         ({"bilateral": True}, "bilateral"),
         ({"adjust": 0.1}, "adjust"),
-        ({"measure": 2.0}, "measure"),
         ({"friction": Tresca(1.0)}, "friction"),
         ({"friction": Coulomb(0.3, cohesion=1.0)}, "friction"),
     ],

@@ -30,12 +30,15 @@ def held(space, facets, component=None):
     return fem.dirichletbc(0.0 if component is not None else np.zeros(space.mesh.geometry.dim), dofs, where)
 
 
-def neo_hooke(u):
-    """mu / 2 (tr C - d) - mu ln J + lambda / 2 ln^2 J, in the plane of plane strain."""
+def neo_hooke(u, radius=None):
+    """mu / 2 (tr C - d) - mu ln J + lambda / 2 ln^2 J, in the plane of plane strain; with a radius, which is x[0], of a
+    body of revolution.
+    """
     dim = len(u)
     gradient = ufl.Identity(dim) + ufl.grad(u)
-    volume = ufl.det(gradient)
-    return MU / 2 * (ufl.inner(gradient, gradient) - dim) - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
+    around = 1.0 if radius is None else 1.0 + u[0] / radius
+    square, volume = ufl.inner(gradient, gradient) - dim + around**2 - 1.0, around * ufl.det(gradient)
+    return MU / 2 * square - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
 
 
 def polynomial(u):
@@ -50,7 +53,13 @@ def residual(u, energy=neo_hooke):
     return ufl.derivative(energy(u) * ufl.dx, u, ufl.TestFunction(u.function_space))
 
 
-def stress_of_block(height):
-    """Nominal stress of a block whose sides are free, compressed to a height of 1."""
-    free = brentq(lambda width: MU * (width**2 - 1) + LAME * np.log(width * height), 0.5, 3.0)
-    return (MU * (height**2 - 1) + LAME * np.log(free * height)) / height
+def stress_of_block(height, directions=1):
+    """Nominal stress of a block whose sides are free, compressed to a height of 1; ``directions``: in how many it is
+    free to widen, 1: plane strain, 2: a cylinder.
+    """
+
+    def volume(width):
+        return np.log(width**directions * height)
+
+    free = brentq(lambda width: MU * (width**2 - 1) + LAME * volume(width), 0.5, 3.0)
+    return (MU * (height**2 - 1) + LAME * volume(free)) / height

@@ -25,10 +25,26 @@ class SlidingBodies:
         angle: by which the whole scene is turned about the origin.
         smooth: marker of a plane x[0] = constant that is held across itself, and then both ends are, too, instead of
             all components of theirs; None: there is none.
+        half: whether x[0] = 0 is held across itself, and ends whole.
+        revolved: whether the bodies are of revolution about x[0] = 0, and forces those of whole rings.
         settings: of the pair and of the problem, and the ranks, ``comm``.
     """
 
-    def __init__(self, kind, bodies, touching, held, ratio=1.0, slave=0, angle=0.0, smooth=None, **settings):
+    def __init__(
+        self,
+        kind,
+        bodies,
+        touching,
+        held,
+        ratio=1.0,
+        slave=0,
+        angle=0.0,
+        smooth=None,
+        half=False,
+        revolved=False,
+        **settings,
+    ):
+        self.half = half
         self.turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         back = self.turn.T
         count = len(bodies[0][0])
@@ -37,14 +53,17 @@ class SlidingBodies:
         mesh = self.mesh = assembled(kind, *turned, comm=comm)
         space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
         u = self.u = fem.Function(space)
-        stiffness = per_cell(mesh, lambda x: 1.0)
-        local = np.arange(len(stiffness.x.array), dtype=np.int32)
-        stiffness.x.array[np.isin(mesh.topology.original_cell_index[local], numbers[1])] = ratio
-        measure = ufl.dx(metadata={"quadrature_degree": 2})
-        self.form = ufl.derivative(stiffness * neo_hooke(u) * measure, u, ufl.TestFunction(space))
+        of_body = self.of_body = per_cell(mesh, lambda x: 0.0)
+        local = np.arange(len(of_body.x.array), dtype=np.int32)
+        of_body.x.array[np.isin(mesh.topology.original_cell_index[local], numbers[1])] = 1.0
+        stiffness = 1.0 + (ratio - 1.0) * of_body
+        radius = ufl.SpatialCoordinate(mesh)[0] if revolved else None
+        around = 2 * np.pi * radius if revolved else 1.0
+        energy = stiffness * neo_hooke(u, radius) * around * ufl.dx(metadata={"quadrature_degree": 2})
+        self.form = ufl.derivative(energy, u, ufl.TestFunction(space))
         self.sides = [
-            facets_of_cells(mesh, lambda x, marker=marker: marker(back @ x), of_body)
-            for marker, of_body in zip(touching, numbers, strict=True)
+            facets_of_cells(mesh, lambda x, marker=marker: marker(back @ x), cells)
+            for marker, cells in zip(touching, numbers, strict=True)
         ]
         ends = [facets(mesh, lambda x, marker=marker: marker(back @ x)) for marker in held]
         self.nodes = [fem.locate_dofs_topological(space, 1, end) for end in ends]
@@ -59,7 +78,11 @@ class SlidingBodies:
                 fem.dirichletbc(value, fem.locate_dofs_topological(space.sub(axis), 1, end), space.sub(axis))
                 for value, axis, end in zip((still, self.driven, still), (1, 1, 0), listed, strict=True)
             ]
-        options = {key: settings.pop(key) for key in OF_PAIR if key in settings} | settings.pop("pair", {})
+        if half:
+            middle = fem.locate_dofs_topological(space.sub(0), 1, facets(mesh, lambda x: np.isclose(x[0], 0.0)))
+            self.bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), middle, space.sub(0)))
+        options = {"measure": around} if revolved else {}
+        options |= {key: settings.pop(key) for key in OF_PAIR if key in settings} | settings.pop("pair", {})
         self.pair = Pair(self.sides[slave], self.sides[1 - slave], **options)
         self.problem = NonlinearContactProblem(self.form, u, bcs=self.bcs, contact=self.pair, **settings)
         self.iterations = []
@@ -98,18 +121,18 @@ def bump(kind="quadrilateral", height=2e-4, lower=(24, 8), upper=(18, 6), **sett
     return SlidingBodies(kind, bodies, [level[0], below], level[1:], **settings)
 
 
-def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, **settings):
-    """Half a ring above a block [0, 4] x [0, 1], above x = 1.5, driven at its ends."""
+def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, far=0.0, **settings):
+    """Half a ring above a block [0, 4] x [0, 1], above x = 1.5, driven at its ends; ``far``: added to all x."""
 
     def ring(x):
         angle, r = np.pi * (x[:, 0] - 1), radius * (0.3 + 0.7 * x[:, 1])
-        return np.column_stack((1.5 + r * np.cos(angle), 1 + gap + radius + r * np.sin(angle)))
+        return np.column_stack((far + 1.5 + r * np.cos(angle), 1 + gap + radius + r * np.sin(angle)))
 
     bodies = (
-        grid(kind, cells, [0.0, 0.0], [4.0, 1.0]),
+        grid(kind, cells, [far, 0.0], [far + 4.0, 1.0]),
         grid(kind, (around, max(2, around // 4)), [0.0, 0.0], [1.0, 1.0], ring),
     )
-    middle = np.array([1.5, 1 + gap + radius])
+    middle = np.array([far + 1.5, 1 + gap + radius])
 
     def outer(x):
         return np.isclose(np.linalg.norm(x - middle[:, None], axis=0), radius)
@@ -117,3 +140,83 @@ def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, 
     touching = [lambda x: np.isclose(x[1], 1.0), outer]
     held = [lambda x: np.isclose(x[1], 0.0), lambda x: np.isclose(x[1], middle[1])]
     return SlidingBodies(kind, bodies, touching, held, **settings)
+
+
+def cylinders(kind="quadrilateral", lower=(5, 3), upper=(3, 2), inner=0.0, **settings):
+    """Two cylinders of the radius and the height 1 on each other, or tubes, held and driven at smooth ends."""
+    bodies = grid(kind, lower, [inner, -1.0], [1.0, 0.0]), grid(kind, upper, [inner, 0.0], [1.0, 1.0])
+    level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, -1.0, 1.0)]
+    return SlidingBodies(
+        kind, bodies, [level[0]] * 2, level[1:], smooth=lambda x: np.isclose(x[0], 0.0), revolved=True, **settings
+    )
+
+
+def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), power=1.0, revolved=True, **settings):
+    """A cylinder with the radius and the height 1 and a paraboloid of this height below, clamped above, on one with the
+    radius 1.5; ``power``: of what facets are graded by towards the axis; or in the plane the right half of both.
+    """
+
+    def bent(x):
+        r = x[:, 0] ** power
+        up = x[:, 1] ** power
+        return np.column_stack((r, up + height * (1 - up) * r**2))
+
+    def below(x):
+        return np.column_stack((1.5 * x[:, 0] ** power, -((-x[:, 1]) ** power)))
+
+    bodies = grid(kind, lower, [0.0, -1.0], [1.0, 0.0], below), grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent)
+    level = [lambda x, y=y: np.isclose(x[1], y, atol=1e-12) for y in (0.0, -1.0, 1.0)]
+
+    def rounded(x):
+        return np.isclose(x[1], height * x[0] ** 2, atol=1e-12) & (x[0] <= 1.0)
+
+    return SlidingBodies(kind, bodies, [level[0], rounded], level[1:], half=True, revolved=revolved, **settings)
+
+
+def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, slope=1.0, up=1.0, scale=1.0, **settings):
+    """Half a ring of this size around a cone of this slope, at the radius 1 on the middle of its side, driven along the
+    axis at its flat end, where it is free to widen.
+
+    Args:
+        kind: of the cells.
+        cells: of the cone, a shell from the radius 0.5 to 2.
+        around: cells of the ring along its half circle.
+        size: its outer radius.
+        slope: how steep the cone falls.
+        up: 1 or -1, which turns all upside down.
+        scale: of all lengths.
+        settings: see ``SlidingBodies``.
+    """
+    upright = np.array([0.0, 1.0])
+    normal = np.array([slope, 1.0]) / np.hypot(slope, 1.0)
+    middle = np.array([1.0, -slope]) + size * normal
+
+    def place(x):
+        return scale * x * [1.0, up]
+
+    def shell(x):
+        return place(np.column_stack((x[:, 0], -slope * x[:, 0] - x[:, 1])))
+
+    def ring(x):
+        angle, r = np.pi * (x[:, 0] - 1), size * (0.4 + 0.6 * x[:, 1])
+        return place(middle + np.column_stack((r * np.cos(angle), r * np.sin(angle))))
+
+    bodies = (
+        grid(kind, cells, [0.5, 0.0], [2.0, 0.5], shell),
+        grid(kind, (around, max(2, around // 6)), [0.0, 0.0], [1.0, 1.0], ring),
+    )
+
+    def back(x):
+        return x / scale * np.array([[1.0], [up]])
+
+    def outer(x):
+        return np.isclose(np.linalg.norm(back(x) - middle[:, None], axis=0), size)
+
+    touching = [lambda x: np.isclose(back(x)[1], -slope * back(x)[0]), outer]
+    held = [
+        lambda x: np.isclose(back(x)[1], -slope * back(x)[0] - 0.5),
+        lambda x: np.isclose(back(x)[1], upright @ middle),
+    ]
+    return SlidingBodies(
+        kind, bodies, touching, held, smooth=lambda x: np.isclose(x[0], 0.0), revolved=True, **settings
+    )

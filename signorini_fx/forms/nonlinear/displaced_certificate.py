@@ -63,7 +63,7 @@ def mechanics_at(
         sides = pair.sides
         side = sides.slave.surface, sides.points, sides.unable, sides.reach
         facets = linear.forms.facets[number], linear.forms.masters[number]
-        claims[number] = sliding_claim(space, side, facets, ends)
+        claims[number] = sliding_claim(space, side, facets, ends, data[number].shape.factor)
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)

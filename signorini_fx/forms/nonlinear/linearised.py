@@ -101,7 +101,8 @@ class MovingFoundations(Foundations):
         ]
         flags, rests = (values.reshape(-1, self._dimension) for values in (fixed, at_rest))
         facets = self.facets[number], self._masters[number]
-        return SlidingSides.of(space, pair.reach, facets, number, flags, rests[: len(flags)], taken)
+        factor = self.factor_of(number)
+        return SlidingSides.of(space, pair.reach, facets, number, flags, rests[: len(flags)], taken, factor)
 
     def _paired(
         self,

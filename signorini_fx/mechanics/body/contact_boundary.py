@@ -87,6 +87,8 @@ class ContactBoundary:
         kinematics: of displacements with these components on these cells, whatever the scene is.
         without_area: part and global number of nodes of pairs whose functions have no area, as on an axis of
             revolution, shape (m, 2).
+        pushing: the force of a unit pressure on the body of its node, per area and negative, shape (n, d), where that
+            acts along derivatives of the gap; None: ``normal``.
     """
 
     comm: MPI.Comm
@@ -104,6 +106,7 @@ class ContactBoundary:
     friction_axes: FrictionAxes | None = None
     kinematics: Kinematics = SPACE
     without_area: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    pushing: Nodal | None = None
 
     def check_friction_axes(self, path: str) -> None:
         """See ``FrictionAxes.check``; collective."""
@@ -261,8 +264,11 @@ class ContactBoundary:
         return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ijk->ik", y, self.tangents)
 
     def nodal_forces(self, pressure: Nodal, shear: Nodal) -> Nodal:
-        """Nodal w (lambda n + T mu), shape (n, d): (lambda, tau_N .) + (mu, tau_T .), minus the forces on the body."""
-        traction = pressure[:, None] * self.normal + np.einsum("ik,ijk->ij", shear, self.tangents)
+        """Nodal w (lambda n + T mu), shape (n, d): (lambda, tau_N .) + (mu, tau_T .), minus the forces on the body; of
+        points with ``pushing`` with that for n.
+        """
+        along = self.normal if self.pushing is None else self.pushing
+        traction = pressure[:, None] * along + np.einsum("ik,ijk->ij", shear, self.tangents)
         return self.weight[:, None] * traction
 
 
@@ -294,6 +300,9 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
     if any(averages):  # the others take the displacement of their nodes
         averages = [part.selection if part.averages is None else part.averages for part in parts]
     axes = [part.axes for part in parts if part.axes is not None]
+    pushing = None
+    if any(part.pushing is not None for part in parts):
+        pushing = np.concatenate([part.normal if part.pushing is None else part.pushing for part in parts])
     return ContactBoundary(
         parts[0].comm,
         **fields,
@@ -301,6 +310,7 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         axes=np.concatenate(axes) if axes else None,
         friction_axes=FrictionAxes.joined([part.friction_axes for part in parts], [part.size for part in parts]),
         kinematics=parts[0].kinematics,
+        pushing=pushing,
     )
 
 

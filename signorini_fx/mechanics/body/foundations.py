@@ -271,6 +271,20 @@ class Foundations:
             compiled.append((form, function))
         return compiled
 
+    def factor_of(self, number: int) -> Array | None:
+        """The factor of the measure of one contact at all nodes of this rank, shape (nodes,); None: 1; collective.
+
+        Raises:
+            FormError: it is negative or not finite somewhere.
+        """
+        measure = self._contact[number].measure
+        if measure is None:
+            return None
+        factor: Array = self._values[number](measure, f"contact[{number}].measure", minimum=0.0)
+        largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
+        factor[factor <= ZERO_SUM * largest] = 0.0
+        return factor
+
     def shapes(self) -> list[ShapeDistances]:
         """What decides about the points, as it is now.
 
@@ -279,14 +293,9 @@ class Foundations:
         """
         shapes = []
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
-            factor = direction = None
-            axes = None
+            factor, direction, axes = self.factor_of(k), None, None
             if contact.friction is not None:
                 axes = contact.friction.axes(at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm)
-            if contact.measure is not None:
-                factor = at(contact.measure, f"contact[{k}].measure", minimum=0.0)
-                largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
-                factor[factor <= ZERO_SUM * largest] = 0.0
             if isinstance(contact, Pair):
                 shapes.append(ShapeDistances(factor, None, axes))
                 continue

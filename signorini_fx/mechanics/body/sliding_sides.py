@@ -62,6 +62,7 @@ class SlidingSides:
         fixed: npt.NDArray[np.bool_],
         at_rest: npt.NDArray[np.bool_],
         taken: Sequence[Indices],
+        factor: Array | None = None,
     ) -> SlidingSides:
         """Two parts of the boundary; collective.
 
@@ -73,12 +74,13 @@ class SlidingSides:
             fixed: which components are prescribed at the owned nodes, shape (owned nodes, 2).
             at_rest: which of them to zero, likewise.
             taken: facets of other contacts, whose nodes carry no points of this one.
+            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
 
         Raises:
             FormError: the sides share nodes, or no node can carry a point.
         """
         name = f"contact[{index}]"
-        facing = FacingSides.of(space, facets, name, fixed, taken, at_rest=at_rest)
+        facing = FacingSides.of(space, facets, name, fixed, taken, at_rest=at_rest, factor=factor)
         slave, master = facing.slave, facing.master
         if np.intersect1d(slave.nodes, master.nodes).size:
             raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
@@ -129,20 +131,30 @@ class SlidingSides:
         names = self.slave.nodes[self.points[self.mine]]
         return (names - self.space.dofmap.index_map.local_range[0]).astype(np.int32)
 
+    @property
+    def _across(self) -> Array:
+        """Projectors onto the directions across planes of symmetry at the points, shape (n, 2, 2)."""
+        planes = self.slave.surface.across
+        assert planes is not None
+        return np.asarray(planes[self.points])
+
+    def _slides(self, coupling: SlidingCoupling) -> Array:
+        """1, or 0 at points in a plane of symmetry, which do not slide across it, shape (n,)."""
+        tangent = coupling.frames.tangent
+        return np.asarray(1.0 - np.einsum("ni,nij,nj->n", tangent, self._across, tangent))
+
     def boundary(self, coupling: SlidingCoupling) -> ContactBoundary:
         """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
         across it.
         """
         mine, count = self.mine, self.mine.size
-        planes = self.slave.surface.across
-        assert planes is not None
-        across = planes[self.points[mine]]
-        normal, tangent = coupling.normal[mine], coupling.frames.tangent[mine]
+        across, normal = self._across[mine], coupling.normal[mine]
+        tangent = coupling.frames.tangent[mine]
         moved = sp.csr_array(sp.hstack((coupling.frames.slave, -coupling.frames.master)))[mine]
         translating = sp.csr_array(sp.kron(moved, sp.eye_array(2)))
         turning = sp.csr_array(translating.shape)
-        along = sp.diags_array(1.0 - np.einsum("ni,nij,nj->n", tangent, across, tangent))
-        for vectors, rows in ((normal, coupling.normal_rows[mine]), (tangent, along @ coupling.tangent_rows[mine])):
+        along = sp.diags_array(self._slides(coupling)) @ coupling.tangent_rows
+        for vectors, rows in ((normal, coupling.normal_rows[mine]), (tangent, sp.csr_array(along)[mine])):
             at = np.arange(2 * count + 1)
             entries = vectors.ravel(), np.repeat(np.arange(count), 2), at
             outward = sp.csr_array(entries, shape=(2 * count, count))
@@ -154,6 +166,8 @@ class SlidingSides:
         free = averages.any_of(~self.fixed) & counted[mine, None]
         free &= np.einsum("nii->ni", across) < 0.5
         names = self.slave.nodes[self.points[mine]]
+        translation = np.tile(np.eye(2), (len(self.slave.nodes), 1))  # of the slave alone
+        pushing = np.asarray(coupling.normal_rows[:, : len(translation)] @ translation)[mine]
         return ContactBoundary(
             comm=self.comm,
             nodes=self.local_points(),
@@ -165,6 +179,7 @@ class SlidingSides:
             segments=segments_of(self.space, self.facets, self.index, vertices=False),
             global_nodes=names,
             averages=averages,
+            pushing=pushing,
         )
 
     def opening(self, coupling: SlidingCoupling, displacement: Array) -> Array:
@@ -180,7 +195,7 @@ class SlidingSides:
     def slip_origin(self, coupling: SlidingCoupling, begun: Frames, displacement: Array) -> Array:
         """Where slips of the points of this rank are counted from, for the whole displacement, length, shape (n, 1)."""
         origin = coupling.tangent_rows @ displacement.ravel() - coupling.slip(begun)
-        return np.asarray(origin)[self.mine, None]
+        return np.asarray(self._slides(coupling) * origin)[self.mine, None]
 
     def at_points(self, values: Array) -> Array:
         """Values at the points of this rank, shape (n,), at those of all ranks; collective."""
@@ -198,7 +213,8 @@ class SlidingSides:
     ) -> JointStiffness:
         """Products of the rows of relative displacements that contact holds at the points of this rank; collective."""
         total = sp.csr_array((2 * self.nodes.size, 2 * self.nodes.size))
-        for rows, flags in ((coupling.normal_rows, touching), (coupling.tangent_rows, sticking)):
+        along = sp.diags_array(self._slides(coupling)) @ coupling.tangent_rows
+        for rows, flags in ((coupling.normal_rows, touching), (along, sticking)):
             chosen = sp.csr_array(rows)[np.flatnonzero(self.at_points(flags.astype(np.float64)) > 0)]
             total = total + chosen.T @ chosen
         return JointStiffness(self.nodes, sp.csr_array(total))

@@ -459,7 +459,8 @@ def _vertices(
     )
     coefficients = dual_coefficients(slave, overlap)[facets]
     functions = np.einsum("vij,vj->vi", coefficients, slave.tests.values(s[:, None]))
-    functions *= slave.sizes(facets, s[:, None, None])
+    at_vertices = s[:, None, None]
+    functions *= slave.measured(facets, at_vertices, slave.sizes(facets, at_vertices))
     at_nodes = _nodal(slave.points[facets], row[:, None], functions, (len(slave.x), count))
     return sp.csr_array(mean @ at_nodes), (sp.csr_array(passing), rate)
 

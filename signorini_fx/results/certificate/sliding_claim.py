@@ -1,6 +1,7 @@
 """The second opinion on two sides of the plane that slide on each other, at displaced points, by code of its own.
 
-Of the solver it takes who carries a point, and which facets there are.  What it does otherwise:
+Of the solver it takes who carries a point, which facets there are, and which nodes lie in planes of symmetry.  What it
+does otherwise:
 - the places where vertices of the other side are seen are roots of quadratic equations,
 - the facet over each point is looked for among all that face it,
 - distances are those of the rays of points and the lines of facets, and the forces of pressures their derivatives by
@@ -10,7 +11,7 @@ Of the solver it takes who carries a point, and which facets there are.  What it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -27,7 +28,7 @@ from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.pairs.dual_functions import carried, extended
 from signorini_fx.mechanics.pairs.surface import PairSurface
-from signorini_fx.tuned import FACING_SIDES
+from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -55,15 +56,23 @@ class Chain:
         nodes: global numbers, ascending, shape (N,).
         x: their initial positions, length, shape (N, 2).
         facets: first and second node of each, with the body on the left, numbers of the side, shape (f, 2).
+        measure: by what areas are multiplied, at the nodes, between which it is linear along facets, shape (N,).
     """
 
     nodes: Numbers
     x: Array
     facets: Numbers
+    measure: Array
 
     @classmethod
-    def of(cls, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Chain:
-        """Those of all ranks; collective."""
+    def of(cls, space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Array | None = None) -> Chain:
+        """Those of all ranks; collective.
+
+        Args:
+            space: of the displacement.
+            facets: owned, local numbers.
+            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
+        """
         mesh, dofmap = space.mesh, space.dofmap
         positions = node_positions(space)[:, :2]
         listed = []
@@ -77,7 +86,11 @@ class Chain:
         names = parallel.gather_rows(mesh.comm, names)
         places = parallel.gather_rows(mesh.comm, np.asarray(positions[local], dtype=np.float64).reshape(-1, 4))
         nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
-        return cls(nodes.astype(np.int64), places.reshape(-1, 2)[first], numbers.reshape(names.shape).astype(np.int64))
+        numbers, measure = numbers.reshape(names.shape).astype(np.int64), np.ones(nodes.size)
+        if factor is not None:
+            listed_factors = parallel.gather_rows(mesh.comm, np.asarray(factor[local], dtype=np.float64).reshape(-1, 2))
+            measure = listed_factors.ravel()[first]
+        return cls(nodes.astype(np.int64), places.reshape(-1, 2)[first], numbers, measure)
 
     @cached_property
     def neighbours(self) -> Numbers:
@@ -106,7 +119,7 @@ class Rays:
         over: the facet of the master, shape (r,).
         place: on that, in [0, 1], shape (r,).
         distance: along the ray, length, shape (r,).
-        area: undeformed, shape (r,).
+        area: undeformed, times the measure of the slave, shape (r,).
     """
 
     facet: Numbers
@@ -156,9 +169,10 @@ def _rays(slave: Chain, x: Array, ways: Array, master: Chain, y: Array, reach: f
                 over = at[1:, k]
                 apart = begin[seen[k]] + over[:, None] * away[seen[k]] - points[1:]
                 distance = np.sum(apart * rays[1:], axis=1)
-                measure = _WEIGHTS / 2 * (high - low) * length
+                around = (1.0 - s[1:]) * slave.measure[a] + s[1:] * slave.measure[b]
+                area = _WEIGHTS / 2 * (high - low) * length * around
                 size = np.full(over.size, float(number)), np.full(over.size, float(seen[k]))
-                columns.append((size[0], s[1:], size[1], over, distance, measure, apart[:, 0], apart[:, 1]))
+                columns.append((size[0], s[1:], size[1], over, distance, area, apart[:, 0], apart[:, 1]))
     if not columns:
         return Rays.none()
     facet, at, over, place, distance, area, *apart_columns = (
@@ -275,8 +289,12 @@ class SlidingClaim:
 
     @property
     def across(self) -> Array:
-        """None: planes of symmetry only turn normals."""
-        return np.zeros((self._mine.size, 2, 2))
+        """Projectors onto the directions across planes of symmetry at the points, in which nothing slides, shape (n, 2,
+        2).
+        """
+        if self.surface.across is None:
+            return np.zeros((self._mine.size, 2, 2))
+        return np.asarray(self.surface.across[self.carriers[self._mine]])
 
     def in_planes(self, nodes: Numbers, vectors: Array) -> Array:
         """See ``Claim``."""
@@ -306,9 +324,10 @@ class SlidingClaim:
         start = np.where(at[:, None], begun.tangent, seen.tangent)
         slip = np.sum(seen.tangent * (sharing @ seen.x - opposite @ seen.y), axis=1)
         slip -= np.sum(start * (sharing @ begun.x - opposite @ begun.y), axis=1)
-        slip = np.where(seen.partnered, slip, 0.0)
-        moved = slip[:, None] * self.present.tangent - seen.gap[:, None] * self.present.normal
-        return np.asarray(moved[self._mine])
+        slip = np.where(seen.partnered, slip, 0.0)[self._mine]
+        normal, tangent = self.present.normal[self._mine], self.present.tangent[self._mine]
+        slip = np.where(np.einsum("ni,nij,nj->n", tangent, self.across, tangent) > SAME_DIRECTION, 0.0, slip)
+        return np.asarray(slip[:, None] * tangent - seen.gap[self._mine, None] * normal)
 
     def terms(self, owned: Array) -> Array:
         """See ``Claim``."""
@@ -540,6 +559,7 @@ def sliding_claim(
     side: tuple[PairSurface, Numbers, npt.NDArray[np.bool_], float],
     facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
     ends: tuple[fem.Function, fem.Function | None],
+    factor: Array | None = None,
 ) -> SlidingClaim:
     """The second opinion on a pair; collective.
 
@@ -548,8 +568,9 @@ def sliding_claim(
         side: the slave, its nodes with points, those that cannot carry one, and the reach.
         facets: of both sides, owned, local numbers.
         ends: displacements now and at the beginning of the step; None: none.
+        factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
     """
-    both = Chain.of(space, facets[0]), Chain.of(space, facets[1])
+    both = Chain.of(space, facets[0], factor), Chain.of(space, facets[1])
     names = np.concatenate([chain.nodes for chain in both])
     owned = space.dofmap.index_map.size_local
     values = [
@@ -559,4 +580,5 @@ def sliding_claim(
         for function in ends
     ]
     surface, carriers, unable, reach = side
+    surface = replace(surface, measure=None if factor is None else both[0].measure)
     return SlidingClaim(space, surface, both, carriers, unable, reach, facets[0], facets[1], (values[0], values[1]))
