@@ -6,29 +6,33 @@ import pytest
 from signorini_fx.mechanics.pairs.sliding import slide
 from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
 
+DEGREES = pytest.mark.parametrize("degree", [1, 2])
 
-def chain(x, sign):
+
+def chain(x, sign, degree=1):
     """Facets between points in order; ``sign``: of their normals, see ``PairSurface``."""
-    nodes = np.column_stack((np.arange(len(x) - 1), np.arange(1, len(x))))
-    return PairSurface(nodes, x, Lagrange(np.array([[0.0], [1.0]])), np.full(len(nodes), sign))
+    first = np.arange(0, len(x) - degree, degree)
+    nodes = np.column_stack((first, first + degree, first + 1))[:, : degree + 1]
+    places = np.array([[0.0], [1.0], [0.5]])[: degree + 1]
+    return PairSurface(nodes, x, Lagrange(places), np.full(len(nodes), sign))
 
 
 class Dent:
     """A block from below with a dent, and an arc that fills it."""
 
-    def __init__(self):
-        across = np.linspace(0.0, 4.0, 40)
+    def __init__(self, degree=1):
+        across = np.linspace(0.0, 4.0, 41)
         angle = np.linspace(0.2 - np.pi, -0.2, 33)
-        self.block = chain(np.column_stack((across, np.ones(40))), -1.0)
-        self.arc = chain(np.column_stack((1.7 + 0.5 * np.cos(angle), 1.48 + 0.5 * np.sin(angle))), 1.0)
+        self.block = chain(np.column_stack((across, np.ones(41))), -1.0, degree)
+        self.arc = chain(np.column_stack((1.7 + 0.5 * np.cos(angle), 1.48 + 0.5 * np.sin(angle))), 1.0, degree)
         self.dent = np.column_stack((0.0 * across, -0.28 * np.exp(-(((across - 1.7) / 0.5) ** 2))))
-        self.uneven = 1e-3 * np.random.default_rng(0).standard_normal((73, 2))
+        self.uneven = 1e-3 * np.random.default_rng(0).standard_normal((74, 2))
 
     def at(self, displacement):
         moved = displacement + self.uneven
-        slave = self.block.displaced(self.dent + moved[:40])
-        master = self.arc.displaced(moved[40:] + np.array([0.0, -0.26]))
-        return slide(slave, master, np.arange(40), np.zeros(40, dtype=bool), 0.3)
+        slave = self.block.displaced(self.dent + moved[:41])
+        master = self.arc.displaced(moved[41:] + np.array([0.0, -0.26]))
+        return slide(slave, master, np.arange(41), np.zeros(41, dtype=bool), 0.3)
 
 
 def differences(scene, direction, step=1e-6):
@@ -36,14 +40,15 @@ def differences(scene, direction, step=1e-6):
     return scene.at(step * direction), scene.at(-step * direction)
 
 
-def test_joint_motions():
+@DEGREES
+def test_joint_motions(degree):
     """No row changes under them, whatever the gaps are; slips do not change by a joint rotation by any angle."""
-    scene = Dent()
-    coupling = scene.at(np.zeros((73, 2)))
+    scene = Dent(degree)
+    coupling = scene.at(np.zeros((74, 2)))
     x = np.concatenate((coupling.slave.x, coupling.master.x))
     partnered = coupling.frames.partnered
     assert 5 < np.count_nonzero(partnered) < 35
-    for motion in (np.tile([1.0, 0.0], (73, 1)), np.tile([0.0, 1.0], (73, 1)), np.column_stack((-x[:, 1], x[:, 0]))):
+    for motion in (np.tile([1.0, 0.0], (74, 1)), np.tile([0.0, 1.0], (74, 1)), np.column_stack((-x[:, 1], x[:, 0]))):
         for rows in (coupling.normal_rows, coupling.tangent_rows):
             assert np.abs(rows @ motion.ravel())[partnered].max() < 1e-12
     turn = np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
@@ -52,13 +57,14 @@ def test_joint_motions():
     assert turned.slip(coupling.frames) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_derivatives():
+@DEGREES
+def test_derivatives(degree):
     """Of gaps and of their forces to what is held, one per cent where sides touch; of the slip at rest."""
-    scene = Dent()
-    coupling = scene.at(np.zeros((73, 2)))
+    scene = Dent(degree)
+    coupling = scene.at(np.zeros((74, 2)))
     x = np.concatenate((coupling.slave.x, coupling.master.x))
     direction = np.column_stack((np.sin(2 * x[:, 0] + x[:, 1]), np.cos(1.5 * x[:, 0])))
-    direction[40:] += [0.7, 0.1]
+    direction[41:] += [0.7, 0.1]
     ahead, behind = differences(scene, direction)
     touching = coupling.gap < 0.01
     assert np.count_nonzero(touching) >= 5

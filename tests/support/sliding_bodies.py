@@ -27,6 +27,7 @@ class SlidingBodies:
             all components of theirs; None: there is none.
         half: whether x[0] = 0 is held across itself, and ends whole.
         revolved: whether the bodies are of revolution about x[0] = 0, and forces those of whole rings.
+        degree: of the displacement.
         settings: of the pair and of the problem, and the ranks, ``comm``.
     """
 
@@ -42,6 +43,7 @@ class SlidingBodies:
         smooth=None,
         half=False,
         revolved=False,
+        degree=1,
         **settings,
     ):
         self.half = half
@@ -51,7 +53,7 @@ class SlidingBodies:
         numbers = np.arange(count), np.arange(count, count + len(bodies[1][0]))
         comm, turned = settings.pop("comm", MPI.COMM_SELF), [(cells, x @ back) for cells, x in bodies]
         mesh = self.mesh = assembled(kind, *turned, comm=comm)
-        space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+        space = fem.functionspace(mesh, ("Lagrange", degree, (2,)))
         u = self.u = fem.Function(space)
         of_body = self.of_body = per_cell(mesh, lambda x: 0.0)
         local = np.arange(len(of_body.x.array), dtype=np.int32)
@@ -59,7 +61,7 @@ class SlidingBodies:
         stiffness = 1.0 + (ratio - 1.0) * of_body
         radius = ufl.SpatialCoordinate(mesh)[0] if revolved else None
         around = 2 * np.pi * radius if revolved else 1.0
-        energy = stiffness * neo_hooke(u, radius) * around * ufl.dx(metadata={"quadrature_degree": 2})
+        energy = stiffness * neo_hooke(u, radius) * around * ufl.dx(metadata={"quadrature_degree": 2 * degree})
         self.form = ufl.derivative(energy, u, ufl.TestFunction(space))
         self.sides = [
             facets_of_cells(mesh, lambda x, marker=marker: marker(back @ x), cells)

@@ -24,6 +24,9 @@ from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE
 
 Array = npt.NDArray[np.float64]
 
+# The nodes of a cell along its outline, by how many it has.
+_AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6, 3, 7, 2, 5]}
+
 
 @dataclass(frozen=True)
 class PairedBodies:
@@ -43,7 +46,7 @@ class PairedBodies:
 
     @classmethod
     def of(cls, cells: BodyCells, sides: SlidingSides) -> PairedBodies:
-        """Those of a space of degree 1; collective."""
+        """Those of a pair; collective."""
         space, pieces = cells.space, find_pieces(cells.space.mesh)
         nodal = np.zeros(len(cells.x))
         every = space.dofmap.list
@@ -83,7 +86,9 @@ class PairedBodies:
             inner = nodes[within[nodes]]
             if not inner.size:
                 continue
-            start, end = at[first + surface.nodes].transpose(1, 0, 2)
+            nodes_along = surface.nodes[:, np.argsort(surface.functions.places[:, 0])]
+            chords = np.stack((nodes_along[:, :-1], nodes_along[:, 1:]), axis=2).reshape(-1, 2)
+            start, end = at[first + chords].transpose(1, 0, 2)
             along = end - start
             size = np.linalg.norm(along, axis=1)
             share = np.clip(np.einsum("nfk,fk->nf", at[inner, None] - start, along) / size**2, 0.0, 1.0)
@@ -101,7 +106,7 @@ class PairedBodies:
         nodes = self.cells.nodes
         if not len(nodes):
             return within
-        corners = places[nodes[:, [0, 1, 3, 2] if nodes.shape[1] == 4 else [0, 1, 2]]]
+        corners = places[nodes[:, _AROUND[nodes.shape[1]]]]
         middles = corners.mean(axis=1)
         reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
         near = cKDTree(at).query_ball_point(middles, reach)

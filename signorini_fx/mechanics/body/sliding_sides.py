@@ -84,7 +84,7 @@ class SlidingSides:
         slave, master = facing.slave, facing.master
         if np.intersect1d(slave.nodes, master.nodes).size:
             raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
-        points = np.flatnonzero(~facing.unable & (slave.surface.area > 0.0))
+        points = np.flatnonzero(~facing.unable & (slave.surface.area > 0.0) & ~slave.surface.without_area)
         if not points.size:
             raise FormError([(name, "bcs or other contacts own all nodes of its side: exchange facets and against")])
         if reach is None:
@@ -165,7 +165,7 @@ class SlidingSides:
         counted = partnered | ~partnered.any()
         free = averages.any_of(~self.fixed) & counted[mine, None]
         free &= np.einsum("nii->ni", across) < 0.5
-        names = self.slave.nodes[self.points[mine]]
+        names, bare = self.slave.nodes[self.points[mine]], self.slave.nodes[self.slave.surface.without_area]
         translation = np.tile(np.eye(2), (len(self.slave.nodes), 1))  # of the slave alone
         pushing = np.asarray(coupling.normal_rows[:, : len(translation)] @ translation)[mine]
         return ContactBoundary(
@@ -179,6 +179,7 @@ class SlidingSides:
             segments=segments_of(self.space, self.facets, self.index, vertices=False),
             global_nodes=names,
             averages=averages,
+            without_area=np.column_stack((np.full(bare.size, self.index, dtype=np.int64), bare)),
             pushing=pushing,
         )
 

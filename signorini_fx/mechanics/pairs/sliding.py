@@ -165,6 +165,7 @@ class _Pieces:
         passing: w of each of them, sparse, shape (v, 2 m), and k / J, see ``_vertices``, shape (v,).
         bending: what dxi turns of the normal of the master, evenly along its facets, times the length of x_m' along
             N^, shape (q,).
+        curved: nu . x_m'' / (nu . N), of facets that are no straight lines, shape (q,).
     """
 
     shares: sp.csr_array
@@ -176,6 +177,7 @@ class _Pieces:
     vertices: sp.csr_array
     passing: tuple[sp.csr_array, Array]
     bending: Array
+    curved: Array
 
     def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array, *, near: bool) -> sp.csr_array:
         """See ``SlidingCoupling.stiffness``, with forces at the points, shape (n,)."""
@@ -186,6 +188,7 @@ class _Pieces:
         passing, kinks = self.passing
         if near:
             corners = passing.T @ sp.diags_array((self.vertices.T @ pressing) * kinks) @ passing
+            corners = corners - self.shift.T @ forces @ sp.diags_array(self.curved) @ self.shift
         else:
             corners = self.shift.T @ forces @ sp.diags_array(self.bending) @ self.shift
         return sp.csr_array(half + half.T + corners)
@@ -283,17 +286,20 @@ def _along(vectors: Array) -> sp.csr_array:
 def _turned(side: PairSurface) -> sp.csr_array:
     """The angles by which displacements of the nodes of a side turn its normals at the nodes, sparse, shape (N, 2 N).
 
-    The normal of a node is along the sum of those of its facets, which are as long as the facets.  Those in planes of
-    symmetry do not turn.
+    The normal of a node is along the integral of that of its facets times its function.  Those in planes of symmetry do
+    not turn.
     """
-    normals, slopes = side.nodal_normals, side.functions.slopes(np.array([[0.5]]))[0, 0]
-    moments = np.zeros_like(normals)
-    middle = np.full((len(side.nodes), 1, 1), 0.5)
-    np.add.at(moments, side.nodes, 0.5 * side.normals(np.arange(len(side.nodes)), middle))
+    normals = side.nodal_normals
+    at, weights = side.functions.rule(2 * side.functions.degree)
+    functions = side.functions.values(at) * weights[:, None]
+    products = functions.T @ side.functions.slopes(at)[0]
+    facets, moments = np.arange(len(side.nodes)), np.zeros_like(normals)
+    facing = side.normals(facets, np.broadcast_to(at, (len(facets), *at.shape)))
+    np.add.at(moments, side.nodes, np.einsum("qk,fqd->fkd", functions, facing))
     size = np.linalg.norm(moments, axis=1)
     held = np.zeros(len(size), dtype=bool) if side.across is None else side.across.any(axis=(1, 2))
-    factor = np.divide(-0.5, size, out=np.zeros_like(size), where=(size > 0) & ~held)[side.nodes] * side.sign[:, None]
-    values = factor[:, :, None, None] * slopes[:, None] * normals[side.nodes][:, :, None]
+    factor = np.divide(-1.0, size, out=np.zeros_like(size), where=(size > 0) & ~held)[side.nodes] * side.sign[:, None]
+    values = (factor[:, :, None] * products)[..., None] * normals[side.nodes][:, :, None]
     return _rows(side.nodes[:, :, None], side.nodes[:, None], values, (len(side.x), len(side.x)))
 
 
@@ -393,7 +399,9 @@ def _pieces(
     turning = sp.csr_array(sum(parts[1:], parts[0]))
     rows = along_facet, shift, sp.csr_array(change), scaled(inclined, turn), turning
     corners = _vertices((slave, master), overlap, directions, mean, turned[0])
-    return _Pieces(shares, *rows, *corners, bending), distance
+    second = master.x[over] * master.functions.curvatures[:, None]
+    curved = np.einsum("qkd,qd->q", second, facing / cosine)
+    return _Pieces(shares, *rows, *corners, bending, curved), distance
 
 
 def _vertices(
@@ -441,13 +449,13 @@ def _vertices(
     across = np.column_stack((-ways[:, 1], ways[:, 0]))
     distance = np.einsum("vd,vd->v", master.x[vertices] - np.einsum("vk,vkd->vd", shape, slave.x[nodes]), ways)
 
-    def inclination(pieces: Indices) -> Array:
-        """The normal of a facet along N^ over that along N."""
-        numbers = overlap.master[pieces]
-        normal = master.normals(numbers, np.full((len(numbers), 1, 1), 0.5))[:, 0]
+    def inclination(rows: Indices) -> Array:
+        """The normal of a facet at its vertex along N^ over that along N."""
+        numbers, end = overlap.master[piece[rows]], np.where(first[rows], 0.0, 1.0)
+        normal = master.normals(numbers, end[:, None, None])[:, 0]
         return np.asarray(np.einsum("vd,vd->v", normal, across) / np.einsum("vd,vd->v", normal, ways))
 
-    kink = inclination(piece[above]) - inclination(piece[below])
+    kink = inclination(above) - inclination(below)
     stretch = np.einsum("vk,vkd->vd", slope, slave.x[nodes]) + distance[:, None] * turns / length
     rate = kink / np.einsum("vd,vd->v", stretch, across)
     row = np.arange(count)

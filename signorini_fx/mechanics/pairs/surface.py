@@ -68,6 +68,12 @@ class Lagrange:
         """Their derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
         return np.array([self._monomials(at, axis) @ self._coefficients for axis in range(self.places.shape[1])])
 
+    @property
+    def curvatures(self) -> Array:
+        """Their second derivatives in an interval, where they are the same everywhere, shape (k,)."""
+        coefficients = self._coefficients
+        return 2.0 * coefficients[2] if self.degree == 2 else np.zeros(len(coefficients))
+
     def rule(self, degree: int) -> tuple[Array, Array]:
         """Points, shape (q, d - 1), and weights of a quadrature on the reference facet."""
         kind = basix.CellType.interval

@@ -2,10 +2,11 @@
 
 Of the solver it takes who carries a point, which facets there are, and which nodes lie in planes of symmetry.  What it
 does otherwise:
-- the places where vertices of the other side are seen are roots of quadratic equations,
+- the places where vertices of the other side are seen are roots of quadratic equations, of curved facets found by
+  bisection,
 - the facet over each point is looked for among all that face it,
-- distances are those of the rays of points and the lines of facets, and the forces of pressures their derivatives by
-  complex steps, so that no formula of the solver's derivatives enters,
+- distances are those of the rays of points and the lines or parabolas of facets, and the forces of pressures their
+  derivatives by complex steps, so that no formula of the solver's derivatives enters,
 - slips are evaluated from the displacements of both ends of the step.
 """
 
@@ -48,6 +49,38 @@ def _cross(a: Any, b: Any) -> Any:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
+# Where changes of sign are looked for along curved facets, and how often what is between is halved.
+_SCANNED, _HALVED = np.linspace(0.0, 1.0, 33), 52
+
+
+def _hats(s: Any, count: int) -> Any:
+    """The functions of the ends of a facet, and of its middle if it has three nodes, shape (..., count)."""
+    if count == 2:
+        return np.stack((1 - s, s), axis=-1)
+    return np.stack(((1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)), axis=-1)
+
+
+def _slopes(s: Any, count: int) -> Any:
+    """Their derivatives."""
+    if count == 2:
+        return np.stack((0 * s - 1, 0 * s + 1), axis=-1)
+    return np.stack((4 * s - 3, 4 * s - 1, 4 - 8 * s), axis=-1)
+
+
+def _meeting(nodes: Array, points: Any, rays: Any) -> Array:
+    """Where rays through points, shape (r, 2), meet facets with these nodes, shape (f, k, 2): places, shape (r, f);
+    outside of [0, 1] they do not.
+    """
+    start, end = nodes[:, 0], nodes[:, 1]
+    bend = 0 * start if nodes.shape[1] == 2 else 2 * (start + end) - 4 * nodes[:, 2]
+    square = _cross(bend, rays[:, None])
+    linear = _cross(end - start - bend, rays[:, None])
+    constant = _cross(start - points[:, None], rays[:, None])
+    root = np.sqrt(np.maximum(linear**2 - 4 * square * constant, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(2 * constant / -(linear + np.where(linear >= 0, root, -root)))
+
+
 @dataclass(frozen=True)
 class Chain:
     """Facets of one side, the same on every rank.
@@ -55,7 +88,8 @@ class Chain:
     Attributes:
         nodes: global numbers, ascending, shape (N,).
         x: their initial positions, length, shape (N, 2).
-        facets: first and second node of each, with the body on the left, numbers of the side, shape (f, 2).
+        facets: first and last node of each, with the body on the left, and of degree 2 the one between, numbers of the
+            side, shape (f, k).
         measure: by what areas are multiplied, at the nodes, between which it is linear along facets, shape (N,).
     """
 
@@ -77,35 +111,53 @@ class Chain:
         positions = node_positions(space)[:, :2]
         listed = []
         for cell, number in facet_entities(mesh, facets):
-            cell_nodes = dofmap.list[cell]
-            a, b = cell_nodes[np.array(dofmap.dof_layout.entity_closure_dofs(1, int(number)))]
+            cell_nodes, layout = dofmap.list[cell], dofmap.dof_layout
+            between = list(layout.entity_dofs(1, int(number)))
+            a, b = cell_nodes[[at for at in layout.entity_closure_dofs(1, int(number)) if at not in between]]
             inside = positions[cell_nodes].mean(axis=0) - positions[a]
-            listed.append((a, b) if _cross(positions[b] - positions[a], inside) > 0 else (b, a))
-        local = np.array(listed, dtype=np.int32).reshape(-1, 2)
-        names = dofmap.index_map.local_to_global(local.ravel()).reshape(-1, 2)
+            ends = (a, b) if _cross(positions[b] - positions[a], inside) > 0 else (b, a)
+            listed.append((*ends, *cell_nodes[between]))
+        count = space.element.basix_element.degree + 1
+        local = np.array(listed, dtype=np.int32).reshape(-1, count)
+        names = dofmap.index_map.local_to_global(local.ravel()).reshape(-1, count)
         names = parallel.gather_rows(mesh.comm, names)
-        places = parallel.gather_rows(mesh.comm, np.asarray(positions[local], dtype=np.float64).reshape(-1, 4))
+        places = parallel.gather_rows(mesh.comm, np.asarray(positions[local], dtype=np.float64).reshape(-1, 2 * count))
         nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
         numbers, measure = numbers.reshape(names.shape).astype(np.int64), np.ones(nodes.size)
         if factor is not None:
-            listed_factors = parallel.gather_rows(mesh.comm, np.asarray(factor[local], dtype=np.float64).reshape(-1, 2))
+            listed_factors = parallel.gather_rows(
+                mesh.comm, np.asarray(factor[local], dtype=np.float64).reshape(-1, count)
+            )
             measure = listed_factors.ravel()[first]
         return cls(nodes.astype(np.int64), places.reshape(-1, 2)[first], numbers, measure)
 
+    @property
+    def width(self) -> int:
+        """How many nodes a facet has."""
+        return int(self.facets.shape[1])
+
     @cached_property
-    def neighbours(self) -> Numbers:
-        """The node before and the node after each, -1: there is none, shape (N, 2)."""
-        neighbours = np.full((self.nodes.size, 2), -1, dtype=np.int64)
-        neighbours[self.facets[:, 1], 0] = self.facets[:, 0]
-        neighbours[self.facets[:, 0], 1] = self.facets[:, 1]
-        return neighbours
+    def beside(self) -> Numbers:
+        """The facet before and the facet behind each, -1: there is none, shape (f, 2)."""
+        ending, beginning = np.full((2, self.nodes.size), -1, dtype=np.int64)
+        ending[self.facets[:, 1]] = beginning[self.facets[:, 0]] = np.arange(len(self.facets))
+        return np.stack((ending[self.facets[:, 0]], beginning[self.facets[:, 1]]), axis=1)
+
+    @cached_property
+    def products(self) -> Array:
+        """Integrals of the functions of a facet times their derivatives, shape (k, k)."""
+        s = (_POINTS + 1) / 2
+        return np.asarray((_hats(s, self.width) * _WEIGHTS[:, None] / 2).T @ _slopes(s, self.width))
+
+    def moments(self, x: Any) -> Any:
+        """The normals of some facets, with nodes at x, shape (m, k, 2), times the functions, integrated, likewise."""
+        along = np.einsum("kl,mld->mkd", self.products, x)
+        return np.stack((along[..., 1], -along[..., 0]), axis=-1)
 
     def normals(self, x: Array) -> Array:
         """Outward unit normals at the nodes where these are at x, shape (N, 2)."""
-        edges = x[self.facets[:, 1]] - x[self.facets[:, 0]]
         sums = np.zeros_like(x)
-        for column in self.facets.T:
-            np.add.at(sums, column, np.column_stack((edges[:, 1], -edges[:, 0])))
+        np.add.at(sums, self.facets, self.moments(x[self.facets]))
         return np.asarray(sums / np.linalg.norm(sums, axis=1, keepdims=True))
 
 
@@ -136,41 +188,67 @@ class Rays:
         return cls(numbers, values, numbers, values, values, values)
 
 
-def _rays(slave: Chain, x: Array, ways: Array, master: Chain, y: Array, reach: float) -> Rays:
-    """All pairs of points that see each other along directions at the nodes of the slave, of length one, shape (N, 2);
-    the nodes of both sides are at x and y.
+def _breaks(positions: Array, directions: Array, vertices: Array) -> Array:
+    """The ends of a facet of the slave, and the places on it that see vertices along directions, ascending.
+
+    Args:
+        positions: of its nodes, shape (k, 2).
+        directions: there, likewise.
+        vertices: shape (v, 2).
     """
-    begin, end = y[master.facets.T]
-    away = end - begin
-    facing = np.column_stack((away[:, 1], -away[:, 0])) / np.linalg.norm(away, axis=1, keepdims=True)
-    columns: list[tuple[Array, ...]] = []
-    for number, (a, b) in enumerate(zip(*map(np.ndarray.tolist, slave.facets.T), strict=True)):
-        along, turn = x[b] - x[a], ways[b] - ways[a]
-        outward = np.array([along[1], -along[0]]) / np.hypot(*along)
-        length = float(np.hypot(*(slave.x[b] - slave.x[a])))
-        seen = np.flatnonzero(facing @ outward < FACING_SIDES)
-        vertices = y[np.unique(master.facets[seen])] - x[a]
+    if len(positions) == 2:
+        along, turn = positions[1] - positions[0], directions[1] - directions[0]
         # (p - s q) x (N_a + s m) = 0
-        square, linear = -_cross(along, turn), _cross(vertices, turn) - _cross(along, ways[a])
-        constant = _cross(vertices, ways[a])
+        away = vertices - positions[0]
+        square, linear = -_cross(along, turn), _cross(away, turn) - _cross(along, directions[0])
+        constant = _cross(away, directions[0])
         root = np.sqrt(np.maximum(linear**2 - 4 * square * constant, 0.0))
         half = -(linear + np.where(linear >= 0, root, -root)) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
             places = np.concatenate((half / square, constant / half))
-        places = np.unique(np.concatenate(([0.0, 1.0], places[(places > 0) & (places < 1)])))
-        for low, high in pairwise(places):
+    else:
+
+        def missed(s: Array, of: Array) -> Array:
+            hats = _hats(s, len(positions))
+            return np.asarray(_cross(of - hats @ positions, hats @ directions))
+
+        values = missed(_SCANNED[None], vertices[:, None])
+        row, first = np.nonzero((values[:, :-1] >= 0) != (values[:, 1:] >= 0))
+        low, high, of = _SCANNED[first], _SCANNED[first + 1], vertices[row]
+        rising = values[row, first + 1] >= 0
+        for _ in range(_HALVED):
+            places = (low + high) / 2
+            above = (missed(places, of) >= 0) == rising
+            low, high = np.where(above, low, places), np.where(above, places, high)
+        places = (low + high) / 2
+    return np.unique(np.concatenate(([0.0, 1.0], places[(places > 0) & (places < 1)])))
+
+
+def _rays(slave: Chain, x: Array, ways: Array, master: Chain, y: Array, reach: float) -> Rays:
+    """All pairs of points that see each other along directions at the nodes of the slave, of length one, shape (N, 2);
+    the nodes of both sides are at x and y.
+    """
+    ends = y[master.facets[:, :2]]
+    away = ends[:, 1] - ends[:, 0]
+    facing = np.column_stack((away[:, 1], -away[:, 0])) / np.linalg.norm(away, axis=1, keepdims=True)
+    columns: list[tuple[Array, ...]] = []
+    for number, nodes in enumerate(slave.facets):
+        positions, directions = x[nodes], ways[nodes]
+        along = positions[1] - positions[0]
+        outward = np.array([along[1], -along[0]]) / np.hypot(*along)
+        seen = np.flatnonzero(facing @ outward < FACING_SIDES)
+        vertices = y[np.unique(master.facets[seen, :2])]
+        for low, high in pairwise(_breaks(positions, directions, vertices)):
             s = low + (high - low) * np.append(0.5, (_POINTS + 1) / 2)
-            points, rays = x[a] + s[:, None] * along, ways[a] + s[:, None] * turn
-            rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                at = _cross(points[:, None] - begin[seen], rays[:, None]) / _cross(away[seen], rays[:, None])
-            hit = (at[0] >= 0) & (at[0] <= 1)
-            for k in np.flatnonzero(hit):
+            hats = _hats(s, slave.width)
+            points, rays = hats @ positions, _unit(hats @ directions)
+            at = _meeting(y[master.facets[seen]], points, rays)
+            stretch = _slopes(s[1:], slave.width) @ slave.x[nodes]
+            area = _WEIGHTS / 2 * (high - low) * np.hypot(*stretch.T) * (hats[1:] @ slave.measure[nodes])
+            for k in np.flatnonzero((at[0] >= 0) & (at[0] <= 1)):
                 over = at[1:, k]
-                apart = begin[seen[k]] + over[:, None] * away[seen[k]] - points[1:]
+                apart = _hats(over, master.width) @ y[master.facets[seen[k]]] - points[1:]
                 distance = np.sum(apart * rays[1:], axis=1)
-                around = (1.0 - s[1:]) * slave.measure[a] + s[1:] * slave.measure[b]
-                area = _WEIGHTS / 2 * (high - low) * length * around
                 size = np.full(over.size, float(number)), np.full(over.size, float(seen[k]))
                 columns.append((size[0], s[1:], size[1], over, distance, area, apart[:, 0], apart[:, 1]))
     if not columns:
@@ -347,9 +425,7 @@ class SlidingClaim:
         forces = np.zeros((names.size, 2))
         nodes, rates = self._rates
         pushing = seen.functions.T @ (np.where(seen.partnered, pressure, 0.0))
-        for k in range(nodes.shape[1]):
-            real = nodes[:, k] >= 0
-            np.add.at(forces, nodes[real, k], -(pushing[:, None] * rates[:, k])[real])
+        np.add.at(forces, nodes, -pushing[:, None, None] * rates)
         drag = (seen.weight * shear)[:, None] * seen.tangent
         forces[:count] += seen.sharing.T @ drag
         forces[count:] -= seen.opposite.T @ drag
@@ -397,12 +473,10 @@ class SlidingClaim:
             float(np.max(np.abs(matrix[seen.partnered].sum(axis=1) - 1.0))) for matrix in (seen.sharing, seen.opposite)
         ]
         nodes, rates = self._rates
-        real = nodes >= 0
         places = np.concatenate((seen.x, seen.y))[nodes] - seen.x.mean(axis=0)
         size = np.ptp(seen.x, axis=0).max()
-        sums = np.where(real[:, :, None], rates, 0.0)
-        errors.append(float(np.max(np.abs(sums.sum(axis=1)))))
-        errors.append(float(np.max(np.abs(_cross(places, sums).sum(axis=1)))) / float(size))
+        errors.append(float(np.max(np.abs(rates.sum(axis=1)))))
+        errors.append(float(np.max(np.abs(_cross(places, rates).sum(axis=1)))) / float(size))
         return parallel.global_max(self.comm, max(errors))
 
     # --- at one displacement ---
@@ -441,8 +515,8 @@ class SlidingClaim:
         sharing, opposite = np.zeros((size, count)), np.zeros((size, master.nodes.size))
         met = (sharing, slave, rays.facet, rays.at), (opposite, master, rays.over, rays.place)
         for matrix, chain, facet, place in met:
-            for values_there, column in ((1.0 - place, 0), (place, 1)):
-                np.add.at(matrix.T, chain.facets[facet, column], (mean * values_there).T)
+            for values_there, nodes in zip(_hats(place, chain.width).T, chain.facets[facet].T, strict=True):
+                np.add.at(matrix.T, nodes, (mean * values_there).T)
         sharing[~partnered, carriers[~partnered]] = 1.0
         normal = sharing @ own_normals - opposite @ other_normals
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -455,7 +529,7 @@ class SlidingClaim:
         functions = np.zeros((slave.nodes.size, rays.at.size))
         for facet in np.unique(rays.facet):
             of_facet = np.flatnonzero(rays.facet == facet)
-            hats = np.stack((1.0 - rays.at[of_facet], rays.at[of_facet]))
+            hats = _hats(rays.at[of_facet], slave.width).T
             area = rays.area[of_facet]
             mass = (hats * area) @ hats.T
             dual = np.diag(mass.sum(axis=1)) @ np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ hats
@@ -464,47 +538,46 @@ class SlidingClaim:
 
     @cached_property
     def _rates(self) -> tuple[Numbers, Array]:
-        """The nodes of both sides that the distance along each ray depends on, -1: none, and its derivatives, with the
-        place on the facet of the slave, and the angles between rays and normals of the slave held; shapes (r, 6) and
-        (r, 6, 2).
+        """The nodes of both sides that the distance along each ray depends on, some of them several times, with parts
+        of its derivatives, of which the place on the facet of the slave, and the angles between rays and normals of the
+        slave are held; shapes (r, n) and (r, n, 2).
         """
         seen, (slave, master), rays = self.present, self.chains, self.present.rays
-        a, b = slave.facets[rays.facet].T
-        c, d = master.facets[rays.over].T
-        before, after = slave.neighbours[a, 0], slave.neighbours[b, 1]
-        count = slave.nodes.size
-        nodes = np.column_stack((before, a, b, after, count + c, count + d))
+        count, width, own = slave.nodes.size, slave.width, slave.facets[rays.facet]
+        sides = slave.beside[rays.facet].T
+        nodes = np.column_stack((own, *(slave.facets[beside] for beside in sides), count + master.facets[rays.over]))
         both = np.concatenate((seen.x, seen.y))
         places = both[nodes].astype(np.complex128)
         normals = self.surface.displaced(self.ends[0][:count]).in_planes(slave.normals(seen.x), np.arange(count))
-        cosine, sine = np.sum(seen.ways * normals, axis=1), _cross(normals, seen.ways)
+        cosine, sine = np.sum(seen.ways * normals, axis=1)[own], _cross(normals, seen.ways)[own]
         in_plane = np.zeros(count, dtype=bool)
         if self.surface.across is not None:
             in_plane |= self.surface.across.any(axis=(1, 2))
+        hats, there = _hats(rays.at, width), [(beside >= 0)[:, None] for beside in sides]
 
-        def way(x: Array, node: Numbers, first: int) -> Array:
-            edges = x[:, first + 1 : first + 3] - x[:, first : first + 2]
-            present = (slave.neighbours[node] >= 0).astype(np.float64)
-            sums = np.einsum("rk,rkd->rd", present, edges)
-            outward = _unit(np.stack((sums[:, 1], -sums[:, 0]), axis=1))
-            outward = np.where(in_plane[node][:, None], normals[node], outward)
-            turned = np.stack((-outward[:, 1], outward[:, 0]), axis=1)
-            return np.asarray(cosine[node][:, None] * outward + sine[node][:, None] * turned)
+        def distance(x: Any) -> Any:
+            sums = slave.moments(x[:, :width])
+            before, behind = (slave.moments(x[:, first : first + width]) for first in (width, 2 * width))
+            sums[:, 0] += there[0] * before[:, 1]
+            sums[:, 1] += there[1] * behind[:, 0]
+            outward = np.where(in_plane[own][..., None], normals[own], _unit(sums))
+            turned = np.stack((-outward[..., 1], outward[..., 0]), axis=-1)
+            ways = cosine[..., None] * outward + sine[..., None] * turned
+            start, ray = np.einsum("rk,rkd->rd", hats, x[:, :width]), _unit(np.einsum("rk,rkd->rd", hats, ways))
+            facet, over = x[:, 3 * width :], rays.place
+            # One step of Newton's method has the derivative of the place.
+            apart = np.einsum("rk,rkd->rd", _hats(over, master.width), facet) - start
+            along = np.einsum("rk,rkd->rd", _slopes(over, master.width), facet)
+            over = over - _cross(apart, ray) / _cross(along, ray)
+            return np.sum((np.einsum("rk,rkd->rd", _hats(over, master.width), facet) - start) * ray, axis=1)
 
-        def distance(x: Array) -> Array:
-            s = rays.at[:, None]
-            start, ray = (1 - s) * x[:, 1] + s * x[:, 2], (1 - s) * way(x, a, 0) + s * way(x, b, 1)
-            ray = _unit(ray)
-            along = x[:, 5] - x[:, 4]
-            return np.asarray(_cross(x[:, 4] - start, along) / _cross(ray, along))
-
-        rates = np.zeros((rays.at.size, 6, 2))
-        for k in range(6):
+        rates = np.zeros((*nodes.shape, 2))
+        for k in range(nodes.shape[1]):
             for component in range(2):
                 stepped = places.copy()
                 stepped[:, k, component] += 1j * _STEP
                 rates[:, k, component] = distance(stepped).imag / _STEP
-        return np.where(nodes < 0, -1, nodes), rates
+        return nodes, rates
 
     def _add_couples(self, forces: Array, drag: Array) -> None:
         """Add the couples of forces at points whose places on both sides are apart, half on each side."""
@@ -542,14 +615,13 @@ class SlidingClaim:
 
 def _at(chain: Chain, values: Array, facets: Numbers, places: Array) -> Array:
     """Values between those at the nodes of a side, at places on facets."""
-    first, second = values[chain.facets[facets].T]
-    return np.asarray((1.0 - places)[:, None] * first + places[:, None] * second)
+    return np.asarray(np.einsum("rk,rkd->rd", _hats(places, chain.width), values[chain.facets[facets]]))
 
 
 def _facets_of(surface: PairSurface, chain: Chain, facets: Numbers) -> Numbers:
     """The numbers that facets of a chain have on a surface of the same nodes."""
-    count = chain.nodes.size
-    names, wanted = (pairs.min(axis=1) * count + pairs.max(axis=1) for pairs in (surface.nodes, chain.facets[facets]))
+    powers = chain.nodes.size ** np.arange(chain.width)
+    names, wanted = (np.sort(nodes, axis=1) @ powers for nodes in (surface.nodes, chain.facets[facets]))
     order = np.argsort(names)
     return np.asarray(order[np.searchsorted(names[order], wanted)])
 
