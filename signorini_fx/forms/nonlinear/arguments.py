@@ -77,11 +77,11 @@ def checked(
             if isinstance(entry, Foundation) and entry.shape is not None and not _flat(entry.shape)
         ]
     if space.mesh.geometry.dim != 2:
-        problems += [
-            (f"contact[{k}]", "bodies that slide on each other need a mesh of the plane, or of r and z")
-            for k, entry in enumerate(contact)
-            if isinstance(entry, Pair)
-        ]
+        reason = (
+            "two bodies slide on each other in the plane or of revolution only: in space it is not worked out yet how "
+        )
+        reason += "their gap changes as normals turn and facets pass"
+        problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if isinstance(entry, Pair)]
     if problems:
         raise FormError(problems)
     return tuple(contact)

@@ -49,8 +49,9 @@ def _cross(a: Any, b: Any) -> Any:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-# Where changes of sign are looked for along curved facets, and how often what is between is halved.
-_SCANNED, _HALVED = np.linspace(0.0, 1.0, 33), 52
+# Where changes of sign are looked for along curved facets, and how often what lies between is halved.
+_SCANNED = np.arange(33) / 32
+_HALVED = 52
 
 
 def _hats(s: Any, count: int) -> Any:
