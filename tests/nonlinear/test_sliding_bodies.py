@@ -287,3 +287,16 @@ def test_space():
     sides = [dmesh.locate_entities_boundary(mesh, 2, lambda x, z=z: np.isclose(x[2], z)) for z in (0.0, 1.0)]
     with pytest.raises(FormError, match=r"contact\[0\]: two bodies slide on each other in the plane or of revolution"):
         NonlinearContactProblem(form, u, contact=Pair(*sides))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("degree", [1, 2])
+def test_bounded_shear(degree):
+    """Friction with a cap, which is what there is for a shear that pressure does not bound: min(F lambda, cap)."""
+    scene = roller(ratio=10.0, cells=(12, 3), around=10, friction=Coulomb(0.8, cap=2.0), algorithm="alm", degree=degree)
+    slid(scene, [(0, -0.1), (0.2, -0.1)])
+    state = scene.problem.state
+    closed = state.in_contact
+    bound = np.minimum(0.8 * state.pressure[closed], 2.0)
+    assert np.count_nonzero(bound == 2.0) > 0
+    assert np.abs(state.shear[closed, 0]) == pytest.approx(bound, rel=1e-6)

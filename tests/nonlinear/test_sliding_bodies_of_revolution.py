@@ -21,6 +21,7 @@ from signorini_fx.mechanics.pairs import sliding
 from signorini_fx.mechanics.pairs.surface import PairSurface
 
 FRICTION = pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
+SLOW = pytest.mark.slow
 
 
 def assembled(form):
@@ -35,9 +36,9 @@ def reaction(scene):
     return residual[scene.nodes[0], 1].sum()
 
 
-@pytest.mark.parametrize("kind", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize("kind", ["quadrilateral", pytest.param("triangle", marks=SLOW)])
 @pytest.mark.parametrize("slave", [0, 1])
-@pytest.mark.parametrize("inner", [0.0, 0.2])
+@pytest.mark.parametrize("inner", [0.0, pytest.param(0.2, marks=SLOW)])
 def test_patch(kind, slave, inner):
     """Two cylinders whose meshes do not match, compressed by two fifths: uniform, in closed form; the tubes as well."""
     scene = cylinders(kind, inner=inner, slave=slave)
@@ -75,7 +76,7 @@ def agrees_with_linear_bodies(scene):
     return linear
 
 
-@FRICTION
+@pytest.mark.parametrize("friction", [pytest.param(None, marks=SLOW), Coulomb(0.3)], ids=["smooth", "rough"])
 @pytest.mark.parametrize("slave", [0, 1])
 def test_linear_limit(friction, slave):
     """A paraboloid on a cylinder."""
@@ -94,6 +95,7 @@ def test_linear_limit_of_half_a_scene():
     assert state.shear[on_plane] == pytest.approx(0.0, abs=1e-12 * state.pressure.max())
 
 
+@pytest.mark.slow
 def test_plane_limit():
     """At radii of 1e6 the forces are those of the plane times 2 pi r, after pressing and sliding with friction."""
     forces = []
@@ -305,7 +307,9 @@ def turned_back(monkeypatch):
     monkeypatch.setattr(sliding, "_turned", lambda side: -turned(side))
 
 
-@pytest.mark.parametrize("spoil", [forgotten, displaced_radius, other_side, turned_back])
+@pytest.mark.parametrize(
+    "spoil", [forgotten, *(pytest.param(way, marks=SLOW) for way in (displaced_radius, other_side, turned_back))]
+)
 def test_the_certificate_sees_what_is_wrong(monkeypatch, spoil):
     """Weights and turning normals of the solver that are not those of rings."""
     spoil(monkeypatch)

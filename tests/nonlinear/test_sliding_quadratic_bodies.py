@@ -19,8 +19,8 @@ def smooth_blocks(kind, slave):
     return blocks(kind, lower=(5, 3), upper=(3, 2), width=1.0, slave=slave, degree=2, **middle)
 
 
-@pytest.mark.parametrize("slave", [0, 1])
-@pytest.mark.parametrize("kind", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize("slave", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", [pytest.param("quadrilateral", marks=pytest.mark.slow), "triangle"])
 @pytest.mark.parametrize("revolved", [False, True])
 def test_patch(revolved, kind, slave):
     """Blocks and cylinders whose meshes do not match, compressed by three tenths: uniform, in closed form."""
@@ -39,7 +39,7 @@ def test_patch(revolved, kind, slave):
         assert across == pytest.approx(across[x[:, 0].argmax()] * x[:, 0], abs=1e-8)
 
 
-@pytest.mark.parametrize("scene_of", [bump, dome])
+@pytest.mark.parametrize("scene_of", [bump, pytest.param(dome, marks=pytest.mark.slow)])
 def test_linear_limit(scene_of):
     """At small loads pairs of linear bodies of degree 2, with friction, in the plane and of revolution."""
     scene = scene_of(height=2e-7, lower=(12, 4), upper=(9, 3), friction=Coulomb(0.3), algorithm="alm", degree=2)
@@ -166,7 +166,9 @@ def hats(monkeypatch):
     )
 
 
-@pytest.mark.parametrize("spoil", [straight, pytest.param(turned_back, marks=pytest.mark.slow), hats])
+@pytest.mark.parametrize(
+    "spoil", [straight, *(pytest.param(way, marks=pytest.mark.slow) for way in (turned_back, hats))]
+)
 def test_the_certificate_sees_what_is_wrong(monkeypatch, spoil):
     """Facets, turning normals and functions of the solver that are not those of curved facets."""
     spoil(monkeypatch)
@@ -176,6 +178,7 @@ def test_the_certificate_sees_what_is_wrong(monkeypatch, spoil):
     assert scene.problem.status is Status.NOT_CERTIFIED
 
 
+@pytest.mark.slow
 def test_curvature_of_facets_is_in_the_tangent(monkeypatch):
     """Without it the same solution takes more iterations."""
     iterations = []
