@@ -2,8 +2,8 @@
 # # A seal is pushed over the tapered end of a shaft
 #
 # Both are bodies of revolution: the forms are multiplied by $2 \pi r$, and `measure` says so of the pair. The rubber
-# ring widens by a quarter while it slides over eight facets of the shaft. On the taper the slope holds it back as well as
-# friction, $F_z / F_r = \tan(\alpha + \arctan F)$; on the cylinder it is friction alone.
+# ring widens by a quarter while it slides over eight facets of the shaft. On the taper the slope holds it back as well
+# as friction, $F_z / F_r = \tan(\alpha + \arctan F)$; on the cylinder it is friction alone.
 
 # %%
 import numpy as np
