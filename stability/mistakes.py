@@ -2309,7 +2309,7 @@ MUTANTS = (
         tests=("krylov::test_a_body_that_its_support_lifts_off",),
     ),
     Mutant(
-        "solving/one_mesh",
+        "algorithms/linear",
         "missing.aypx(-1.0, system.load)",
         "missing.axpby(1.0, 0.0, system.load)",
         "without contact, the start is counted twice",
@@ -3607,9 +3607,9 @@ MUTANTS = (
         tests=("units::test_what_a_solve_cannot_do",),
     ),
     Mutant(
-        "solving/one_mesh",
-        "not finite(system.matrix) or not finite(system.load)",
-        "False",
+        "algorithms/linear",
+        "finite(system.matrix) and finite(system.load)",
+        "True",
         "elasticity alone: forces that are no numbers are called a solution",
         tests=("units::test_forces_that_are_no_numbers_without_contact",),
     ),

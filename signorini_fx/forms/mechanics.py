@@ -101,7 +101,7 @@ class FormMechanics:
         self,
         model: Model,
         displacement: fem.Function,
-        tractions: Tractions,
+        tractions: Tractions | None,
         *,
         law: Law,
         step: float,

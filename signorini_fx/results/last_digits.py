@@ -11,10 +11,28 @@ from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Finding, Status
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.tuned import ROUNDINGS
+from signorini_fx.tuned import LAST_DIGITS, ROUNDINGS
+
+
+def status_by_digits(
+    model: Model, displacement: fem.Function, missing: float, step: float
+) -> tuple[Status, Finding | None]:
+    """Whether a linear solve whose certificate misses by so much has lost digits that no solver has, and why; for the
+    other arguments see ``left_by_last_digits``; collective.
+    """
+    share = left_by_last_digits(model.statement, model.tagged, displacement, step)
+    if not missing <= LAST_DIGITS * share:
+        return Status.NOT_CERTIFIED, None
+    message = (
+        f"cells are too flat or too small beside the body: the last digit of the displacement alone leaves {share:.1g} "
+        f"of the loads, and the solution may be wrong by as much; make the smallest cells larger, and less flat"
+    )
+    return Status.ROUND_OFF, Finding("warning", "mesh", message)
 
 
 def left_by_last_digits(statement: Statement, tagged: TaggedMesh, displacement: fem.Function, step: float) -> float:

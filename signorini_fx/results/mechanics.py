@@ -95,7 +95,7 @@ class StatedMechanics:
         self,
         model: Model,
         displacement: fem.Function,
-        tractions: Tractions,
+        tractions: Tractions | None,
         *,
         law: Law,
         step: float,

@@ -39,9 +39,9 @@ def first_start(
         state: the contact state of a coarser mesh; None: there is none.
         coarser: the coarser mesh with the displacement to begin with; None: there is none.
     """
-    assert body.boundary is not None
     if state is None:
         return start
+    assert body.boundary is not None
     if coarser is not None:
         begin_at_coarse(task, coarser, body)
     return start.begin_from(*carry_over(state, body.boundary))

@@ -31,8 +31,8 @@ class StepProgress:
     Attributes:
         body: at the end of the last one.
         task: its contact problem.
-        first: where the first one starts.
-        end: that of the last one; None: there is none.
+        first: where the first one starts; without contact the next one, with nothing of the last one.
+        end: that of the last one; None: there is none, or no contact.
         results: of all of them.
         ended: how the last one with a solution ended, or the first one, and its data; None: there is none.
         unstored: where the records begin that no stored load step has; None: at the next one.
@@ -56,7 +56,9 @@ class StepProgress:
     def go_on(self, step: LoadStep) -> None:
         """Begin the next load step where this one has ended."""
         result = step.result
-        assert result.contact is not None
+        if result.contact is None:
+            self.first = step.outcome.next_step(step.start)
+            return
         solved = step.outcome, step.start, result.contact, result.displacement
         self.end = StepEnd.of(step.task, *solved, step.last, result.tools)
         self.body = self.body.ended(self.end)
@@ -165,7 +167,8 @@ def _load_step(progress: StepProgress, path: Increments) -> LoadStep:
             when = f"load step {start.step + 1}: " if steps.several else ""
             outcome, reason = explained(begun.body.model, begun.task, begun.start, outcome, when)
         result = begun.body.certified(begun, outcome, solved.joint)
-        result = replace(result, linear_solves=history.linear_solves - solves_before, reason=reason)
+        solves = result.linear_solves + history.linear_solves - solves_before
+        result = replace(result, linear_solves=solves, reason=reason or result.reason)
         ended.append(LoadStep.of(begun, outcome, result))
         return ended[-1]
 

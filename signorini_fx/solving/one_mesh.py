@@ -11,30 +11,24 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.linalg import ElasticSystem, callbacks, finite, options
+from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity
-from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended
-from signorini_fx.algebra.linalg.krylov import KrylovSystem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_data import first_sets
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import discretise, friction_of, placed
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding, History, Status, StepRecord, Timings
+from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.certificate import Certificate, certify
 from signorini_fx.results.certificate.promised_law import overclosures_of
 from signorini_fx.results.functionals import functionals
-from signorini_fx.results.last_digits import left_by_last_digits
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.solving.check.cost import estimated_cost
 from signorini_fx.solving.check.findings import result_findings, scene_findings
@@ -49,8 +43,8 @@ from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stated_places import stated_body
-from signorini_fx.solving.stepped_body import LoadStep, judged, step_result
-from signorini_fx.tuned import LAST_DIGITS, PATH_ERROR_SHARE
+from signorini_fx.solving.stepped_body import LoadStep
+from signorini_fx.tuned import PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.
 AfterStep = Callable[[LoadStep], object]
@@ -70,7 +64,7 @@ def solve_mesh(
     kept: MeshCheckpoint | None = None,
     *,
     with_findings: bool = True,
-) -> tuple[Solution, Task | None, Outcome | None]:
+) -> tuple[Solution, Task, Outcome]:
     """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
     multigrid; ``load`` gives the mesh; ``with_findings``: whether the solution says what is odd about the scene on it.
     """
@@ -87,8 +81,6 @@ def solve_mesh(
     history.move(dofs=model.dofs)
     if history.watchers and history.progress.meshes == 1:
         history.move(end=time.perf_counter() + math.sqrt(math.prod(estimated_cost(model).seconds)))
-    if model.boundary is None:
-        return _solve_linear(model, history, timings), None, None
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
     with timings.phase("iterate"):
@@ -125,7 +117,9 @@ def solve_contact(
             return contact_task(d, history)
 
     body = stated_body(model, timings, renew)
-    progress = all_load_steps(body, task, start, _increments(statement), on_step, level_checkpoint)
+    may_augment = statement.has_coulomb and not overclosures_of(statement)
+    increments = Increments(statement.path, statement.solver, may_augment=may_augment)
+    progress = all_load_steps(body, task, start, increments, on_step, level_checkpoint)
     model, task = progress.body.model, progress.task
     assert progress.ended is not None
     found = _found(model, tuple(progress.results)) if with_findings else tuple
@@ -141,7 +135,7 @@ def contact_solution(
     timings: Timings,
     found: Callable[[], tuple[Finding, ...]],
 ) -> Solution:
-    """What load steps with contact have come to; collective.
+    """What load steps have come to; collective.
 
     Args:
         model: the body at the last load step.
@@ -152,50 +146,29 @@ def contact_solution(
         found: see ``Solution``.
     """
     (outcome, data), shown, values = ended, _shown(steps), None
-    if not task.has_coulomb and data.yielding is None:
-        assert shown.contact is not None
+    parameters = {} if shown.contact is None else used_parameters(outcome, data, shown.strain_energy)
+    if shown.contact is not None and not task.has_coulomb and data.yielding is None:
         values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
-    return replace(
-        _solution(model, steps, task.history, timings, found),
+    return Solution(
+        status=steps[-1].status,
         algorithm=algorithm_name(model.statement, outcome),
+        model=model,
+        displacement=shown.displacement,
+        contact=shown.contact,
         functionals=values,
-        parameters=used_parameters(outcome, data, shown.strain_energy),
+        certificate=shown.certificate,
+        steps=tuple(steps),
+        history=task.history,
+        parameters=parameters,
+        found=found,
+        timings=timings,
         linear_algebra=task.linear_algebra,
     )
-
-
-def _increments(statement: Statement) -> Increments:
-    may_augment = statement.has_coulomb and not overclosures_of(statement)
-    return Increments(statement.path, statement.solver, may_augment=may_augment)
 
 
 def _shown(steps: Sequence[StepResult]) -> StepResult:
     """The last load step with a solution, or the last one."""
     return next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
-
-
-def _solution(
-    model: Model,
-    steps: Sequence[StepResult],
-    history: History,
-    timings: Timings,
-    found: Callable[[], tuple[Finding, ...]],
-) -> Solution:
-    """The load steps as a solution, without what contact adds; collective."""
-    shown = _shown(steps)
-    return Solution(
-        status=steps[-1].status,
-        algorithm="linear",
-        model=model,
-        displacement=shown.displacement,
-        contact=shown.contact,
-        functionals=None,
-        certificate=shown.certificate,
-        steps=tuple(steps),
-        history=history,
-        found=found,
-        timings=timings,
-    )
 
 
 def _found(model: Model, steps: tuple[StepResult, ...]) -> Callable[[], tuple[Finding, ...]]:
@@ -258,92 +231,6 @@ def _doubtful_laws(model: Model, last: StepResult) -> list[Finding]:
     return laws_in_results(friction_of(settled), settled.law, last.contact, settled.scales.modulus)
 
 
-def _solve_linear(model: Model, history: History, timings: Timings) -> Solution:
-    """A scene without contact: one factorisation, one solve per load step, no SNES."""
-    steps: list[StepResult] = []
-    with timings.phase("iterate"):
-        requested = model.statement.solver.linear_algebra
-        elasticity = model.elasticity(model.cases)
-        system, linear_algebra = choose_system(elasticity, model.system_size, requested)
-        ksp = PETSc.KSP().create(system.comm)
-        ksp.setOptionsPrefix(options.PREFIX)
-        ksp.setOperators(system.matrix)
-        system.configure(ksp, symmetric=True)
-        ksp.setFromOptions()
-        x = system.start.copy()
-    statement, path = model.statement, _increments(model.statement)
-    while not path.ended:
-        path_step = path.next
-        if statement.several_steps:
-            history.add(StepRecord(len(steps) + 1, statement.path.name_at(path_step), statement.time_at(path_step)))
-        with timings.phase("iterate"):
-            system.set_load(model.load(system, path_step))
-            status = Status.NOT_HELD
-            if model.motions.free.shape[1] == 0:
-                with options.defaults(system.solver_defaults):
-                    missing, change = system.load.duplicate(), system.load.duplicate()
-                    system.matrix.mult(system.start, missing)
-                    missing.aypx(-1.0, system.load)
-                    status = _status_of(ksp, system, missing, change)
-                    x.waxpy(1.0, system.start, change)
-                if not finite(system.matrix) or not finite(system.load):
-                    status = Status.NOT_FINITE
-        with timings.phase("certify"):
-            displacement = model.function(x)
-            certificate = certify(statement, model.tagged, displacement, None, step=path_step)
-            deformation = deformation_of(model, displacement, model.tagged.size)
-            status, reason = judged(status, certificate, deformation, statement.solver), None
-            if status is Status.NOT_CERTIFIED:
-                status, reason = _named(model, displacement, certificate, path_step)
-        solves = int(status is not Status.NOT_HELD)
-        step = step_result(
-            statement.path, len(steps), path_step, status, displacement, None, certificate, deformation, solves
-        )
-        steps.append(replace(step, reason=reason))
-        if status is Status.CONVERGED:
-            path.advance(solves)
-        elif path.shorten(status, solves):
-            steps.pop()
-        else:
-            break
-    solution = _solution(model, steps, history, timings, _found(model, tuple(steps)))
-    return replace(solution, linear_algebra=linear_algebra)
-
-
-def _status_of(ksp: PETSc.KSP, system: ElasticSystem, load: PETSc.Vec, x: PETSc.Vec) -> Status:
-    """Solve the system, and how that ended; collective.
-
-    Raises:
-        PETSc.Error: a factorisation package has raised an error on several ranks.
-    """
-    try:
-        callbacks.solve(ksp.solve, load, x)
-    except (PETSc.Error, MemoryError) as error:
-        if system.comm.size > 1:  # not all of them may have it
-            raise
-        x.set(0.0)
-        return Status.NO_MEMORY if memory_ended(error) else Status.SINGULAR
-    if ksp.getConvergedReason() > 0:
-        return Status.CONVERGED
-    if factor_lacks_memory(ksp):
-        return Status.NO_MEMORY
-    return Status.LINEAR_SOLVER if isinstance(system, KrylovSystem) else Status.SINGULAR
-
-
-def _named(
-    d: Model, displacement: fem.Function, certificate: Certificate, step: float
-) -> tuple[Status, Finding | None]:
-    """Whether a linear solve without a certificate has lost digits that no solver has, and why; collective."""
-    share = left_by_last_digits(d.statement, d.tagged, displacement, step)
-    if not certificate.worst <= LAST_DIGITS * share:
-        return Status.NOT_CERTIFIED, None
-    message = (
-        f"cells are too flat or too small beside the body: the last digit of the displacement alone leaves {share:.1g} "
-        f"of the loads, and the solution may be wrong by as much; make the smallest cells larger, and less flat"
-    )
-    return Status.ROUND_OFF, Finding("warning", "mesh", message)
-
-
 def contact_task(
     d: Model,
     history: History,
@@ -351,9 +238,7 @@ def contact_task(
     choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
 ) -> Task:
     """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a user-defined algorithm."""
-    assert d.boundary is not None
-    assert d.data is not None
-    factors, (sets, iteration) = d.factors(0), first_sets(d.statement, d.boundary)
+    factors = d.factors(0)
     task = d.task(
         d.cases,
         factors,
@@ -367,7 +252,11 @@ def contact_task(
         has_coulomb=d.statement.has_coulomb,
         history=history,
     )
-    return replace(task, start=replace(task.start, sets=sets, iteration=iteration, factors=factors))
+    start = replace(task.start, factors=factors)
+    if d.boundary is not None:
+        sets, iteration = first_sets(d.statement, d.boundary)
+        start = replace(start, sets=sets, iteration=iteration)
+    return replace(task, start=start)
 
 
 def used_parameters(outcome: Outcome, data: RegularisedData, energy: float) -> dict[str, float]:
@@ -381,6 +270,8 @@ def used_parameters(outcome: Outcome, data: RegularisedData, energy: float) -> d
 
 def algorithm_name(statement: Statement, ended: Outcome) -> str:
     """The algorithms that are used, in the paper's abbreviations."""
+    if ended.newton.linear:
+        return "linear"
     settings = statement.solver
     outer = "ssn" if settings.algorithm == "auto" or ended.regularised else settings.algorithm
     if not statement.has_coulomb:
@@ -393,7 +284,7 @@ def algorithm_name(statement: Statement, ended: Outcome) -> str:
 def _allowed(d: Model) -> Callable[[fem.Function], float] | None:
     """The regularisation error allowed for path-following where it follows the estimated discretisation error."""
     settings = d.statement.solver
-    if (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
+    if d.boundary is None or (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
         return None
     recovery, share = StressRecovery.of(d), PATH_ERROR_SHARE[d.statement.element.degree]
     return lambda y: share * recovery.error(y)

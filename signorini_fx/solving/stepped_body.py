@@ -23,6 +23,7 @@ from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.last_digits import status_by_digits
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.interfaces.protocol import LoadStepStart, solve_step
@@ -63,7 +64,7 @@ class Judge(Protocol):
         self,
         model: Model,
         displacement: fem.Function,
-        tractions: Tractions,
+        tractions: Tractions | None,
         *,
         law: Law,
         step: float,
@@ -119,7 +120,7 @@ class SteppedBody:
         return UncertifiedStep(begun, end.outcome, end.joint, end.reason)
 
     def certified(self, begun: BegunStep, outcome: Outcome, joint: JointPressure | None = None) -> StepResult:
-        """The result of a load step, with the certificate's verdict; its linear solves are not counted yet.
+        """The result of a load step, with the certificate's verdict; recorded linear solves are not counted yet.
 
         Args:
             begun: the load step.
@@ -222,21 +223,23 @@ def certified_result(
     """See ``SteppedBody.certified``; ``begun``: its task, start and last step; collective."""
     (task, start, last), unknowns = begun, outcome.displacement()
     displacement = model.from_rest(task.rest, unknowns)
-    contact = replace(model.state(task, outcome, start), joint=joint)
+    contact = None if model.boundary is None else replace(model.state(task, outcome, start), joint=joint)
     rigid = model.rigid.moved(model.driven(unknowns, task.rest))
     certificate = judge.certified(
         model,
         displacement,
-        Tractions.of(contact),
+        None if contact is None else Tractions.of(contact),
         law=Law(*task.promised(outcome)),
         step=start.place,
         last=last,
         rigid=rigid,
     )
     deformation = deformation_of(model, displacement, model.tagged.size)
-    status = judged(outcome.status, certificate, deformation, model.settings)
-    reached = status, displacement, contact, certificate, deformation
-    return replace(step_result(path, start.step, start.place, *reached), tools=rigid)
+    status, reason = judged(outcome.status, certificate, deformation, model.settings), None
+    if contact is None and status is Status.NOT_CERTIFIED:
+        status, reason = status_by_digits(model, displacement, certificate.worst, start.place)
+    reached = status, displacement, contact, certificate, deformation, outcome.unrecorded
+    return replace(step_result(path, start.step, start.place, *reached), tools=rigid, reason=reason)
 
 
 def step_result(
@@ -248,7 +251,7 @@ def step_result(
     contact: ContactState | None,
     certificate: Certificate,
     deformation: Deformation,
-    linear_solves: int = 0,
+    linear_solves: int,
 ) -> StepResult:
     """The result of a load step; ``number``: of those before it."""
     return StepResult(

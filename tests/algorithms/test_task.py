@@ -4,14 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from mpi4py import MPI
 from test_load_steps import by_force
 
+from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.reactions import reactions
 from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.solving.one_mesh import contact_task
@@ -41,6 +44,33 @@ def test_elastic_slip_of_load_steps(task):
     crept = outcome.next_step(start).elastic_slip
     np.testing.assert_allclose(crept, 0.25 + (shear - start.data.mu_hat) / start.data.gamma_t, rtol=1e-12)
     assert replace(outcome, augmented=True).next_step(start).elastic_slip is None
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_without_contact_points(held):
+    """One linear solve in each load step, from what is prescribed there, without a record or a regularised law; motions
+    that supports leave free are named.
+    """
+    scene = by_force(0.5, nx=9)
+    support = PrescribedDisplacement(boundary="bottom", x=0.25, y=0.0 if held else None)
+    scene = scene.model_copy(update={"contact": (), "displacement": (support,)})
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(d, History())
+    begun, matrix = task.start, sp.csr_array(d.stiffness.getValuesCSR()[::-1]).toarray()
+    for factor in (0.5, 1.0):
+        begun = replace(begun, factors=factor * d.factors(0))
+        outcome = solve_task(task, begun)
+        assert outcome.status is (Status.CONVERGED if held else Status.NOT_HELD)
+        assert (outcome.unrecorded, task.history.linear_solves) == (int(held), 0)
+        if held:
+            load = factor * sum(case.load.getArray(readonly=True) for case in d.cases)
+            exact = np.linalg.solve(matrix, load)
+            x = outcome.displacement().getArray(readonly=True)
+            np.testing.assert_allclose(x, exact, rtol=0, atol=1e-10 * np.abs(exact).max())
+            assert np.abs(x).max() >= factor * 0.25
+        assert task.promised(outcome) == (np.inf, np.inf, 0.0)
+        begun = outcome.next_step(begun)
+    assert begun.step == 2
 
 
 def test_friction_bound_and_slip(task):

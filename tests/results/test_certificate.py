@@ -20,6 +20,7 @@ from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
+from signorini_fx.results import last_digits
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.scenes.mesh import load_mesh
@@ -672,5 +673,5 @@ def test_cells_so_flat_that_the_last_digit_of_the_displacement_is_a_force(monkey
     with pytest.raises(ConvergenceError, match="too flat or too small"):
         raise ConvergenceError(solution)
     # A solver that loses more than that is not excused.
-    monkeypatch.setattr(one_mesh, "LAST_DIGITS", 0.01)
+    monkeypatch.setattr(last_digits, "LAST_DIGITS", 0.01)
     assert twisted(16, 1e-10)[0].status is Status.NOT_CERTIFIED

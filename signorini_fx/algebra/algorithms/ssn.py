@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from petsc4py import PETSc
@@ -69,6 +70,7 @@ class SemismoothNewton:
     Attributes:
         max_iterations: linear solves allowed for one problem.
         start_time: when it was set up, on this rank.
+        linear: whether there is no contact point on any rank, so that one linear solve is all there is to do.
     """
 
     def __init__(
@@ -98,10 +100,12 @@ class SemismoothNewton:
         self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
         generator = np.random.default_rng(problem.points.comm.rank)
         self._keys = generator.integers(0, 2**63, size=(6, problem.points.size), dtype=np.uint64)
-        self.snes = self._create(symmetric)
+        self.linear = self._point_count == 0
 
-    def _create(self, symmetric: bool) -> PETSc.SNES:
-        snes = PETSc.SNES().create(self.problem.points.comm)
+    @cached_property
+    def snes(self) -> PETSc.SNES:
+        """Set up when it is first needed; collective."""
+        symmetric, snes = self._symmetric, PETSc.SNES().create(self.problem.points.comm)
         snes.setOptionsPrefix(options.PREFIX)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setFunction(weakly(self.problem.residual), self._residual)

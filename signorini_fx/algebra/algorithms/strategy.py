@@ -27,6 +27,7 @@ from signorini_fx.algebra.algorithms.continuation import continuation
 from signorini_fx.algebra.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved, share_of_loads
 from signorini_fx.algebra.algorithms.fp import fixed_point
+from signorini_fx.algebra.algorithms.linear import solve_linear
 from signorini_fx.algebra.algorithms.path_following import path_following, path_model
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.attempts import (
@@ -71,6 +72,9 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
         solve_budget: linear solves allowed; None: those of ``step_limit``.
     """
     task.iterate.begin_step(start)
+    if task.iterate.newton.linear:
+        status = solve_linear(task)
+        return replace(_without_contact(task, start.data, status), unrecorded=int(status is not Status.NOT_HELD))
     if task.settings.algorithm == "alm":
         data = start.data
         enough = with_enough_digits(data, automatic_gamma(task))
@@ -215,7 +219,7 @@ def _stay(task: Task, start: Start) -> Outcome:
 
 
 def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
-    """The outcome of a problem without any linear solve: no contact, hence no traction."""
+    """The outcome of a problem without contact, hence without tractions, at the iterate."""
     newton = task.iterate.newton
     newton.pose(data, ActiveSets.of(~task.motions.points.everywhere, np.zeros_like(data.mu_hat)))
     return Outcome(status, newton, data)

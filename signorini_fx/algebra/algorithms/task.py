@@ -21,7 +21,7 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.resting_place import RestingMotion, resting_place
 from signorini_fx.algebra.contact.state import PointState
-from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.algebra.linalg import ElasticSystem, options
 from signorini_fx.algebra.method import Settings
 from signorini_fx.algebra.problem.exact import ExactProblem
 from signorini_fx.algebra.problem.problem import Problem
@@ -83,6 +83,7 @@ class Outcome:
         augmented: whether augmentation was used as a fall-back, so that there is no regularisation error.
         regularised: whether ``ssn`` was used as a fall-back of ``alm``, so that there is one.
         regularisation_error: the estimate of path-following, in the energy norm; None where it did not run.
+        unrecorded: linear solves that the history has no records of: those without contact points.
     """
 
     status: Status
@@ -92,6 +93,7 @@ class Outcome:
     augmented: bool = False
     regularised: bool = False
     regularisation_error: float | None = None
+    unrecorded: int = 0
 
     @property
     def problem(self) -> Problem:
@@ -239,6 +241,8 @@ class Task:
         """(gamma_1, gamma_2) of the contact law that a result promises to satisfy, infinite: without regularisation;
         and the largest finite gamma that its tractions were computed with, 0: none.
         """
+        if outcome.newton.linear:
+            return np.inf, np.inf, 0.0
         gammas = outcome.problem.data.gamma_n, outcome.problem.data.gamma_t
         penalty = max((gamma for gamma in gammas if np.isfinite(gamma)), default=0.0)
         if outcome.augmented or (self.settings.algorithm in ("alm", "exact") and not outcome.regularised):
@@ -297,6 +301,16 @@ class Iterate:
     def newton(self) -> SemismoothNewton:
         """The inner method on the regularised problem."""
         return self._newton(RegularisedProblem(self._system, self._motions), self.x)
+
+    @cached_property
+    def linear_solver(self) -> PETSc.KSP:
+        """What solves without contact points."""
+        ksp = PETSc.KSP().create(self._system.comm)
+        ksp.setOptionsPrefix(options.PREFIX)
+        ksp.setOperators(self._system.matrix)
+        self._system.configure(ksp, symmetric=True)
+        ksp.setFromOptions()
+        return ksp
 
     @cached_property
     def unsymmetric_newton(self) -> SemismoothNewton:

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
@@ -78,6 +79,13 @@ class FreeMotions:
     assembly: npt.NDArray[np.int64]
     of_point: npt.NDArray[np.int64]
     groups: PointGroups
+
+    @classmethod
+    def without_contact(cls, comm: MPI.Comm, dimension: int, assembly: npt.NDArray[np.int64]) -> FreeMotions:
+        """Those of a body without contact points; ``assembly``: see above; collective."""
+        points = ContactPoints.none(comm, dimension)
+        nothing, groups = np.zeros(0, dtype=np.int64), PointGroups.of(points, points.everywhere[:, None])
+        return cls(points, np.empty((0, dimension, assembly.size)), assembly, nothing, groups)
 
     @classmethod
     def of(cls, contact: ContactMap, modes: Sequence[PETSc.Vec]) -> FreeMotions:

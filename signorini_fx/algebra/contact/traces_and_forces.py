@@ -48,8 +48,7 @@ class ContactMap:
         """That of a body without contact points, with the layout of its matrix; collective."""
         operator = PETSc.Mat().createAIJ(((0, None), matrix.getSizes()[1]), nnz=0, comm=matrix.comm)
         operator.assemble()
-        empty = np.empty((0, dimension, dimension))
-        return cls(operator, ContactPoints(matrix.comm.tompi4py(), empty[:, 0, 0], empty, empty[:, 0]), fixed)
+        return cls(operator, ContactPoints.none(matrix.comm.tompi4py(), dimension), fixed)
 
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""

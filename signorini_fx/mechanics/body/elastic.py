@@ -162,19 +162,21 @@ class ElasticBody:
         return without_energy(motions, matrix, partial(vector_like, matrix))
 
     @shared_in("of_contact")
-    def at_contact(self) -> FreeMotions | None:
-        """The free motions at the contact points; None: there are none."""
-        return None if self.boundary is None else self.motions.at(self.boundary)
+    def at_contact(self) -> FreeMotions:
+        """The free motions at the contact points."""
+        if self.boundary is None:
+            return FreeMotions.without_contact(self.comm, self.dimension, self.motions.assembly)
+        return self.motions.at(self.boundary)
 
     @property
     def system_size(self) -> SystemSize:
         """The figures that decide which kind of elastic system it gets."""
         return self._size(self.at_contact)
 
-    def _size(self, at_contact: FreeMotions | None) -> SystemSize:
+    def _size(self, at_contact: FreeMotions) -> SystemSize:
         """The same, with these motions at the contact points."""
         retained, held, across = 0, False, int(self.space.mesh.topology.dim)
-        if self.boundary is not None and at_contact is not None:
+        if self.boundary is not None:
             reached = parallel.gather_rows(self.comm, np.unique(self.boundary.reached))
             retained = self.dimension * int(np.unique(reached).size)
             everywhere: Any = self.boundary.points.everywhere
@@ -373,7 +375,7 @@ class ElasticBody:
         self,
         cases: Sequence[LoadCase],
         factors: Array,
-        data: RegularisedData,
+        data: RegularisedData | None,
         law: PointFriction | None,
         *,
         coarser: MeshLevel | None = None,
@@ -386,7 +388,7 @@ class ElasticBody:
         Args:
             cases: loads and prescribed displacements.
             factors: of each of them to begin with.
-            data: gap and bilateral contact at the contact points.
+            data: gap and bilateral contact at the contact points; None: there are none.
             law: of friction; None: there is none.
             coarser: coarser meshes for multigrid.
             allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
@@ -394,7 +396,6 @@ class ElasticBody:
             choose: the elastic system, and the reason for its kind.
             options: natural_gamma, coordinate_error, has_coulomb and history, see ``Task``.
         """
-        assert self.at_contact is not None
         system, reason = choose(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
         if self._fit_for_blocks and self._no_blocks is not None:
             reason = f"{reason}; its products are slower than by blocks: {self._no_blocks}"
@@ -408,9 +409,9 @@ class ElasticBody:
         return Task.of(
             system,
             self.at_contact,
-            data.gap,
+            np.empty(0) if data is None else data.gap,
             law,
-            bilateral=data.bilateral,
+            bilateral=None if data is None else data.bilateral,
             settings=Settings.of(self.settings),
             linear_algebra=reason,
             goal=goal,

@@ -110,7 +110,6 @@ class EnteringLoads(Interface):
     def _press(self, d: Model, task: Task, pressure: Array) -> None:
         """Put pressures at the contact points, shape (n,), on the body: on both bodies where two touch each other."""
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        assert d.at_contact is not None
         d.contact.add_forces(-pressure, np.zeros((pressure.size, d.dimension - 1)), load)
         case = LoadCase(load, start, work_on_motions(d.at_contact, pressure))
         number = next(k for k, applied in enumerate(d.applied) if applied.entry is self._first)
