@@ -196,7 +196,7 @@ class Increments:
         at = self.at
         if not self._divisible or at.failed is None:
             return None
-        held = "without any load" if at.reached < 0 else f"at time {self._time(at.reached):.6g}"
+        held = "without any load" if at.reached == self._begin.reached else f"at time {self._time(at.reached):.6g}"
         text = f"there is a solution {held}, and none at time {self._time(at.failed):.6g}"
         closed = at.failed - at.reached <= self._enclosed
         return text if closed else f"{text}; smaller increments would take more linear solves than they may"

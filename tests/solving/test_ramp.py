@@ -561,6 +561,28 @@ def test_without_contact(tmp_path):
     assert (tmp_path / "deformed.gif").is_file()
 
 
+def test_a_ramp_without_contact_says_where_it_ends():
+    """At the load at which the deformation reaches its limit: it is proportional to the load; there is no other record
+    of the attempts beyond it.
+    """
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 6, "ny": 2}},
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}],
+        "traction": [{"boundary": "top", "y": -4000.0}],
+        "load_steps": {"steps": 4},
+    }
+    solution = alone(parse_scene(scene), check=False)
+    held, failed = solution.steps[-2:]
+    assert failed.status is Status.TOO_LARGE
+    limit = held.time * solution.statement.solver.largest_deformation / held.deformation.largest
+    assert held.time <= limit < failed.time < 1.1 * limit
+    expected = f"there is a solution at time {held.time:.6g}, and none at time {failed.time:.6g}"
+    assert solution.history.events[-1].startswith(f"the ramp ends: {expected}")
+    assert {step.linear_solves for step in solution.steps} == {1}
+    assert solution.history.linear_solves == 0
+
+
 def test_exit_code_tells_of_the_failure(tmp_path, capsys):
     """And the message says what the results are of."""
     file = tmp_path / "scene.toml"
