@@ -28,7 +28,7 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.price_list import price_list
 from signorini_fx.scenes.hierarchy import scene_on
-from signorini_fx.scenes.mesh_sequence import SceneMesh, meshes_of
+from signorini_fx.scenes.mesh_sequence import meshed_scene, meshes_of
 from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 
@@ -46,7 +46,7 @@ def one_after_the_other(scenes) -> list[SolvedMesh]:
     """Nested iteration: each mesh from the contact state of the one before."""
     history, state, found = History(), None, []
     for number, scene in enumerate(scenes):
-        found.append(SceneMesh(scene, MPI.COMM_SELF, history).solved(number, state, None))
+        found.append(meshed_scene(scene, MPI.COMM_SELF, history).solved(number, state, None))
         state = found[-1].solution.contact
     return found
 

@@ -25,7 +25,7 @@ from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scenes.mesh_sequence import SceneMesh
+from signorini_fx.scenes.mesh_sequence import meshed_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
 
@@ -294,7 +294,7 @@ def reference(one: RandomScene, halvings: int = 30, unknowns: int = 60_000) -> t
         tagged = refine(tagged, touching(tagged.mesh, one.points))
     scene, found, history = on(one, 1.0, 2), [], History()
     while not found or found[-1].model.dofs < unknowns:
-        solved = SceneMesh(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history).solved(
+        solved = meshed_scene(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history).solved(
             len(found), None, None
         )
         if solved.errors is None:
@@ -338,7 +338,7 @@ def _divided(one: RandomScene, fine: Reference, degree: int, of: str) -> list[di
     history, work, seconds, found = History(), 0.0, 0.0, []
     for number in range(MESHES):
         begin = time.process_time()
-        solved = SceneMesh(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history).solved(
+        solved = meshed_scene(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history).solved(
             number, state, None
         )
         if solved.errors is None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from dolfinx import mesh as dmesh
 
@@ -21,50 +21,36 @@ from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.mechanics.statement.load_steps import LoadPath
-from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.accuracy.error_estimates import Errors
-from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.accuracy.pressure_error import polygon_error
-from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.solving import nested, to_accuracy
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.first_start import CoarserMesh
-from signorini_fx.solving.meshed_problem import SolvedMesh, measured
+from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.solving.restart import MeshCheckpoint
-
-if TYPE_CHECKING:
-    pass
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
-class FormMesh:
-    """A ``ContactProblem`` on one of several meshes, see ``MeshedProblem``.
+class FormsOnMesh:
+    """What makes a ``ContactProblem`` on a mesh.
 
     Attributes:
         make: makes it on a mesh; with load steps, and what changes it to what it is at a time.
-        family: makes a mesh with cells so many times as small as those of the first one; None: its cells are divided.
         tagged: the mesh.
         plain: whether ``make`` takes a mesh of dolfinx.
         path: the load steps.
-        history: of all meshes.
-        stored: the checkpoint; None: there is none.
-        changed: how it is solved, in place of what ``make`` says; None: as it says.
     """
 
     make: Make
-    family: Callable[[int], AnyMesh] | None
     tagged: TaggedMesh
     plain: bool
     path: LoadPath
-    history: History
-    stored: Checkpoint | None = None
-    changed: SolverSettings | None = None
 
     @cached_property
     def made(self) -> tuple[ContactProblem, Clock]:
@@ -80,97 +66,45 @@ class FormMesh:
         if (at is None) is self.path.several:
             wanted = "(problem, at), as run takes at" if self.path.several else "the problem alone without a path"
             raise FormError([("make", f"must return {wanted}")], "make")
-        solver = problem.assembled
-        solver.history = self.history
-        if self.changed is not None:
-            solver.settings = self.changed
-            solver.foundations.check_driven(self.changed.algorithm)
         return problem, Clock((lambda time: None) if at is None else at)
-
-    @property
-    def problem(self) -> ContactProblem:
-        """On this mesh; collective."""
-        return self.made[0]
 
     @property
     def solver(self) -> FormSolver:
         """Of this problem; collective."""
-        return self.problem.assembled
+        return self.made[0].assembled
 
-    @property
-    def settings(self) -> SolverSettings:
-        """See ``MeshedProblem``."""
-        return self.problem.settings
-
-    @property
-    def degree(self) -> int:
-        """See ``MeshedProblem``."""
-        return int(self.solver.space.element.basix_element.degree)
-
-    @property
-    def paired(self) -> bool:
-        """See ``MeshedProblem``."""
-        return any(isinstance(contact, Pair) for contact in self.problem.contact)
-
-    @property
-    def estimable(self) -> bool:
-        """Whether its errors can be estimated."""
-        forms = self.solver.forms
-        return forms.stress is not None and not forms.weighted
-
-    @property
-    def may_begin_finer(self) -> bool:
-        """The first mesh is the user's."""
-        return False
-
-    def beginning_finer(self) -> FormMesh:
-        """See ``may_begin_finer``."""
-        return self
-
-    def keeping(self, solved: SolvedMesh) -> FormMesh:
-        """The contact points stay where ``make`` puts them."""
-        return self
-
-    def with_settings(self, settings: SolverSettings) -> FormMesh:
-        """See ``MeshedProblem``."""
-        return replace(self, changed=settings)
-
-    def divided(self, times: int) -> FormMesh:
-        """See ``MeshedProblem``."""
-        assert self.family is not None
-        return self.on(_tagged(self.family(times)))
-
-    def on(self, tagged: TaggedMesh) -> FormMesh:
-        """See ``MeshedProblem``."""
+    def on(self, tagged: TaggedMesh) -> FormsOnMesh:
+        """The same on another mesh."""
         return replace(self, tagged=tagged)
 
-    def halved(self) -> FormMesh:
-        """On cells half as large, all of them divided; collective."""
-        return self.on(refine(self.tagged))
 
-    def polygon_error(self, level: LevelResult, last: float | None) -> float:
-        """See ``MeshedProblem``."""
-        if self.family is not None:
-            return 0.0
-        return polygon_error(level.table, self.solver.scales.modulus) if last is None else last
+def _solved(
+    problem: MeshedProblem[FormsOnMesh],
+    state: ContactState | None,
+    coarser: MeshLevel | None,
+    checkpoint: MeshCheckpoint | None,
+    step_errors: list[Errors],
+) -> SolvedMesh:
+    """See ``MeshedProblem``."""
+    forms = problem.source if problem.changed is None else replace(problem.source)  # which may have been solved
+    (made, clock), solver, path = forms.made, forms.solver, forms.path
+    solver.history = problem.history
+    if problem.changed is not None:
+        solver.settings = problem.changed
+        solver.foundations.check_driven(problem.changed.algorithm)
+    solver.coarser = CoarserMesh(coarser, state, None if path.several else coarser)
 
-    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh:
-        """See ``MeshedProblem``."""
-        problem, clock = self.made
-        problem.assembled.coarser = CoarserMesh(coarser, state, None if self.path.several else coarser)
+    def estimate(result: StepResult) -> None:
+        if _estimable(solver):
+            step_errors.append(made.errors)
 
-        def solve(step_errors: list[Errors]) -> SolvedMesh:
-            def estimate(result: StepResult) -> None:
-                if self.estimable:
-                    step_errors.append(problem.errors)
+    solution = solution_of(solver, path, solve_path(solver, path, clock, estimate, checkpoint))
+    return SolvedMesh(solution, forms.tagged, solver.elastic, solver.task, solver.scales.modulus, solver.outcome)
 
-            checkpoint = None if self.stored is None else MeshCheckpoint(self.stored, number)
-            solver = problem.assembled
-            progress = solve_path(solver, self.path, clock, estimate, checkpoint)
-            solution = solution_of(solver, self.path, progress)
-            return SolvedMesh(solution, self.tagged, solver.elastic, solver.task, solver.outcome)
 
-        return measured(number, self.history, self.tagged.mesh.comm, solve)
+def _estimable(solver: FormSolver) -> bool:
+    """Whether errors can be estimated."""
+    return solver.forms.stress is not None and not solver.forms.weighted
 
 
 def solve_nested(
@@ -214,16 +148,16 @@ def solve_nested(
         raise FormError([("restart", "needs the folder of the checkpoint")], "solve_nested")
     first = _first(make, mesh, path, observers)
     if folder is not None:
-        first = replace(first, stored=checkpoint_of(first.solver, folder, first.path, restart=restart))
+        first = replace(first, stored=checkpoint_of(first.source.solver, folder, first.source.path, restart=restart))
 
     def problems() -> Any:
         problem = first
         for number in range(levels):
             if number > 0:
-                problem = problem.halved() if problem.family is None else problem.divided(2**number)
+                problem = problem.divided(2**number) if callable(mesh) else problem.on(refine(problem.source.tagged))
             yield problem
 
-    return _checked(nested.solve_nested(problems(), levels, first.tagged.mesh.comm, first.history, on_level))
+    return _checked(nested.solve_nested(problems(), levels, first.comm, first.history, on_level))
 
 
 def solve_to_accuracy(
@@ -255,9 +189,9 @@ def solve_to_accuracy(
         MeshError: the cells cannot be divided.
     """
     first = _first(make, mesh, path, observers)
-    adaptive, made, comm = accuracy.refinement == "adaptive", first.family is not None, first.tagged.mesh.comm
+    adaptive, made, comm = accuracy.refinement == "adaptive", callable(mesh), first.comm
     wrong = []
-    if not first.estimable:
+    if not _estimable(first.source.solver):
         wrong.append(("stress", "is needed for an accuracy: errors are estimated from stresses, without a measure"))
     if accuracy.certified:
         wrong.append(("accuracy.certified", "is for scenes: ask the result for error_bound"))
@@ -279,16 +213,27 @@ def _first(
     mesh: AnyMesh | Callable[[int], AnyMesh],
     path: LoadPath | Sequence[float] | None,
     observers: Sequence[Observer],
-) -> FormMesh:
+) -> MeshedProblem[FormsOnMesh]:
     """The problem on the coarsest mesh; collective."""
-    family = mesh if callable(mesh) else None
     coarsest = mesh(1) if callable(mesh) else mesh
     tagged = _tagged(coarsest)
-    if family is None:
+    if not callable(mesh):
         check_divisible(tagged)
     steps = LoadPath((0.0,)) if path is None else path if isinstance(path, LoadPath) else LoadPath(tuple(path))
-    history = History(observers=list(observers))
-    return FormMesh(make, family, tagged, not isinstance(coarsest, TaggedMesh), steps, history)
+    forms, history = FormsOnMesh(make, tagged, not isinstance(coarsest, TaggedMesh), steps), History()
+    forms.solver.history, history.observers = history, list(observers)
+    return MeshedProblem(
+        source=forms,
+        comm=tagged.mesh.comm,
+        history=history,
+        degree=int(forms.solver.space.element.basix_element.degree),
+        paired=any(isinstance(contact, Pair) for contact in forms.solver.contact),
+        stated=lambda source: source.solver.settings,
+        solve=_solved,
+        on_cells=FormsOnMesh.on,
+        divide=(lambda source, _, times: source.on(_tagged(mesh(times)))) if callable(mesh) else None,
+        polygonal=not callable(mesh),
+    )
 
 
 def _tagged(mesh: Any) -> TaggedMesh:

@@ -21,7 +21,7 @@ from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.hierarchy import coarser_scenes
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.mesh_sequence import SceneMesh, meshes_of
+from signorini_fx.scenes.mesh_sequence import meshed_scene, meshes_of
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
@@ -160,7 +160,7 @@ def _solve_nested(
 ) -> Solution:
     """See ``solve_nested``."""
     shown = [on_level is not None or scene is scenes[-1] for scene in scenes]
-    meshes = [SceneMesh(scene, comm, history, stored, shown=each) for scene, each in zip(scenes, shown, strict=True)]
+    meshes = [meshed_scene(scene, comm, history, stored, shown=each) for scene, each in zip(scenes, shown, strict=True)]
     return solve_nested(meshes, len(meshes), comm, history, on_level or _nobody)
 
 

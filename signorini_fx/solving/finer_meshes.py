@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 from math import ceil, inf
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
@@ -46,9 +45,6 @@ class Meshes:
         adaptive: whether triangles or tetrahedra are divided where the error is large.
         made: whether meshes are made anew; otherwise all cells, or some, are divided.
         any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are halved.
-        remake: makes the problem on a mesh with other cells, from the last mesh, the lengths of the cells that take the
-            place of its cells and how many times finer the mesh may become, and says how many there are; None: the
-            cells where the error is large are divided.
 
     Attributes:
         problem: on the mesh that is to be solved next.
@@ -61,20 +57,19 @@ class Meshes:
 
     def __init__(
         self,
-        problem: MeshedProblem,
+        problem: MeshedProblem[Any],
         goal: Accuracy,
         comm: MPI.Comm,
         *,
         adaptive: bool,
         made: bool,
         any_jump: bool,
-        remake: Callable[[Any, TaggedMesh, npt.NDArray[np.float64], float], tuple[Any, int]] | None = None,
     ) -> None:
-        self._comm, self._made, self._remake = comm, made, remake
+        self._comm, self._made = comm, made
         self._of: str = DIVIDED_FOR.get(goal.of, goal.of)  # the quantity for which cells are marked
         self.adaptive: bool = adaptive
         self.any_jump: bool = any_jump
-        self.remade: bool = remake is not None
+        self.remade: bool = problem.remake is not None
         settings = problem.settings
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
         self._regularised: SolverSettings | None = None  # where nothing else works
@@ -82,8 +77,8 @@ class Meshes:
             # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.  Between
             # two bodies "exact" is not possible.
             self._regularised = settings
-            problem = problem.with_settings(settings.model_copy(update={"algorithm": "exact"}))
-        self.problem: MeshedProblem = problem
+            problem = replace(problem, changed=settings.model_copy(update={"algorithm": "exact"}))
+        self.problem: MeshedProblem[Any] = problem
         self._divisions = 1
         self._coarser: MeshLevel | None = None
         self.seconds: float = 0.0
@@ -103,10 +98,10 @@ class Meshes:
                 solved = self.problem.solved(number, state, self._coarser)
                 self._coarser = solved.body.level(self._coarser)
                 apart = solved.level is None and self.problem.paired and not _used_up(solved)
-                if number > 0 or not apart or not self.problem.may_begin_finer:
+                if number > 0 or not apart or not self.problem.coarsest > 1:
                     return solved
             except (SceneError, MeshError):
-                if number > 0 or not self.problem.may_begin_finer:
+                if number > 0 or not self.problem.coarsest > 1:
                     raise
             self.problem = self.problem.beginning_finer()
 
@@ -117,11 +112,11 @@ class Meshes:
             return self._solved(state, number)
         try:
             solved = self._solved(state, number)
-            if solved.level is not None or solved.task is None or _used_up(solved):
+            if solved.level is not None or _used_up(solved):
                 return solved
         except SceneError:
             solved = None
-        self._regularised, self.problem = None, self.problem.with_settings(regularised)
+        self._regularised, self.problem = None, replace(self.problem, changed=regularised)
         try:
             return self._solved(state, number)
         except SceneError:
@@ -134,7 +129,7 @@ class Meshes:
         because of the nodes ``touching``, so many times that they are enough.
         """
         if not self.any_jump:
-            return fineness_of(2.0, dimension) if self.adaptive and self._remake is None else 2.0
+            return fineness_of(2.0, dimension) if self.adaptive and not self.remade else 2.0
         if excess == inf:
             resolving = (FEW_NODES / max(touching, 1)) ** (1 / (dimension - 1))
             return float(np.clip(resolving, 2.0, LARGEST_JUMP[dimension]))
@@ -152,13 +147,14 @@ class Meshes:
     def refine(self, solved: SolvedMesh, excess: float, jump: float) -> None:
         """Make the next mesh, of cells made anew at most ``jump`` times finer on average over the body."""
         begin = parallel.clock(self._comm)
-        if self._remake is not None:
+        if (remake := self.problem.remake) is not None:
             assert solved.errors is not None
             last, dim = solved.tagged, solved.tagged.dimension
             squares, lengths = solved.errors.squares[self._of], lengths_of_cells(last)
             factor = float(np.clip(excess, *FALL_OF_ERROR))
             lengths = shorter_lengths(self._comm, squares, lengths, factor, self.problem.degree, dim, jump)
-            self.problem, count = self._remake(self.problem, last, lengths, jump)
+            source, count = remake(self.problem.source, last, lengths, jump)
+            self.problem = replace(self.problem, source=source)
             self.finer = fineness_of(count / last.mesh.topology.index_map(dim).size_global, dim)
         elif self._made:
             # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
@@ -212,7 +208,7 @@ class Meshes:
             allowed = inf if settings.regularisation_error == "auto" else settings.regularisation_error
             # With Coulomb friction its own figure is that of the start: halving, at least, comes to an end.
             update = {"regularisation_error": min(allowed, regularisation_error) / max(factor, 2.0)}
-        self.problem = self.problem.with_settings(settings.model_copy(update=update))
+        self.problem = replace(self.problem, changed=settings.model_copy(update=update))
 
 
 def _used_up(solved: SolvedMesh) -> bool:

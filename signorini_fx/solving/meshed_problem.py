@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self
+from typing import Any, Generic, Self, TypeVar
 
+import numpy as np
+import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
@@ -19,8 +21,13 @@ from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
 from signorini_fx.results.accuracy.level_results import level_result
 from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.accuracy.price_list import peak_memory
+from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import Solution
+from signorini_fx.solving.restart import MeshCheckpoint
+
+P = TypeVar("P")
 
 
 @dataclass(frozen=True)
@@ -31,7 +38,8 @@ class SolvedMesh:
         solution: how it ended.
         tagged: the mesh.
         body: on it.
-        task: the contact problem; None without one.
+        task: the contact problem.
+        modulus: the largest one of the plane problem, stress.
         outcome: how it ended; None where it has no solution.
         sides: which boundaries have the contact points, and which are opposite.
         level: errors and cost of the mesh; None where it has no solution, or no estimate.
@@ -41,7 +49,8 @@ class SolvedMesh:
     solution: Solution
     tagged: TaggedMesh
     body: ElasticBody
-    task: Task | None
+    task: Task
+    modulus: float
     outcome: Outcome | None = None
     sides: Any = None
     level: LevelResult | None = None
@@ -53,100 +62,118 @@ class SolvedMesh:
         return self.solution.steps[0].contact
 
 
-class MeshedProblem(Protocol):
-    """A problem that can be solved on other meshes; what is changed is another one."""
+@dataclass(frozen=True)
+class MeshedProblem(Generic[P]):
+    """A problem on one of several meshes; what is changed is another one.
+
+    Scenes and forms differ in how the model of a mesh is made, and how meshes are: functions of ``source`` do it.
+
+    Attributes:
+        source: what the model is made of: a scene with this mesh, or forms on it.
+        comm: the ranks that share the work.
+        history: of all meshes.
+        degree: of the displacement.
+        paired: whether two bodies are in contact somewhere.
+        stated: how a source says that it is solved.
+        solve: solves this from the contact state of a coarser mesh, with coarser meshes as levels of multigrid, and
+            with a checkpoint, each None where there is none; errors of each load step are appended; collective.
+        on_cells: the source on another mesh.
+        divide: on a mesh that is made anew, from the source, ``coarsest`` and the times by which cells are smaller than
+            those of the first one.
+        keep: the source with what was chosen on the first mesh.
+        remake: on cells that gmsh makes anew, and how many there are, see ``finer_meshes.Meshes``; None: it does not.
+        coarsest: how many times larger than those that were stated the cells of the first mesh are.
+        polygonal: whether straight facets stay although the shape may be curved.
+        in_parts: whether some of several bodies may be made anew on true arcs.
+        stored: the checkpoint; None: there is none.
+        changed: how it is solved in place of what the source says; None: as it says.
+    """
+
+    source: P
+    comm: MPI.Comm
+    history: History
+    degree: int
+    paired: bool
+    stated: Callable[[P], SolverSettings]
+    solve: Callable[
+        [MeshedProblem[P], ContactState | None, MeshLevel | None, MeshCheckpoint | None, list[Errors]], SolvedMesh
+    ]
+    on_cells: Callable[[P, TaggedMesh], P]
+    divide: Callable[[P, float, int], P] | None = None
+    keep: Callable[[P, SolvedMesh], P] = lambda source, solved: source
+    remake: Callable[[P, TaggedMesh, npt.NDArray[np.float64], float], tuple[P, int]] | None = None
+    coarsest: float = 1.0
+    polygonal: bool = False
+    in_parts: bool = False
+    stored: Checkpoint | None = None
+    changed: SolverSettings | None = None
 
     @property
     def settings(self) -> SolverSettings:
         """How it is solved."""
-        ...
-
-    @property
-    def degree(self) -> int:
-        """Of the displacement."""
-        ...
-
-    @property
-    def paired(self) -> bool:
-        """Whether two bodies are in contact somewhere."""
-        ...
-
-    def with_settings(self, settings: SolverSettings, /) -> Self:
-        """The same, solved in another way."""
-        ...
-
-    @property
-    def may_begin_finer(self) -> bool:
-        """Whether its first mesh may be a finer one."""
-        ...
+        return self.stated(self.source) if self.changed is None else self.changed
 
     def beginning_finer(self) -> Self:
-        """The same with a first mesh whose cells are half as large."""
-        ...
+        """The same with a first mesh whose cells are half as large; that one is coarser than the stated one."""
+        return replace(self, coarsest=self.coarsest / 2).divided(1)
 
-    def keeping(self, solved: SolvedMesh, /) -> Self:
+    def keeping(self, solved: SolvedMesh) -> Self:
         """The same with what was chosen on the first mesh."""
-        ...
+        return replace(self, source=self.keep(self.source, solved))
 
-    def divided(self, times: int, /) -> Self:
+    def divided(self, times: int) -> Self:
         """The same on a mesh that is made anew, with cells so many times as small as those of the first one."""
-        ...
+        assert self.divide is not None
+        return replace(self, source=self.divide(self.source, self.coarsest, times))
 
-    def on(self, tagged: TaggedMesh, /) -> Self:
+    def on(self, tagged: TaggedMesh) -> Self:
         """The same on a mesh whose cells are those of the last one, divided."""
-        ...
+        return replace(self, source=self.on_cells(self.source, tagged))
 
-    def polygon_error(self, level: LevelResult, last: float | None, /) -> float:
+    def polygon_error(self, solved: SolvedMesh, last: float | None) -> float:
         """The effect of straight facets on a curved contact boundary, see ``pressure_error.polygon_error``.
 
         Args:
-            level: the results on this mesh.
+            solved: this mesh, with results.
             last: that of the mesh before; None: there is none.
         """
-        ...
+        if not self.polygonal or (last is not None and not self.in_parts):
+            return last or 0.0
+        assert solved.level is not None
+        return polygon_error(solved.level.table, solved.modulus)
 
-    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None, /) -> SolvedMesh:
-        """Solve it, and estimate its errors; collective.
+    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh:
+        """Solve it, with its errors and its cost; collective.
 
         Args:
             number: of the mesh.
             state: the contact state of a coarser mesh, to begin with; None: there is none.
             coarser: the coarser meshes as levels of multigrid; None: there are none.
         """
-        ...
-
-
-def measured(number: int, history: History, comm: MPI.Comm, solve: Callable[[list[Errors]], SolvedMesh]) -> SolvedMesh:
-    """Solve on one of several meshes, with its errors and its cost; collective.
-
-    Args:
-        number: of the mesh.
-        history: of all meshes.
-        comm: the ranks that share the work.
-        solve: solves, and appends the estimated errors of each load step with a solution, if there are any.
-    """
-    signals.agree(comm)
-    history.add(f"level {number}")
-    solves_before = history.linear_solves
-    step_errors: list[Errors] = []
-    solved = solve(step_errors)
-    solution, task, outcome = solved.solution, solved.task, solved.outcome
-    if not solution.converged or task is None or outcome is None:
-        return replace(solved, outcome=None)
-    if not step_errors:
-        return solved
-    errors = worst_of(step_errors)
-    level = level_result(
-        number,
-        solved.body,
-        task,
-        outcome,
-        step_errors[-1].size,
-        errors,
-        solution.table,
-        own=history.iterations[solves_before:],
-        cost=(sum(solution.timings.total.values()), peak_memory(comm)),
-        # Of the load steps that all meshes have in common.
-        contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
-    )
-    return replace(solved, level=level, errors=errors)
+        history, comm = self.history, self.comm
+        signals.agree(comm)
+        history.add(f"level {number}")
+        solves_before = history.linear_solves
+        step_errors: list[Errors] = []
+        checkpoint = None if self.stored is None else MeshCheckpoint(self.stored, number)
+        solved = self.solve(self, state, coarser, checkpoint, step_errors)
+        solution, task, outcome = solved.solution, solved.task, solved.outcome
+        if not solution.converged or outcome is None:
+            return replace(solved, outcome=None)
+        if not step_errors:
+            return solved
+        errors = worst_of(step_errors)
+        level = level_result(
+            number,
+            solved.body,
+            task,
+            outcome,
+            step_errors[-1].size,
+            errors,
+            solution.table,
+            own=history.iterations[solves_before:],
+            cost=(sum(solution.timings.total.values()), peak_memory(comm)),
+            # Of the load steps that all meshes have in common.
+            contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
+        )
+        return replace(solved, level=level, errors=errors)

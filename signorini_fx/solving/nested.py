@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -31,7 +32,7 @@ from signorini_fx.tuned import MIDDLE_RATIO
 
 
 def solve_nested(
-    problems: Iterable[MeshedProblem],
+    problems: Iterable[MeshedProblem[Any]],
     count: int,
     comm: MPI.Comm,
     history: History,
@@ -87,7 +88,7 @@ def solve_nested(
         if solved.level is not None:
             if levels and levels[-1].dofs >= solved.level.dofs:  # there is no coarser mesh
                 levels.pop()
-            polygon = problem.polygon_error(solved.level, polygon)
+            polygon = problem.polygon_error(solved, polygon)
             levels.append(with_polygon(solved.level, polygon))
         if number + 1 < count:  # on the next mesh nothing else of this one is needed, least of all its multigrid
             del solved, solution

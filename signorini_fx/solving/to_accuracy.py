@@ -90,7 +90,7 @@ def solve_to_accuracy(
             return Unsolved.by_error(failure, "the next mesh", comm).leaves(last, history)
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
         late = history.overdue()
-        if level is None or task is None or outcome is None:
+        if level is None or outcome is None:
             ended = f"{goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved" if late else ""
             if last is not None:
                 tiny = _is_tiny(levels[-1], solved.tagged.size)
@@ -102,7 +102,7 @@ def solve_to_accuracy(
             return replace(solution, levels=tuple(levels))
         if not levels:
             meshes.keep(solved)
-        polygon = meshes.problem.polygon_error(level, polygon)
+        polygon = meshes.problem.polygon_error(solved, polygon)
         state = solved.state
         seconds = parallel.clock(comm) - started + meshes.seconds
         meshes.seconds = 0.0

@@ -29,7 +29,7 @@ from signorini_fx.results.accuracy.data_error import data_error
 from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error, roughness_at_peak
 from signorini_fx.results.accuracy.price_list import border_of, fineness_of, predict, zone_change
 from signorini_fx.results.accuracy.surface_pressure import piece_squares
-from signorini_fx.scenes.mesh_sequence import SceneMesh
+from signorini_fx.scenes.mesh_sequence import meshed_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import _solve_nested, solve
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
@@ -189,7 +189,7 @@ def true_energy_error(solution):
 def test_energy_of_a_known_solution(cells):
     """Within a tenth of the truth, on two meshes: nu = 0, and the stress is smooth but for the rim of the disc."""
     for n in (4, 8):
-        solved = SceneMesh(made_up(cells, n), MPI.COMM_SELF, History()).solved(0, None, None)
+        solved = meshed_scene(made_up(cells, n), MPI.COMM_SELF, History()).solved(0, None, None)
         assert solved.level.energy == pytest.approx(true_energy_error(solved.solution), rel=0.1)
 
 
@@ -238,7 +238,7 @@ def hertz(cells, n):
 def test_pressure_of_hertz(cells):
     """With the margin not below 0.7 of the error against Hertz' pressure for the force, at the nodes."""
     for n in (6, 10):
-        solved = SceneMesh(hertz(cells, n), MPI.COMM_SELF, History()).solved(0, None, None)
+        solved = meshed_scene(hertz(cells, n), MPI.COMM_SELF, History()).solved(0, None, None)
         force, c = 4 * solved.solution.contact.forces[0][2], table_of(solved.solution).columns
         a = (3 * force * (1 - 0.3**2) / (4 * 1000.0)) ** (1 / 3)
         square = np.maximum(1 - (c["x"] ** 2 + c["y"] ** 2) / a**2, 0.0)
