@@ -114,7 +114,7 @@ def _condition(body: Model, facet: int, normal: Array, corners: Array) -> tuple[
         for name in (effect.boundary, effect.against)
         if name is not None and facet in tagged.facets(name)
     ]
-    paired = ["bonded" if effect.kind == "bonded" else "contact" for effect, _ in contacts if effect.against]
+    paired = ["bonded" if effect.bonded else "contact" for effect, _ in contacts if effect.against]
     touching = [effect for effect, _ in contacts]
     rows: list[Array] = [normal for effect in (*supports, *touching) if getattr(effect, "normal", 0.0) is not None]
     for effect in supports:
@@ -196,7 +196,7 @@ def _joined_pieces(body: Model) -> npt.NDArray[np.int64]:
     """For each connected piece of the mesh one number of all pieces that bonds join to it; collective."""
     joined = np.arange(body.pieces.count)
     for effect in body.statement.contact:
-        if effect.against is not None and effect.kind == "bonded":
+        if effect.against is not None and effect.bonded:
             facets = np.concatenate([body.tagged.facets(name) for name in (effect.boundary, effect.against)])
             local_pieces = np.unique(body.pieces.of_cell[facet_entities(body.tagged.mesh, facets)[:, 0]])
             pieces = sorted({piece for rows in body.comm.allgather(local_pieces.tolist()) for piece in rows})

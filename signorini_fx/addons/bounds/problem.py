@@ -36,7 +36,7 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.effects.contact import BondedContact, Contact
+from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
@@ -526,7 +526,7 @@ class PlainProblem:
     def _contact(self, number: int, effect: Contact, contact: ContactState) -> FacetsInContact:
         """The facets of a contact, with admissible tractions near the nodal ones."""
         d, boundary, parts = self._dimension, contact.boundary, dict(self._sides).get(number)
-        opposite, bonded = None, isinstance(effect, BondedContact)
+        opposite, bonded = None, effect.bonded
         if parts is None:
             whole_facets = self._whole_facets(effect.boundary)
             whole_of = whole_facets if self._split is None else self._split.parts_of(whole_facets)[1]
@@ -651,7 +651,7 @@ class PlainProblem:
         flat = np.abs(t.normal[facets] + t.normal[opposite_facets]).max() <= SAME_DIRECTION
         flat &= np.abs(away - apart[:, :, None] * normal[:, None]).max() <= tiny
         self.flat &= bool(flat)
-        along = isinstance(effect, BondedContact) or effect.friction.acts
+        along = effect.bonded or effect.friction.acts
         if along and (flat or pair.by_geometry) and np.abs(away).max() > tiny:
             raise Refused(REFUSES_OF_PAIRS[APART])
         if not pair.by_geometry:

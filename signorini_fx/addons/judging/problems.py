@@ -258,10 +258,8 @@ def _contact(entry: Any, mesh: JudgedMesh, deck: Deck | None) -> JudgedContact:
                 kind = "" if block is None else block.parameters.get("TYPE", "NODE TO SURFACE").upper()
                 nodal = kind.replace(" ", "").startswith("NODE")
                 law = law_of_deck(deck, interaction, nodal=nodal)
-    bonded = not entry.opens and entry.kind == "bonded"
-    return JudgedContact(
-        entry.boundary, entry.against or "", facets, opposite, entry, bonded, stiffness, stick, nodal, law
-    )
+    sides = entry.boundary, entry.against or "", facets, opposite
+    return JudgedContact(*sides, entry, entry.bonded, stiffness, stick, nodal, law)
 
 
 def _interactions(deck: Deck) -> list[tuple[tuple[str | None, str | None], str]]:

@@ -165,7 +165,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
             boundary = rigid.on(boundary)
             applied += [driving_load(rigid, number, statement, space) for number in range(len(rigid.bodies))]
         if jumps := jumps_in(statement, tagged, space):
-            bonded = [k for k, contact in enumerate(statement.contact) if contact.kind == "bonded"]
+            bonded = [k for k, contact in enumerate(statement.contact) if contact.bonded]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
             applied += jump_loads(jumps, statement, space, elastic, inventory, held)
         if boundary is not None:

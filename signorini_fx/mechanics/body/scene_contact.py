@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
-from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact
 from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
@@ -26,11 +25,10 @@ def foundations_of(
     around = None if kinematics.uniform else partial(_measure, kinematics)
     for number, (effect, on) in enumerate(zip(statement.contact, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
-        bilateral = isinstance(effect, BilateralContact)
+        bonded, bilateral = effect.bonded, not effect.opens and not effect.bonded
         if number in masters:
             gap = _evaluable(effect.gap)
-            nominal, bonded = effect.distance == "nominal", isinstance(effect, BondedContact)
-            choice = {"gap": gap} if nominal else {"allowance": gap, "adjust": effect.adjust}
+            choice = {"gap": gap} if effect.distance == "nominal" else {"allowance": gap, "adjust": effect.adjust}
             foundations.append(
                 Pair(
                     on,
@@ -43,7 +41,7 @@ def foundations_of(
                 )
             )
             continue
-        gap, shape, bonded = _evaluable(effect.gap), effect.surface, isinstance(effect, BondedContact)
+        gap, shape = _evaluable(effect.gap), effect.surface
         out, direction = kinematics.out_of_section, effect.direction
         if out:
             direction = None if direction is None else (*direction, *[0.0] * out)

@@ -45,6 +45,7 @@ class Contact(Effect):
         return self
 
     opens: ClassVar[bool] = True
+    bonded: ClassVar[bool] = False
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "contact of two bodies": {
             "exact": "exact needs one unknown for each constraint, and contact of two bodies ties several",
@@ -214,6 +215,7 @@ class BondedContact(Contact):
     """
 
     opens: ClassVar[bool] = False
+    bonded: ClassVar[bool] = True
     kind: Literal["bonded"]
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:

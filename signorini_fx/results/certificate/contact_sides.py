@@ -10,7 +10,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.mechanics.body.node_positions import node_positions
-from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.statement import Statement
@@ -50,8 +49,6 @@ def sides_of(
             claims[part] = claim_of(pair, space, (slave, master), nominal=nominal, factor=factor)
 
     def side(part: int, effect: Any) -> ContactSide:
-        bonded = isinstance(effect, BondedContact)
-
         gap = effect.gap_in(tagged.dimension)
 
         def along(nodes: npt.NDArray[Any]) -> Nodal:
@@ -68,10 +65,10 @@ def sides_of(
             lambda nodes: sample(gap, in_space(x[nodes])),
             lambda nodes, pressure: (
                 np.full(nodes.size, np.inf)
-                if bonded
+                if effect.bonded
                 else effect.friction.sampled(in_space(x[nodes])).claimed(np.abs(pressure))
             ),
-            bonded or isinstance(effect, BilateralContact),
+            not effect.opens,
             None if effect.direction is None and effect.surface is None else along,
             factor,
             claim=claims.get(part),
@@ -87,4 +84,4 @@ def sides_of(
 
 def _by_geometry(effect: Any) -> bool:
     """Whether the gap of a contact is the distance of both sides."""
-    return not isinstance(effect, BondedContact) and effect.distance == "geometry"
+    return not effect.bonded and effect.distance == "geometry"

@@ -76,7 +76,7 @@ def _curved(body: Model) -> Iterator[tuple[int, float]]:
         return
     for index, effect in enumerate(body.statement.contact):
         thing = effect.surface is not None or (effect.against is not None and effect.distance == "geometry")
-        if effect.kind == "bonded" or not thing or not effect.friction.acts:
+        if effect.bonded or not thing or not effect.friction.acts:
             continue
         on_part = boundary.part == index
         highest, lowest = (parallel.largest(body.comm, sign * data.gap[on_part], -np.inf) for sign in (1.0, -1.0))
