@@ -46,6 +46,7 @@ from signorini_fx.tuned import (
     MARGIN_OF_OTHERS,
     MEMORY_SHARE,
     MOST_MESHES,
+    PEAK_RATES,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
     SMALLEST_REMADE_JUMP,
@@ -74,7 +75,8 @@ def solve_to_accuracy(
         on_level: called with the solution on each mesh but the last.
     """
     goal, comm, notify = budget.goal, budget.comm, history.add
-    rates = expected_rates(meshes.problem.degree if meshes.adaptive else 1)
+    degree = meshes.problem.degree
+    rates = expected_rates(degree if meshes.adaptive else 1) | {"peak": PEAK_RATES[degree]}
     levels: list[LevelResult] = []
     state: ContactState | None = None
     last: Solution | None = None

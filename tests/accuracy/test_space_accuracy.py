@@ -9,6 +9,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import table_of
 from spaces import block, box, friction_of
+from surfaces import grid
 from test_ranks import same_on_all_ranks
 from test_space_manufactured import YOUNG, made_up, stress
 
@@ -26,7 +27,7 @@ from signorini_fx.records import History, Status
 from signorini_fx.results.accuracy import data_error as estimated_data
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.data_error import data_error
-from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error, roughness_at_peak
+from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error
 from signorini_fx.results.accuracy.price_list import border_of, fineness_of, predict, zone_change
 from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.scenes.mesh_sequence import meshed_scene
@@ -35,20 +36,6 @@ from signorini_fx.scenes.solver import _solve_nested, solve
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 
 WORLD = MPI.COMM_WORLD
-
-
-def grid(x, y, cells, z=0.0):
-    """The table of a surface over a grid of points, in squares or in triangles; no pressure."""
-    points = np.array([(a, b) for b in y for a in x])
-    corner = np.array([j * len(x) + i for j in range(len(y) - 1) for i in range(len(x) - 1)])
-    a, b, c, d = corner, corner + 1, corner + len(x), corner + len(x) + 1
-    facets = np.column_stack((a, b, c, d))  # in the order of basix
-    if cells == "triangles":
-        facets = np.concatenate((np.column_stack((a, b, d)), np.column_stack((a, c, d))))
-    columns = {"x": points[:, 0], "y": points[:, 1], "z": np.broadcast_to(z, len(points)).astype(float)}
-    columns |= {"pressure": np.zeros(len(points)), "weight": np.full(len(points), 1.0)}
-    numbers = np.column_stack((np.zeros(len(points), dtype=np.int64), np.arange(len(points))))
-    return ContactTable(columns, [], numbers, facets)
 
 
 CELLS = pytest.mark.parametrize("cells", ["squares", "triangles"])
@@ -140,25 +127,6 @@ def test_a_facet_of_degree_2_is_four_pieces():
     assert surface.rim.sum() == 8
     corners_only = replace(table, facets=np.array([[0, 1, 2, 3, -1, -1, -1, -1, -1]]))
     assert ContactSurface.of(corners_only).area == pytest.approx(4.0)
-
-
-def test_a_node_with_an_uncertain_largest_pressure():
-    """For Hertz's pressure it decreases like h^2; a node that is wrong by a tenth is seen however fine the mesh is."""
-    found = []
-    for n in (17, 33):
-        x = np.linspace(-1.0, 1.0, n)
-        table = grid(x, x, "triangles")
-        c = table.columns
-        pressure = np.sqrt(np.maximum(1.0 - c["x"] ** 2 - c["y"] ** 2, 0.0))
-        found.append(roughness_at_peak(replace(table, columns={**c, "pressure": pressure})))
-        pressure[n * n // 2] *= 1.1
-        assert roughness_at_peak(replace(table, columns={**c, "pressure": pressure})) == pytest.approx(
-            1.0 - (1.0 - found[-1]) / 1.1, rel=1e-12
-        )
-    h = 1.0 / 8
-    assert found[0] == pytest.approx(h**2 / 2 * 8 / 6, rel=0.02)  # four neighbours at h, two at sqrt(2) h
-    assert found[0] / found[1] == pytest.approx(4.0, rel=0.02)
-    assert roughness_at_peak(grid(x, x, "triangles")) == 0.0
 
 
 def test_facets_instead_of_a_curved_surface():

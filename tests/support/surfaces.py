@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from signorini_fx.mechanics.body.contact_table import ContactTable
 from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
 
 ELEMENTS = {2: ("P1", "P2"), 3: ("P1", "Q1", "P2", "Q2")}
@@ -16,6 +17,20 @@ def curve(element, count, place, outward):
     nodes = first[:, None] + ([0, 1] if degree == 1 else [0, 2, 1])
     places = np.array([[0.0], [1.0], [0.5]][: degree + 1])
     return _outward(PairSurface(nodes, x, Lagrange(places), np.ones(count)), outward)
+
+
+def grid(x, y, cells, z=0.0):
+    """The table of a surface over a grid of points, in squares or in triangles; no pressure."""
+    points = np.array([(a, b) for b in y for a in x])
+    corner = np.array([j * len(x) + i for j in range(len(y) - 1) for i in range(len(x) - 1)])
+    a, b, c, d = corner, corner + 1, corner + len(x), corner + len(x) + 1
+    facets = np.column_stack((a, b, c, d))  # in the order of basix
+    if cells == "triangles":
+        facets = np.concatenate((np.column_stack((a, b, d)), np.column_stack((a, c, d))))
+    columns = {"x": points[:, 0], "y": points[:, 1], "z": np.broadcast_to(z, len(points)).astype(float)}
+    columns |= {"pressure": np.zeros(len(points)), "weight": np.full(len(points), 1.0)}
+    numbers = np.column_stack((np.zeros(len(points), dtype=np.int64), np.arange(len(points))))
+    return ContactTable(columns, [], numbers, facets)
 
 
 def sheet(element, counts, place, outward, shift=0.0, bent=False):

@@ -108,4 +108,5 @@ def level_result(
         force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
         krylov_from=krylov_from(body.system_size, body.settings.linear_algebra),
         paired=body.boundary is not None and body.boundary.paired,
+        degree=body.space.element.basix_element.degree,
     )

@@ -52,6 +52,7 @@ class LevelResult(MeshCost):
         force: contact and friction force of each contact boundary in all load steps, shape (2 d boundaries steps,).
         krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
         paired: whether contact is between two bodies.
+        degree: of the displacement.
     """
 
     status: str
@@ -67,6 +68,7 @@ class LevelResult(MeshCost):
     polygon: float = 0.0
     krylov_from: float = np.inf
     paired: bool = False
+    degree: int = 1
 
     @property
     def dimension(self) -> int:

@@ -236,21 +236,6 @@ def peak_of(table: ContactTable) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def roughness_at_peak(table: ContactTable) -> float:
-    """In space: how far the largest pressure is from the mean pressure of the nodes around it, relative.
-
-    At a node with fewer or more neighbours than most, the pressure on linear tetrahedra is wrong by several per cent on
-    every mesh, since dividing all cells leaves its neighbourhood alike; the change from mesh to mesh cannot see that.
-    For a smooth pressure this decreases like h^2.
-    """
-    pressure, corners = table.columns["pressure"], ContactSurface.of(table).corners
-    row = int(np.argmax(pressure)) if pressure.size else 0
-    around = np.setdiff1d(corners[(corners == row).any(axis=1)], row)
-    if not around.size or not pressure[row] > 0:
-        return 0.0
-    return float(1.0 - pressure[around].mean() / pressure[row])
-
-
 def pressure_square(table: ContactTable) -> float:
     """The squared norm of the pressure in L2(Gamma_c)."""
     return float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))

@@ -1,15 +1,16 @@
 """The price list: one row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
 
 It needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
-on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact force, zone
-ends and peak pressure by the change from the previous mesh, extrapolated with the expected rate; the regularisation
-error by the dependence on gamma; that of the iteration by its last residual or change.
+on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact force and
+zone ends by the change from the previous mesh, extrapolated with the expected rate; that of the largest pressure by
+``peak_error``; the regularisation error by the dependence on gamma; that of the iteration by its last residual or
+change.
 """
 
 from __future__ import annotations
 
 import resource
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -27,7 +28,8 @@ from signorini_fx.results.accuracy.contact_values import interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.forecast import grown, powers
 from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
-from signorini_fx.results.accuracy.pressure_error import peak_of, roughness_at_peak
+from signorini_fx.results.accuracy.peak_error import Peak, peak_error
+from signorini_fx.results.accuracy.pressure_error import peak_of
 from signorini_fx.tuned import (
     CHANGES_USED,
     ENERGY_RATES,
@@ -37,7 +39,7 @@ from signorini_fx.tuned import (
     GROWTH_POWER,
     LASTING_SHARE,
     LEAST_GROWING_TIME,
-    MISSED_TOP,
+    PEAK_RATES,
     POLLUTION,
     POLLUTION_OF_PEAK,
     POLYGON_ERRORS,
@@ -137,27 +139,21 @@ def price_list(
             zones are told to one interval, and the largest pressure by the spacing of the nodes at it.
     """
     changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
+    peaks, rates = [Peak.of(level.table) for level in levels], {**rates, "peak": PEAK_RATES[levels[-1].degree]}
     rows = []
     for index, level in enumerate(levels):
         errors: dict[str, float | None] = dict.fromkeys(EXPECTED_RATES)
         if index > 0:
             fineness = [fineness_of(level.dofs, level.dimension) for level in levels[: index + 1]]
-            # Nodes hit the top of the pressure by chance: one small change among larger ones is no small error.
-            means = dict.fromkeys(EXPECTED_RATES, _geometric_mean) | {"peak": _root_mean_square}
             errors = {
-                name: _error(rates[name], [c[name] for c in changes[:index]], fineness, mean)
-                for name, mean in means.items()
+                name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in ("pressure", "zone")
             }
             # In space and between two bodies a single change was seen to mislead.
             enough = index > 1 or not (level.dimension == 3 or level.paired)
             errors["force"] = force_error(levels[: index + 1]) if enough else None
-            if not uniform:
-                errors["peak"] = _error_at_peak(levels[: index + 1], rates["peak"])
-            if errors["peak"] is not None:
-                missed = MISSED_TOP / max(level.table.touching, 1) ** 2
-                least = roughness_at_peak(level.table) if level.dimension == 3 else missed
-                errors["peak"] = max(errors["peak"], least)
-                errors["peak"] += level.data + POLYGON_PEAK * level.polygon
+            pollution = 0.0 if uniform else POLLUTION_OF_PEAK * level.energy**2
+            error = peak_error(peaks[: index + 1], level.degree, fineness if uniform else None, pollution)
+            errors["peak"] = None if error is None else error + level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
             errors["zone"] = border_of(level.table)
         elif not uniform:
@@ -196,26 +192,6 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
     return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
 
 
-def _error_at_peak(levels: Sequence[LevelResult], rate: float) -> float | None:
-    """The error of the largest pressure on the last mesh, of meshes that are fine in some places only.
-
-    It is told by the changes from earlier meshes that were coarser at the place of the largest pressure, and by what an
-    error elsewhere in the body adds; None: no mesh was coarser there.
-    """
-    peaks = [peak_of(level.table) for level in levels]
-    peak, spacing = peaks[-1]
-    if not peak > 0:
-        return None
-    estimates = [
-        abs(earlier - peak) / peak / ((longer / spacing) ** rate - 1)
-        for earlier, longer in peaks[:-1]
-        if longer >= FINER_FACTOR * spacing
-    ]
-    if not estimates:
-        return None
-    return float(np.hypot(_root_mean_square(estimates[-CHANGES_USED:]), POLLUTION_OF_PEAK * levels[-1].energy ** 2))
-
-
 def _few_nodes(levels: Sequence[LevelResult]) -> bool:
     """Whether the last mesh, or the one before it, has too few nodes in contact for the top of the pressure."""
     last = levels[-1].table.touching
@@ -224,7 +200,7 @@ def _few_nodes(levels: Sequence[LevelResult]) -> bool:
 
 def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
     """Relative change of every quantity from one mesh to the next; None where it cannot be compared."""
-    c, f = coarse.table.columns, fine.table.columns
+    f = fine.table.columns
     weight, pressure = f["weight"], f["pressure"]
     size = float(np.sqrt(np.dot(weight, pressure**2)))
     difference = pressure - interpolated(coarse.table, fine.table, "pressure")
@@ -233,7 +209,6 @@ def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
         "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
         "force": float(np.linalg.norm(fine.force - coarse.force)) / force if force > 0 else None,
         "zone": zone_change(coarse.table, fine.table),
-        "peak": abs(pressure.max() - c["pressure"].max()) / pressure.max() if pressure.max() > 0 else None,
     }
 
 
@@ -306,21 +281,8 @@ def _end(s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], row: int, step:
     return float(s[row] + np.sign(s[outside] - s[row]) * min(reach, abs(s[outside] - s[row])))
 
 
-def _geometric_mean(estimates: Sequence[float]) -> float:
-    return float(np.exp(np.mean(np.log(estimates))))
-
-
-def _root_mean_square(estimates: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(estimates))))
-
-
-def _error(
-    rate: float,
-    changes: list[float | None],
-    fineness: Sequence[float],
-    mean: Callable[[Sequence[float]], float] = _geometric_mean,
-) -> float | None:
-    """Error of the last mesh: a mean of the estimates from the last changes, extrapolated to it.
+def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) -> float | None:
+    """Error of the last mesh: the geometric mean of the estimates from the last changes, extrapolated to it.
 
     A mesh with no more unknowns than the one before it, as generators make it of smaller cells here and there, says
     nothing; None: no mesh says anything.
@@ -329,7 +291,6 @@ def _error(
         rate: the error decreases like 1 / fineness to this power.
         changes: from each mesh to the next.
         fineness: 1 / h of the meshes, one more than changes.
-        mean: of several estimates.
     """
     if not changes[-1]:
         return changes[-1]
@@ -338,7 +299,7 @@ def _error(
         for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-CHANGES_USED:]
         if change and fine > coarse
     ]
-    return mean(estimates) if estimates else None
+    return float(np.exp(np.mean(np.log(estimates)))) if estimates else None
 
 
 def predict(

@@ -1,0 +1,180 @@
+"""The error of the largest contact pressure.
+
+The pressure ends like a square root, so that its square is smooth from one end of a contact zone to the other, and that
+of Hertz is a parabola.  A parabola (in space a paraboloid) through the squares around the largest nodal pressure has a
+smooth *top*, and separates what adds up in the error of the largest nodal pressure:
+
+- how far it is above or below the top: the nodes miss the top, and pressures of neighbours scatter.  It is known, with
+  its sign;
+- the error of the top itself, by how it changes from mesh to mesh, extrapolated with its rate.  Its sign is that of the
+  last change;
+- on meshes that are divided here and there, what an error elsewhere in the body adds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.results.accuracy.contact_surface import ContactSurface
+from signorini_fx.results.accuracy.pressure_error import peak_of
+from signorini_fx.tuned import (
+    CHANGES_USED,
+    FINER_FACTOR,
+    LEAST_SHARE_OF_PARTS,
+    NODES_AROUND_PEAK,
+    PEAK_RATES,
+    SAME_LENGTH,
+    SCATTER_SHARE,
+)
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest pressure on one mesh.
+
+    Attributes:
+        largest: nodal pressure, stress; 0 without contact.
+        top: of the paraboloid around it, stress.
+        scatter: standard deviation of the pressures around it from the paraboloid, relative.
+        spacing: mean distance of the nodes around it, length.
+    """
+
+    largest: float
+    top: float
+    scatter: float
+    spacing: float
+
+    @classmethod
+    def of(cls, table: ContactTable) -> Peak:
+        """That of a contact table."""
+        pressure = table.columns["pressure"]
+        row = int(np.argmax(pressure)) if pressure.size else 0
+        if not pressure.size or not pressure[row] > 0:
+            return cls(0.0, 0.0, 0.0, 0.0)
+        largest = float(pressure[row])
+        if table.facets is None:
+            place, rows = _around_on_curve(table, row)
+            # Beside a single pressed node the spacing is that to nodes that are not.
+            spacing = float(np.ptp(place)) / (len(rows) - 1) if len(rows) > 1 else peak_of(table)[1]
+            place = place[:, None]
+        else:
+            place, rows = _around_on_surface(table, row)
+            spacing = float(np.sqrt(table.columns["weight"][rows].mean()))
+        top, scatter = _paraboloid(place, (pressure[rows] / largest) ** 2)
+        return cls(largest, largest * top, scatter, spacing)
+
+
+def peak_error(
+    peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None = None, pollution: float = 0.0
+) -> float | None:
+    """The relative error of the largest pressure on the last mesh.
+
+    Args:
+        peaks: on the meshes, coarsest first.
+        degree: of the displacement.
+        fineness: 1 / h of the meshes, where each is finer than the one before everywhere; None: of meshes that are
+            divided here and there the spacing of the nodes around the peak counts alone.
+        pollution: what an error elsewhere in the body adds, relative.
+
+    Returns:
+        None where no mesh was coarser at the peak, or without contact.
+    """
+    last, rate = peaks[-1], PEAK_RATES[degree]
+    if not last.largest > 0:
+        return None
+    steps = []
+    for k in range(1, len(peaks)):
+        coarse, fine = peaks[k - 1], peaks[k]
+        if not (coarse.largest > 0 and fine.largest > 0):
+            continue
+        finer, to_last = coarse.spacing / fine.spacing, fine.spacing / last.spacing
+        if finer < FINER_FACTOR and fineness is not None:
+            finer, to_last = fineness[k] / fineness[k - 1], fineness[-1] / fineness[k]
+        if finer >= FINER_FACTOR:
+            steps.append((fine.top - coarse.top) / last.largest / (finer**rate - 1) / max(to_last, 1.0) ** rate)
+    if not steps:
+        return None
+    known = last.largest / last.top - 1
+    of_top = -np.copysign(np.sqrt(np.mean(np.square(steps[-CHANGES_USED:]))), steps[-1])
+    parts = np.linalg.norm([known, of_top, SCATTER_SHARE * last.scatter])
+    seen = max(abs(known + of_top), LEAST_SHARE_OF_PARTS * parts)
+    # What the changes do not show at all on meshes that were divided for the peak is no more than what they show.
+    return float(np.hypot(seen, min(pollution, seen)))
+
+
+def _around_on_curve(table: ContactTable, row: int) -> tuple[Floats, Ints]:
+    """Arc length from a node, and rows, of the pressed nodes that are nearest to it along the boundary."""
+    pressure = table.columns["pressure"]
+    for path in table.paths:
+        if row not in path:
+            continue
+        rows, s, _ = table.unrolled(path)
+        places = np.flatnonzero(rows == row)
+        first = last = int(places[len(places) // 2])
+        away = np.abs(s - s[first])
+        pressed = np.append(pressure[rows] > 0, False)
+        while last - first + 1 < min(NODES_AROUND_PEAK, len(path)):
+            left = away[first - 1] if first > 0 and pressed[first - 1] else np.inf
+            right = away[last + 1] if pressed[last + 1] else np.inf
+            nearest = min(left, right)
+            if not np.isfinite(nearest):
+                break
+            # Nodes that are equally far are taken together: the parabola leans to neither side.
+            first -= left <= nearest * (1 + SAME_LENGTH)
+            last += right <= nearest * (1 + SAME_LENGTH)
+        around = slice(first, last + 1)
+        return s[around] - s[int(places[len(places) // 2])], rows[around]
+    return np.zeros(1), np.array([row])
+
+
+def _around_on_surface(table: ContactTable, row: int) -> tuple[Floats, Ints]:
+    """Position from a node in the plane that is nearest to the surface there, shape (n, 2), and rows, of the pressed
+    nodes of the pieces around it and around these.
+    """
+    surface, pressed = ContactSurface.of(table), table.columns["pressure"] > 0
+    rows = np.array([row])
+    for _ in range(2):
+        beside = surface.corners[np.isin(surface.corners, rows).any(axis=1)]
+        rows = np.unique(np.append(rows, beside[pressed[beside]]))
+    x = surface.x[rows] - surface.x[row]
+    axes = np.linalg.svd(x, full_matrices=False)[2][:2]
+    return x @ axes.T, rows
+
+
+def _paraboloid(place: Floats, square: Floats) -> tuple[float, float]:
+    """The root of the top of the paraboloid that is nearest to values, and half of their deviation from it.
+
+    Args:
+        place: of the values, shape (n, 1) or (n, 2); the first mesh may have too few for a paraboloid: then its top
+            is the largest of them, and the deviation that of the others from it.
+        square: the values, the largest 1, shape (n,).
+    """
+    size = float(np.abs(place).max())
+    x = place / size if size > 0 else place
+    first, second = np.triu_indices(x.shape[1])
+    powers = np.column_stack((np.ones(len(x)), x, x[:, first] * x[:, second]))
+    count = powers.shape[1]
+    if len(x) <= count:
+        return 1.0, float(1 - np.sqrt(square).mean())
+    weights, _, rank, _ = np.linalg.lstsq(powers, square, rcond=None)
+    if rank < count:
+        return 1.0, float(1 - np.sqrt(square).mean())
+    values = powers @ weights
+    top = float(values.max())
+    bend = np.zeros((x.shape[1], x.shape[1]))
+    bend[first, second] = weights[1 + x.shape[1] :]
+    bend += bend.T
+    if np.linalg.eigvalsh(bend).max() < 0:  # it has a top, which counts where the nodes are around it
+        at = -np.linalg.solve(bend, weights[1 : 1 + x.shape[1]])
+        if (np.abs(at) <= np.abs(x).max(axis=0)).all() and (x.min(axis=0) <= at).all() and (at <= x.max(axis=0)).all():
+            top = float(weights[0] + weights[1 : 1 + x.shape[1]] @ at / 2)
+    scatter = np.linalg.norm(square - values) / np.sqrt(len(x) - count) / 2
+    return float(np.sqrt(max(top, 0.0))), float(scatter)

@@ -1,0 +1,152 @@
+"""The estimate of the error of the largest pressure: its parts on pressures that are known, and held-out problems."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from surfaces import grid
+
+from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.results.accuracy.peak_error import Peak, peak_error
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "demos" / "studies"))
+
+
+def curve(s, pressure, *, closed=False):
+    """A boundary with these pressures."""
+    s, pressure = np.asarray(s, dtype=float), np.asarray(pressure, dtype=float)
+    columns = {"x": s, "y": 0 * s, "s": s, "weight": np.gradient(s), "pressure": pressure}
+    if closed:
+        columns["to_next"] = np.append(np.diff(s), s[1] - s[0])
+    return ContactTable(columns, [range(len(s))])
+
+
+def hertz(x):
+    return 3.0 * np.sqrt(np.maximum(1 - np.square(x), 0.0))
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.03, 0.061, 0.1])
+def test_the_top_of_hertz_is_exact_wherever_the_nodes_are(shift):
+    """Unequal distances, a boundary that begins beside the top, and a closed one."""
+    x = np.linspace(-1.1, 1.1, 19) + shift
+    x += 0.01 * np.sin(40 * x)
+    for table in (curve(x, hertz(x)), curve(x[x > -0.01], hertz(x[x > -0.01]))):
+        peak = Peak.of(table)
+        largest = table.columns["pressure"].max()
+        assert peak.largest == largest
+        assert peak.scatter < 1e-12
+        inside = table.columns["x"].min() < 0
+        assert peak.top == pytest.approx(3.0 if inside else largest, rel=1e-12)
+    around = np.roll(hertz(x), 9)
+    assert Peak.of(curve(np.arange(19), around, closed=True)).top == pytest.approx(
+        Peak.of(curve(np.arange(19), np.roll(around, 4), closed=True)).top
+    )
+
+
+@pytest.mark.parametrize("cell", ["triangles", "squares"])
+def test_the_top_of_hertz_in_space(cell):
+    """An ellipse whose axes are not those of the grid, between the nodes."""
+    x = np.linspace(-0.8, 0.8, 14)
+    table = grid(x, x, cell)
+    c = table.columns
+    u, v = c["x"] - 0.03, c["y"] + 0.02
+    pressure = 3.0 * np.sqrt(np.maximum(1 - u**2 - 0.7 * v**2 - 0.4 * u * v, 0.0))
+    smooth = Peak.of(replace(table, columns={**c, "pressure": pressure}))
+    assert smooth.top == pytest.approx(3.0, rel=1e-10)
+    assert smooth.largest < 2.998
+    assert smooth.scatter < 1e-12
+    assert smooth.spacing == pytest.approx(np.sqrt(c["weight"][len(x) * 7 + 7]), rel=0.02)
+    pressure[np.argmax(pressure)] *= 1.1
+    rough = Peak.of(replace(table, columns={**c, "pressure": pressure}))
+    assert rough.largest / rough.top - 1 > 0.05
+    assert rough.scatter > 0.01
+
+
+@pytest.mark.parametrize("n", [21, 81, 321])
+def test_a_node_that_is_wrong_is_seen_however_fine_the_mesh_is(n):
+    """Its neighbours are right: of an error of a tenth nearly half is seen."""
+    x = np.linspace(-1, 1, n)
+    pressure = hertz(x)
+    pressure[n // 2] *= 1.1
+    peaks = [Peak.of(curve(x[::2], hertz(x[::2]))), Peak.of(curve(x, pressure))]
+    assert 0.045 < peak_error(peaks, 1, [1.0, 2.0]) < 0.1
+
+
+@pytest.mark.parametrize(("degree", "rate"), [(1, 1.3), (2, 2.0)])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_what_converges_with_its_rate_has_its_error(degree, rate, sign):
+    """The top is too low or too high by c h^rate; a node above or below it adds to this with its sign."""
+    h, c = np.array([0.4, 0.2, 0.1]), 0.3 * sign
+    tops = 5.0 * (1 + c * h**rate)
+    plain = [Peak(top, top, 0.0, size) for top, size in zip(tops, h, strict=True)]
+    true = abs(tops[-1] / 5.0 - 1)
+    assert peak_error(plain, degree, 1 / h) == pytest.approx(true, rel=0.02)
+    assert peak_error(plain, degree) == pytest.approx(true, rel=0.02)
+    for known in (-0.03, 0.03):
+        last = replace(plain[-1], largest=tops[-1] * (1 + known))
+        error = abs(last.largest / 5.0 - 1)
+        found = peak_error([*plain[:-1], last], degree)
+        if np.sign(known) == sign:
+            assert found == pytest.approx(error, rel=0.03)
+        else:  # what cancels may do so by chance
+            assert max(0.98 * error, 0.7 * abs(known)) < found < true + abs(known)
+
+
+def test_what_says_nothing():
+    """No contact, no coarser mesh; a mesh that is finer elsewhere counts if each is finer than the one before."""
+    one, two = Peak(2.0, 2.0, 0.0, 0.1), Peak(2.2, 2.2, 0.0, 0.1)
+    assert Peak.of(curve([0, 1, 2], [0, 0, 0])).largest == 0.0
+    assert peak_error([one, Peak(0.0, 0.0, 0.0, 0.0)], 1, [1, 2]) is None
+    assert peak_error([one], 1, [1]) is None
+    assert peak_error([one, two], 2) is None
+    assert peak_error([one, two], 2, [1.0, 2.0]) == pytest.approx(0.2 / 2.2 / 3)
+    assert peak_error([one, two], 2, [1.0, 1.1]) is None
+    assert peak_error([Peak(0.0, 0.0, 0.0, 0.0), one, replace(two, spacing=0.05)], 2) == pytest.approx(0.2 / 2.2 / 3)
+
+
+def test_meshes_with_one_or_two_nodes_in_contact():
+    """They have a largest pressure and a spacing, but no parabola."""
+    s = np.arange(0.0, 1.1, 0.1)
+    peaks = [
+        Peak.of(curve(s[::2], np.where(s[::2] < 0.1, 2.0, 0.0))),
+        Peak.of(curve(s, np.where(s < 0.15, 2.0 - s, 0))),
+    ]
+    assert [peak.spacing for peak in peaks] == pytest.approx([0.2, 0.1])
+    assert [peak.top for peak in peaks] == [2.0, 2.0]
+    assert peak_error([*peaks, peaks[0]], 1, [1.0, 2.0, 4.0]) is not None
+
+
+def test_an_error_elsewhere_in_the_body_counts():
+    """By as much as what is seen at the peak, at most."""
+    peaks = [Peak(2.0, 2.0, 0.0, 0.2), Peak(2.1, 2.1, 0.0, 0.1)]
+    alone = 0.1 / 2.1 / 3
+    assert peak_error(peaks, 2) == pytest.approx(alone)
+    assert peak_error(peaks, 2, pollution=0.01) == pytest.approx(np.hypot(alone, 0.01))
+    assert peak_error(peaks, 2, pollution=0.5) == pytest.approx(np.sqrt(2) * alone)
+
+
+def test_scatter_is_an_error_where_the_top_does_not_change():
+    """Neighbours go up and down, as on meshes of gmsh; the largest happens to be at the top of the parabola."""
+    peaks = [Peak(2.0, 2.0, 0.02, 0.2), Peak(2.0, 2.0, 0.02, 0.1)]
+    assert 0.005 < peak_error(peaks, 1) < 0.02
+
+
+@pytest.mark.slow
+def test_problems_that_it_was_not_tuned_on(tmp_path):
+    """Of another seed than that of tuned.py, coarse meshes: no estimate is far below the error, half of them are within
+    a factor of two.  What it was before, a rate of 2 for all and no less than 0.4 over the square of the nodes in
+    contact, had a ratio of 0.2 and 8 of 47 above 5 on such draws.
+    """
+    import largest_pressure
+
+    rows = []
+    for name in ("line", "axisymmetric_layer", "pin", "receding", "punch", "saddle"):
+        rows += largest_pressure.rows_of(name, 5, tmp_path)
+    ratios = np.array([row.ratio for row in rows if not row.doubtful])
+    assert len(ratios) > 20
+    assert ratios.min() > 0.45
+    assert np.mean(ratios < 0.5) < 0.05
+    assert 0.8 < np.median(ratios) < 2.2
+    assert np.mean(ratios > 5) < 0.15
