@@ -549,6 +549,10 @@ PROGRAMME_TOLERANCE = 1e-10
 # A displacement that was moved out of the foundation is improved if that adds more than this share of the square of
 # the bound.  Choice: the first one is cheap.
 LITTLE_OF_BOUND = 0.1
+# Of the least withdrawal from foundations: the stiffness that penalises what is left inside, over that of the body
+# there; a stiffness over the body's own for motions that nothing else holds; the most steps, and updates of
+# multipliers.  Choice: whatever they are it is a bound.
+PENALTY_OF_ENTRY, SMALL_OF_STIFFNESS, STEPS_OF_WITHDRAWAL, UPDATES_OF_WITHDRAWAL = 100.0, 1e-8, 20, 2
 # A facet is short beside its distance from the centre of a round foundation if the squares of its distances vary by no
 # more than this share of their mean: then what quadrature misses is below 3 %.  On longer ones, which may not be in
 # contact, the gap is bounded by a tangent at no less than the second share of the square of the largest distance.

@@ -154,8 +154,8 @@ def test_the_displacement_keeps_to_the_foundation(scene, study):
         return -(own * normal.reshape(own.shape)).sum(axis=2) - signed.reshape(own.shape[:2])
 
     entered = beyond(case.y, case.middle).max()
-    for removed in (np.zeros_like(case.y), case._entered()):
-        assert beyond(*case._admissible(removed)).max() <= 1e-12
+    for removed in ((np.zeros_like(case.y),), (case._entered(),), case._withdrawn()):
+        assert beyond(*case._admissible(*removed)).max() <= 1e-12
     assert scene.contact[0].foundation.hollow or entered > 1e-6
     assert (one.pressure >= 0).all()
     assert one.pressure.any()

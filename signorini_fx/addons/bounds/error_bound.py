@@ -37,12 +37,13 @@ from signorini_fx.addons.bounds.bounded_scene import LONG_FACETS, refuse_unknown
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein, cubic, times_linear
+from signorini_fx.addons.bounds.least_withdrawal import least_withdrawal
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.addons.bounds.problem import FacetsInContact, PlainProblem, turn
 from signorini_fx.addons.bounds.round_foundations import RoundFacets
 from signorini_fx.addons.bounds.separated_bodies import Shut, separate
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
-from signorini_fx.addons.bounds.stress_products import energy, from_strain, square
+from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.statements import ErrorBound, Refused
@@ -198,20 +199,83 @@ class Bounded(PlainProblem):
         t = self.t
         computed = t.strain_at_corners(self.y, self.middle)
         self._balance()
-        stress = self._stress()
-        between, size = square(t, from_strain(t, computed) - stress.stress), energy(t, computed)
+        stress, size = self._stress(), energy(t, computed)
         if self.beyond is not None:
-            between = (between + self.beyond.added(from_strain(t, computed) - stress.stress)).clip(min=0.0)
             size = (size + self.beyond.added(from_strain(t, computed))).clip(min=0.0)
-        v = self._beside(self._admissible(np.zeros_like(self.y)), computed)
-        if self._pairs:
-            closed = [self._beside(self._admissible(np.zeros_like(self.y), shut), computed) for shut in list(Shut)[1:]]
-            v = min(v, *closed, key=lambda entry: entry.squares.sum())
-        if v.moved.sum() > LITTLE_OF_BOUND * between.sum():
-            # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
-            v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda entry: entry.squares.sum())
+        between = self._between(computed, stress)
+        v = self._outside(computed, float(between.sum()))
+        # Another stress is worth its cost where pressures work on what is open, or say more than the displacement does.
+        doubtful = v.contact.sum() > LITTLE_OF_BOUND * between.sum() or between.sum() > size.sum()
+        if doubtful and self._may_press_less:
+            share, stress, less = self._pressing_less(computed, stress, v)
+            if share < 1:
+                between, v = self._between(computed, stress), less
+                again = self._outside(computed, float(between.sum()))
+                v = min(v, again, key=lambda entry: entry.squares.sum())
         inside = np.ones(len(t.corners), dtype=bool)
         return Enclosure(v, v.contact + between, stress, self._missed, size, t, inside)
+
+    def _between(self, computed: Array, stress: EquilibratedStress) -> Array:
+        """Squares of the distance of a stress from that of the computed displacement, energies, shape (n,)."""
+        difference = from_strain(self.t, computed) - stress.stress
+        between = square(self.t, difference)
+        return between if self.beyond is None else (between + self.beyond.added(difference)).clip(min=0.0)
+
+    def _outside(self, computed: Array, between: float) -> Admissible:
+        """The displacement without penetration that adds the least of those that are tried.
+
+        Args:
+            computed: strain of the computed displacement.
+            between: square of the distance of the stress from that of it, an energy.
+        """
+        best = self._beside(self._admissible(np.zeros_like(self.y)), computed)
+
+        def better(*tried: tuple[Array, Array]) -> Admissible:
+            return min(best, *(self._beside(v, computed) for v in tried), key=lambda entry: entry.squares.sum())
+
+        if self._pairs:
+            best = better(*(self._admissible(np.zeros_like(self.y), shut=shut) for shut in list(Shut)[1:]))
+        if best.squares.sum() > LITTLE_OF_BOUND * between:
+            # The first one is cheap; the second one is better where the regularisation lets many nodes enter, the last
+            # one where a foundation enters facets between their nodes.
+            best = better(self._admissible(self._entered()))
+            withdrawn = self._withdrawn()
+            if withdrawn is not None:
+                best = better(self._admissible(*withdrawn))
+        return best
+
+    @property
+    def _may_press_less(self) -> bool:
+        """Whether the body is in equilibrium with any share of its contact tractions, and these act on nothing else."""
+        return not (self._pairs or self.tools or free_motions(self.t, self.held).size)
+
+    def _pressing_less(
+        self, computed: Array, stress: EquilibratedStress, v: Admissible
+    ) -> tuple[float, EquilibratedStress, Admissible]:
+        """The share of the contact tractions with the least sum of both parts of the gap, its stress, and what v adds.
+
+        The stress is an affine function of the tractions.  Nodal pressures may act far from where v touches: on facets
+        that are long beside the radius of a foundation they do much work on what is open.
+        """
+        full = [(surface.pressure, surface.shear) for surface in self.contacts]
+
+        def scale(share: float) -> None:
+            for surface, (pressure, shear) in zip(self.contacts, full, strict=True):
+                surface.pressure, surface.shear = share * pressure, share * shear
+
+        scale(0.0)
+        without, without_contact = self._stress(), self._beside((v.y, v.middle), computed).contact.sum()
+        change, rest = stress.stress - without.stress, from_strain(self.t, computed) - without.stress
+        slope, bend = product(self.t, change, rest).sum(), square(self.t, change).sum()
+        wanted = slope - (v.contact.sum() - without_contact) / 2
+        share = float(np.clip(wanted / bend, 0.0, 1.0)) if bend > 0 else 1.0
+        scale(share)
+        mixed = EquilibratedStress(
+            without.stress + share * change,
+            without.tractions + share * (stress.tractions - without.tractions),
+            (share * np.sqrt(stress.squares) + (1 - share) * np.sqrt(without.squares)) ** 2,
+        )
+        return share, mixed, self._beside((v.y, v.middle), computed)
 
     def bound(self) -> ErrorBound:
         """The bound of the error."""
@@ -422,14 +486,32 @@ class Bounded(PlainProblem):
         displacement = smallest_energy(t, constraints)[0] if constraints.fixes(t) else np.zeros_like(self.y)
         return np.einsum("vik,vk,vjk,vj->vi", vectors, sizes <= SAME_LENGTH, vectors, displacement)
 
-    def _admissible(self, removed: Array, shut: Shut = Shut.NOTHING) -> tuple[Array, Array]:
+    def _withdrawn(self) -> tuple[Array, Array] | None:
+        """What is taken from the displacement with the least share in the bound, see ``least_withdrawal``; None: no
+        foundation may be left.
+        """
+        surfaces = [surface for surface in self._on_foundations if not surface.bilateral]
+        if not surfaces:
+            return None
+        t = self.t
+        excess = [surface.excess(self.on_facets(self.y, self.middle, surface.facets)) for surface in surfaces]
+        entities = self._entities(self.y, self.middle)
+        free = [self._free_at(parts, len(values), self.held) for parts, values in entities]
+        return least_withdrawal(t, surfaces, excess, (free[0], free[1]))
+
+    def _admissible(
+        self, removed: Array, bubbles: Array | None = None, shut: Shut = Shut.NOTHING
+    ) -> tuple[Array, Array]:
         """The displacement without what it enters foundations and other bodies, at vertices and middles of edges.
 
         Args:
-            removed: what is taken away from it before at the vertices, linear between them, length, shape (v, d).
+            removed: what is taken away from it before at the vertices, length, shape (v, d).
+            bubbles: the same at the middles of edges beyond what is linear between the vertices, length, shape (e, d).
             shut: what is closed between two bodies.
         """
         y, middle = self.y - removed, self.middle - removed[self.t.edges].mean(axis=1)
+        if bubbles is not None:
+            middle -= bubbles
         t, tiny = self.t, ROUND_OFF * self._far
         projectors = [self._loose(parts, len(values), self.held) for parts, values in self._entities(y, middle)]
         for attempt in range(_ATTEMPTS):
