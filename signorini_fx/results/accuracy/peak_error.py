@@ -6,8 +6,8 @@ smooth *top*, and separates what adds up in the error of the largest nodal press
 
 - how far it is above or below the top: the nodes miss the top, and pressures of neighbours scatter.  It is known, with
   its sign;
-- the error of the top itself, by how it changes from mesh to mesh, extrapolated with its rate.  Its sign is that of the
-  last change;
+- the error of the top itself, by how it and the largest nodal pressure change from mesh to mesh, their geometric mean,
+  extrapolated with its rate.  Its sign is that of the last change of the top;
 - on meshes that are divided here and there, what an error elsewhere in the body adds.
 """
 
@@ -99,7 +99,10 @@ def peak_error(
         if finer < FINER_FACTOR and fineness is not None:
             finer, to_last = fineness[k] / fineness[k - 1], fineness[-1] / fineness[k]
         if finer >= FINER_FACTOR:
-            steps.append((fine.top - coarse.top) / last.largest / (finer**rate - 1) / max(to_last, 1.0) ** rate)
+            # On coarse meshes the parabola is too wide, on unstructured ones the largest pressure is too rough.
+            top, largest = fine.top - coarse.top, fine.largest - coarse.largest
+            change = np.copysign(np.sqrt(abs(top * largest)), top) / last.largest
+            steps.append(change / (finer**rate - 1) / max(to_last, 1.0) ** rate)
     if not steps:
         return None
     known = last.largest / last.top - 1
