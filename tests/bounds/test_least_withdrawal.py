@@ -106,6 +106,32 @@ def test_supports_stay(case):
     assert len(EDGES_OF_FACET[t.dimension]) == edges.shape[1]
 
 
+@pytest.mark.parametrize("seed", [5, 10])
+def test_the_best_share_of_the_tractions(seed):
+    """Of all shares that are tried it has the least sum of both parts of the gap, and its stress is theirs."""
+    case = error_bounds_in_space.problem(alone(on_shape(error_bounds_in_space.drawn(seed), seed)))
+    t, surface = case.t, case.contacts[0]
+    computed = t.strain_at_corners(case.y, case.middle)
+    case._balance()
+    stress, full = case._stress(), surface.pressure
+    v = case._outside(computed, float(case._between(computed, stress).sum()))
+    assert case._may_press_less
+
+    def gap(share):
+        surface.pressure = share * full
+        return case._between(computed, case._stress()).sum() + case._beside((v.y, v.middle), computed).contact.sum()
+
+    shares = np.linspace(0, 1, 9)
+    gaps = [gap(share) for share in shares]
+    surface.pressure = full
+    share, mixed, less = case._pressing_less(computed, stress, v)
+    found = case._between(computed, mixed).sum() + less.contact.sum()
+    assert found == pytest.approx(gap(share), rel=1e-6)
+    assert found <= min(gaps) * (1 + 1e-9)
+    assert found < 0.95 * gaps[-1]
+    assert 0 <= share < 1
+
+
 def bound_of(seed):
     scene = on_shape(error_bounds_in_space.drawn(seed), seed)
     solution = alone(scene)
