@@ -141,8 +141,9 @@ def test_scatter_is_an_error_where_the_top_does_not_change():
 
 @pytest.mark.slow
 def test_problems_that_it_was_not_tuned_on(tmp_path):
-    """Of another seed than those of tuned.py, coarse meshes: one estimate of some thirty is below half of the error, and
-    half of them are within a factor of two.
+    """Of another seed than those of tuned.py, on coarse meshes.
+
+    One estimate of some thirty is below half of the error; half of them are within a factor of two.
     """
     import largest_pressure
 
