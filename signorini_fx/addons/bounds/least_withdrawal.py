@@ -70,7 +70,7 @@ def least_withdrawal(
         work += of_coefficients.T @ _work(t, surface)
     constraints, deep, force = sp.vstack(rows).tocsr() @ basis, np.concatenate(entered), basis.T @ work
     stiff = PENALTY_OF_ENTRY * (constraints.multiply(constraints) @ diagonal)
-    found, pushed, active = np.zeros(basis.shape[1]), np.zeros(len(deep)), deep > 0
+    reduced, pushed, active = np.zeros(basis.shape[1]), np.zeros(len(deep)), deep > 0
     factor, updates = None, 0
     for _ in range(STEPS_OF_WITHDRAWAL):
         own = constraints[np.flatnonzero(active)]
@@ -78,15 +78,15 @@ def least_withdrawal(
             upper = sp.triu(matrix + own.T @ sp.diags(stiff[active]) @ own, format="csr")
             upper.sort_indices()
             factor = Factor(upper)
-        found = factor.solve(own.T @ (stiff[active] * deep[active] + pushed[active]) - force)
-        following = pushed + stiff * (deep - constraints @ found)
+        reduced = factor.solve(own.T @ (stiff[active] * deep[active] + pushed[active]) - force)
+        following = pushed + stiff * (deep - constraints @ reduced)
         if ((following > 0) == active).all():
             if updates == UPDATES_OF_WITHDRAWAL:
                 break
             pushed, updates = following.clip(min=0.0), updates + 1
         else:
             active, factor = following > 0, None
-    components = (basis @ found).reshape(-1, d)
+    components = (basis @ reduced).reshape(-1, d)
     bubbles = np.zeros((len(t.edges), d))
     bubbles[edges] = components[vertices:]
     return components[:vertices], bubbles

@@ -841,12 +841,12 @@ class NonlinearContactProblem(ProblemOfForms):
             ConvergenceError: it has no solution.
             SnapThrough: it may jump, and must not.
         """
-        before = self._good, self._solved, self.status
+        last_solution = self._good, self._solved, self.status
         self._attempt(damps=damps)
         moved = float(parallel.largest(self._space.mesh.comm, np.abs(self.u.x.array - begun.displacement), 0.0))
         suspected = self._leaps.suspects(moved, max(self._predicted, SMALL_INCREMENT * self._size), end)
         if suspected and not may_jump:
-            self._good, self._solved, self.status = before
+            self._good, self._solved, self.status = last_solution
             raise SnapThrough("the body may jump")
         return suspected
 

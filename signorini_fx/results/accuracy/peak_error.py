@@ -61,14 +61,14 @@ class Peak:
             return cls(0.0, 0.0, 0.0, 0.0)
         largest = float(pressure[row])
         if table.facets is None:
-            place, rows = _around_on_curve(table, row)
+            position, rows = _around_on_curve(table, row)
             # Beside a single pressed node the spacing is that to nodes that are not.
-            spacing = float(np.ptp(place)) / (len(rows) - 1) if len(rows) > 1 else peak_of(table)[1]
-            place = place[:, None]
+            spacing = float(np.ptp(position)) / (len(rows) - 1) if len(rows) > 1 else peak_of(table)[1]
+            position = position[:, None]
         else:
-            place, rows = _around_on_surface(table, row)
+            position, rows = _around_on_surface(table, row)
             spacing = float(np.sqrt(table.columns["weight"][rows].mean()))
-        top, scatter = _paraboloid(place, (pressure[rows] / largest) ** 2)
+        top, scatter = _paraboloid(position, (pressure[rows] / largest) ** 2)
         return cls(largest, largest * top, scatter, spacing)
 
 
@@ -105,10 +105,10 @@ def peak_error(
             steps.append(change / (finer**rate - 1) / max(to_last, 1.0) ** rate)
     if not steps:
         return None
-    known = last.largest / last.top - 1
+    above_top = last.largest / last.top - 1
     of_top = -np.copysign(np.sqrt(np.mean(np.square(steps[-CHANGES_USED:]))), steps[-1])
-    parts = np.linalg.norm([known, of_top, SCATTER_SHARE * last.scatter])
-    seen = max(abs(known + of_top), LEAST_SHARE_OF_PARTS * parts)
+    parts = np.linalg.norm([above_top, of_top, SCATTER_SHARE * last.scatter])
+    seen = max(abs(above_top + of_top), LEAST_SHARE_OF_PARTS * parts)
     # What the changes do not show at all on meshes that were divided for the peak is no more than what they show.
     return float(np.hypot(seen, min(pollution, seen)))
 
