@@ -3367,8 +3367,8 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/peak_error",
-        "known + of_top",
-        "known - of_top",
+        "above_top + of_top",
+        "above_top - of_top",
         "largest pressure: what nodes miss of the top and what the top is off are added with the wrong sign",
         tests=("peak_error::test_what_converges_with_its_rate_has_its_error",),
     ),
