@@ -192,7 +192,7 @@ class Increments:
 
     @property
     def bracket(self) -> str | None:
-        """Between which loads a ramp has ended without a solution; None if there is no ramp."""
+        """Between which loads a ramp has ended without a solution; None where no ramp or no load is the reason."""
         at = self.at
         if not self._divisible or at.failed is None:
             return None
@@ -269,13 +269,13 @@ class Increments:
         if not self._divisible:
             return False
         at, step, with_all = self.at, self.next, not self.without_fall_backs
+        if at.reached < 0 and status in _HOPELESS_AT_FIRST:
+            return False
         fails_again = at.failed is not None and step >= at.failed - SAME_LENGTH
         increment = step - at.reached
         self.at = at = replace(
             at, wasted=at.wasted + linear_solves, failed=step, limit=at.limit or fails_again or status in _PROVED
         )
-        if at.reached < 0 and status in _HOPELESS_AT_FIRST:
-            return False
         if increment <= self._enclosed or (with_all and not at.hard):
             return False
         self.at = replace(at, increment=increment / 2, easy=0)

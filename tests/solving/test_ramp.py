@@ -14,6 +14,7 @@ from test_load_steps import LENGTH, LIMIT, PRESSURE, block, friction_force
 from signorini_fx.addons.pictures.load_steps import load_steps
 from signorini_fx.addons.pictures.moving_body import MOST_FRAMES, shown
 from signorini_fx.addons.report.page import write_report
+from signorini_fx.algebra.linalg import callbacks
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.statement.load_steps import LoadPath, factor_at
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -581,6 +582,29 @@ def test_a_ramp_without_contact_says_where_it_ends():
     assert solution.history.events[-1].startswith(f"the ramp ends: {expected}")
     assert {step.linear_solves for step in solution.steps} == {1}
     assert solution.history.linear_solves == 0
+
+
+@pytest.mark.parametrize("kind", ["not held", "no memory"])
+def test_a_ramp_that_fails_for_another_reason_than_its_load(kind, monkeypatch):
+    """It says nothing of loads that have a solution: there is none at any load, and no smaller one is tried."""
+    support = {"x": 0.0} if kind == "not held" else {"x": 0.0, "y": 0.0}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 1}},
+        "material": {"young": 1000.0, "poisson": 0.0},
+        "displacement": {"boundary": "left", **support},
+        "traction": {"boundary": "right", "x": 1.0},
+        "load_steps": {"steps": 2},
+    }
+    if kind == "no memory":
+        monkeypatch.setattr(callbacks, "solve", no_memory)
+    solution = alone(parse_scene(scene), check=False)
+    expected = Status.NOT_HELD if kind == "not held" else Status.NO_MEMORY
+    assert [step.status for step in solution.steps] == [expected]
+    assert solution.history.events == []
+
+
+def no_memory(*_):
+    raise MemoryError
 
 
 def test_exit_code_tells_of_the_failure(tmp_path, capsys):
