@@ -468,3 +468,25 @@ def test_bonded(of, target):
     }
     assert errors[of] < target
     assert errors[of] < 2 * getattr(found.price_list[-2], of) < 10 * errors[of]
+
+
+def test_a_side_with_a_single_point():
+    """A narrow body on a coarse side touches one of its nodes, which has no neighbour with a point, on two meshes."""
+    bodies = [
+        {"name": "up", "mesh": block(1, length=0.04, height=0.04), "shift": [0.98, 1.0]},
+        {"name": "low", "mesh": block(2, length=2.0)},
+    ]
+    scene = parse_scene(
+        {
+            "body": bodies,
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [
+                {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+                {"boundary": "up.top", "x": 0.0, "y": -1e-3},
+            ],
+            "contact": {"boundary": "low.top", "against": "up.bottom", "points": "boundary"},
+            "accuracy": {"target": 0.5, "of": "energy"},
+        }
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    assert [len(level.table.columns["x"]) for level in solution.levels[:2]] == [1, 1]

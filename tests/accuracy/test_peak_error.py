@@ -124,6 +124,17 @@ def test_meshes_with_one_or_two_nodes_in_contact():
     assert peak_error([*peaks, peaks[0]], 1, [1.0, 2.0, 4.0]) is not None
 
 
+def test_a_point_without_a_neighbour():
+    """Between two bodies a single node may carry a point: there is no spacing, and no estimate from this mesh."""
+    point = {"x": 0.0, "y": 0.0, "s": 0.0, "weight": 1.0, "pressure": 2.0}
+    alone = Peak.of(ContactTable({name: np.array([value]) for name, value in point.items()}, [range(1)]))
+    assert (alone.largest, alone.top, alone.spacing) == (2.0, 2.0, 0.0)
+    finer = [Peak(2.0, 2.0, 0.0, 0.2), Peak(2.2, 2.2, 0.0, 0.1)]
+    assert peak_error([alone, alone], 1, [1.0, 2.0]) is None
+    assert peak_error([*finer, alone], 1, [1.0, 2.0, 4.0]) is None
+    assert peak_error([alone, *finer], 1, [1.0, 2.0, 4.0]) == peak_error(finer, 1, [2.0, 4.0])
+
+
 def test_an_error_elsewhere_in_the_body_counts():
     """By as much as what is seen at the peak, at most."""
     peaks = [Peak(2.0, 2.0, 0.0, 0.2), Peak(2.1, 2.1, 0.0, 0.1)]

@@ -44,7 +44,7 @@ class Peak:
         largest: nodal pressure, stress; 0 without contact.
         top: of the paraboloid around it, stress.
         scatter: standard deviation of the pressures around it from the paraboloid, relative.
-        spacing: mean distance of the nodes around it, length.
+        spacing: mean distance of the nodes around it, length; 0 where there is a single one.
     """
 
     largest: float
@@ -85,7 +85,7 @@ def peak_error(
         pollution: what an error elsewhere in the body adds, relative.
 
     Returns:
-        None where no mesh was coarser at the peak, or without contact.
+        None where no mesh was coarser at the peak, without contact, or where a single node may be in contact.
     """
     last, rate = peaks[-1], PEAK_RATES[degree]
     if not last.largest > 0:
@@ -93,7 +93,8 @@ def peak_error(
     steps = []
     for k in range(1, len(peaks)):
         coarse, fine = peaks[k - 1], peaks[k]
-        if not (coarse.largest > 0 and fine.largest > 0):
+        # Between two bodies a node may carry a point and have no neighbour that does: then there is no spacing.
+        if min(coarse.largest, fine.largest, coarse.spacing, fine.spacing, last.spacing) <= 0:
             continue
         finer, to_last = coarse.spacing / fine.spacing, fine.spacing / last.spacing
         if finer < FINER_FACTOR and fineness is not None:

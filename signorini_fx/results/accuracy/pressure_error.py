@@ -273,6 +273,8 @@ def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Fl
     interval_keys, values = interval_keys[order], np.concatenate(intervals)[order]
     part, nodes = boundary.segments[:, 0], boundary.segments[:, 1:]
     total = np.zeros(len(part))
+    if not interval_keys.size:  # between two bodies a single node may carry a point
+        return total
     for k in range(nodes.shape[1] - 1):
         wanted = keys(part, nodes[:, k], nodes[:, k + 1])
         position = np.minimum(np.searchsorted(interval_keys, wanted), interval_keys.size - 1)
