@@ -11,9 +11,11 @@ from mpi4py import MPI
 from support.nonlinear_bodies import held, neo_hooke
 
 from signorini_fx import FormError, Foundation, NonlinearContactProblem, Status
+from signorini_fx.forms.nonlinear.leaps import Leaps
 
 FORCE, HELD = 0.15, {"x": 0.0, "rotation": 0.0}
 WEIGHT = 0.01  # force per volume
+SOFT, WAVES = 0.1, 1.2  # a law whose stress falls from a strain on, and rises again
 
 
 def arch(comm, *, weighs=False, **shape):
@@ -159,29 +161,60 @@ def test_a_jump_is_enclosed_and_told(tmp_path):
     assert first.displacement.x.array == pytest.approx(second.displacement.x.array, abs=1e-12)
 
 
-def test_what_becomes_softer_does_not_jump():
-    """A bar whose stiffness falls to a thirtieth at a strain, drawn by a force through this strain: two steps that are
-    halves are shorter, and no jump is told.
-    """
+def bar(law):
+    """A square of an elastic law, stress along the bar by its strain, drawn by a force; its problem, and the force."""
     mesh = dmesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [1.0, 1.0]], [2, 2])
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     u, v = fem.Function(space), ufl.TestFunction(space)
     force = fem.Constant(mesh, 0.0)
     strain = ufl.sym(ufl.grad(u))
-    along = strain[0, 0]
-    stress = ufl.conditional(ufl.lt(along, 0.01), along, 0.01 + (along - 0.01) / 30)
-    right = dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[0], 1.0))
-    left = dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[0], 0.0))
+    right, left = (dmesh.locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[0], at)) for at in (1.0, 0.0))
     tags = dmesh.meshtags(mesh, 1, np.sort(right), 1)
     ds = ufl.Measure("ds", mesh, subdomain_data=tags)
-    F = (stress * v[0].dx(0) + strain[1, 1] * v[1].dx(1) + 2 * strain[0, 1] * ufl.sym(ufl.grad(v))[0, 1]) * ufl.dx
+    along = law(strain[0, 0]) * v[0].dx(0)
+    F = (along + strain[1, 1] * v[1].dx(1) + 2 * strain[0, 1] * ufl.sym(ufl.grad(v))[0, 1]) * ufl.dx
     bottom, top = (dmesh.locate_entities_boundary(mesh, 1, lambda x, y=y: np.isclose(x[1], y)) for y in (0.0, 1.0))
     bcs, far = [held(space, left, 0), held(space, bottom, 1)], Foundation(top, gap=1.0, direction=(0, 1))
-    problem = NonlinearContactProblem(F - force * v[0] * ds(1), u, bcs=bcs, contact=far)
+    return NonlinearContactProblem(F - force * v[0] * ds(1), u, bcs=bcs, contact=far), force
+
+
+def test_what_becomes_softer_does_not_jump():
+    """A bar whose stiffness falls to a thirtieth at a strain, drawn by a force through this strain: two steps that are
+    halves are shorter, and no jump is told.
+    """
+    problem, force = bar(lambda e: ufl.conditional(ufl.lt(e, 0.01), e, 0.01 + (e - 0.01) / 30))
     problem.ramp(lambda t: setattr(force, "value", 0.021 * t), first=0.25, largest=0.25)
-    assert u.x.array.max() == pytest.approx(0.01 + 30 * 0.011, rel=1e-9)
+    assert problem.u.x.array.max() == pytest.approx(0.01 + 30 * 0.011, rel=1e-9)
     assert problem.findings == ()
     assert any("may jump" in event for event in problem.history.events)
+
+
+@pytest.mark.parametrize("before", [0.07, 0.13])
+def test_a_jump_from_just_below_its_limit_point(before):
+    """A bar that becomes soft over several steps, the last of which ends a share of a step below the limit point: its
+    tangent predicts a far way, too, and the jump is told nevertheless.
+    """
+    limit, end = SOFT * np.arccos(-1 / WAVES), 2 * np.pi * SOFT
+    load = limit + WAVES * SOFT * np.sin(limit / SOFT)
+    step = load / (8 + before)
+    problem, force = bar(lambda e: e + WAVES * SOFT * ufl.sin(e / SOFT))
+    problem.ramp(lambda t: setattr(force, "value", t), 10 * step, first=step, largest=step)
+    assert problem.u.x.array.max() > end - limit
+    (found,) = problem.findings
+    begin, end = map(float, re.search(r"between the loads (\S+) and (\S+) the body jumps", found.message).groups())
+    assert begin < load * (1 + 1e-6)
+    assert end > load * (1 - 1e-6)
+    assert end - begin < 2 * step
+
+
+@pytest.mark.parametrize(("moved", "jumps"), [(0.11, False), (0.13, True)])
+def test_a_restart_suspects_the_same(moved, jumps):
+    """A step is compared with the last one, of the earlier run, too."""
+    earlier, later = Leaps(yields=False), Leaps(yields=False)
+    assert not earlier.suspects(0.05, 0.05, 0.0, 0.1)
+    earlier.pass_by(0.0, 0.1)
+    later.resume(earlier.stored())
+    assert [leaps.suspects(moved, 0.1, 0.1, 0.2) for leaps in (earlier, later)] == [jumps, jumps]
 
 
 def test_what_cannot_be_controlled():

@@ -3,6 +3,9 @@
 The first increment of Newton's method is what the tangent at the last equilibrium predicts, contact and friction
 included.  A body that moves much farther has jumped, or has become softer within the step, as when metal yields: halves
 of the step tell these apart, since a way becomes shorter with the step, and a jump does not.
+
+Near a limit point the tangent predicts far ways itself, so that a jump need not be much farther: there the way is far
+for the load that it takes, compared with the last step.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from signorini_fx.records import Finding
-from signorini_fx.tuned import LEAPS, SHORTER_WAY
+from signorini_fx.tuned import FASTER, LEAPS, SHORTER_WAY
 
 
 @dataclass
@@ -30,29 +33,35 @@ class Leaps:
     end: float | None = None
     _moved: float = 0.0  # in the step that ends there
     _ratio: float = 1.0  # by which the body moved farther in the last step that was taken than its tangent predicts
-    _tried: float = 1.0  # the same in the last step that has a solution
+    _rate: float | None = None  # how far the body moved in that step, per size of the step; None: it is not known
+    _tried: tuple[float, float] = (1.0, 0.0)  # both of the last step that has a solution
 
     def stored(self) -> dict[str, Any]:
         """What ``resume`` needs at the end of a load step, as plain data."""
         jumps = [found.message for found in self.findings]
-        return {"jumps": jumps, "end": self.end, "moved": self._moved, "ratio": self._ratio}
+        ways = {"moved": self._moved, "ratio": self._ratio, "rate": self._rate}
+        return {"jumps": jumps, "end": self.end, **ways}
 
     def resume(self, figures: Mapping[str, Any]) -> None:
         """Go on from where an earlier run has come to, see ``stored``."""
         self.findings = [_finding(message) for message in figures["jumps"]]
         self.end, self._moved, self._ratio = figures["end"], figures["moved"], figures["ratio"]
+        self._rate = figures["rate"]
 
-    def suspects(self, moved: float, predicted: float, end: float) -> bool:
+    def suspects(self, moved: float, predicted: float, begin: float, end: float) -> bool:
         """Whether a step that has a solution may jump.
 
         Args:
             moved: how far the body has moved in the step, length.
             predicted: how far its tangent moves it, length, above 0.
-            end: where the step ends.
+            begin: where the step begins.
+            end: where it ends.
         """
-        self._tried = moved / predicted
+        ratio, rate = self._tried = moved / predicted, moved / abs(end - begin)
         if self.end is None:  # a body that has become softer goes on as it did
-            jumps = self._tried > LEAPS[self.yields] * self._ratio
+            farther, faster = FASTER[self.yields]
+            jumps = ratio > LEAPS[self.yields] * self._ratio
+            jumps = jumps or (self._rate is not None and ratio > farther and rate > faster * self._rate)
         else:
             jumps = moved > SHORTER_WAY * self._moved
         if jumps:
@@ -61,7 +70,7 @@ class Leaps:
 
     def pass_by(self, begin: float, end: float) -> None:
         """A step is taken, and does not jump."""
-        self._ratio = max(1.0, self._tried)
+        self._ratio, self._rate = max(1.0, self._tried[0]), self._tried[1]
         if not self.ends_beyond(end, end + (end - begin)):
             self.end = None
 
@@ -77,7 +86,7 @@ class Leaps:
             begin: where it begins.
             end: where it ends.
         """
-        self.end, self._ratio = None, 1.0
+        self.end, self._ratio, self._rate = None, 1.0, None
         message = (
             f"between the {what} {begin:.6g} and {end:.6g} the body jumps to another equilibrium: smaller steps do not "
             f"make its way shorter; to which one dynamics would take it is not known, and friction and "

@@ -793,7 +793,8 @@ class NonlinearContactProblem(ProblemOfForms):
                 apply(end)
                 ends = controlled and bool(self._ramped)
                 may_jump = jumps or not (ends or sizes.may_halve)
-                suspected = self._attempt_at_step(begun, end, damps=not sizes.may_halve, may_jump=may_jump)
+                ends_of_step = sizes.reached, end
+                suspected = self._attempt_at_step(begun, ends_of_step, damps=not sizes.may_halve, may_jump=may_jump)
             except Exception as error:
                 final = not sizes.may_halve or self.status in outcomes.FINAL
                 if final and isinstance(error, ConvergenceError) and self._solved is None:
@@ -828,12 +829,12 @@ class NonlinearContactProblem(ProblemOfForms):
                     stored.store(self.linear, step, tangent, self.iterations, self._timings, self._leaps)
                 stored.begin(self.linear)
 
-    def _attempt_at_step(self, begun: Snapshot, end: float, *, damps: bool, may_jump: bool) -> bool:
+    def _attempt_at_step(self, begun: Snapshot, ends: tuple[float, float], *, damps: bool, may_jump: bool) -> bool:
         """Solve a step, and return whether it may jump; for ``damps`` see ``_attempt``; collective.
 
         Args:
-            begun: where the body is when it begins.
-            end: where it ends.
+            begun: the body when it begins.
+            ends: where it begins and ends.
             damps: see ``_attempt``.
             may_jump: whether a step that may jump is a solution.
 
@@ -844,7 +845,7 @@ class NonlinearContactProblem(ProblemOfForms):
         last_solution = self._good, self._solved, self.status
         self._attempt(damps=damps)
         moved = float(parallel.largest(self._space.mesh.comm, np.abs(self.u.x.array - begun.displacement), 0.0))
-        suspected = self._leaps.suspects(moved, max(self._predicted, SMALL_INCREMENT * self._size), end)
+        suspected = self._leaps.suspects(moved, max(self._predicted, SMALL_INCREMENT * self._size), *ends)
         if suspected and not may_jump:
             self._good, self._solved, self.status = last_solution
             raise SnapThrough("the body may jump")
