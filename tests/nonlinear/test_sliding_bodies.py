@@ -55,6 +55,23 @@ def test_patch(kind, slave):
         assert across == pytest.approx(across[x[:, 0].argmax()] * x[:, 0], abs=1e-9)
 
 
+@pytest.mark.parametrize(("friction", "depth"), [(None, 0.3), (None, 0.42), (Coulomb(0.3), 0.42)])
+def test_edges_that_are_flush(friction, depth):
+    """Equal blocks with their edges on each other: from a compression on the one slides over the other where nothing
+    but pressure holds it, as in a model of its own, blocks with a penalty of the overlap of their outlines.
+    """
+    smooth = friction is None and depth > 0.4
+    scene = blocks(lower=(8, 8), upper=(8, 8), width=1.0, smooth=lambda x: np.isclose(x[0], 0.0), friction=friction)
+    scene.move(0.0, -0.2)
+    scene.move(0.0, -0.4)
+    if smooth:
+        with pytest.raises(ConvergenceError, match="unstable equilibrium"):
+            scene.move(0.0, -2 * depth)
+    else:
+        scene.move(0.0, -2 * depth)
+    assert scene.problem.status is (Status.UNSTABLE if smooth else Status.CONVERGED)
+
+
 def test_frames_do_not_matter():
     """A roller that is pressed and slides, and the same turned as a whole: equal forces; friction is F times them, and
     forces and moments of both bodies balance.
