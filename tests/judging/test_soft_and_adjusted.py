@@ -196,6 +196,60 @@ def test_our_own_solution_of_soft_contact_agrees(law, body):
         assert any(finding.key == "law" for finding in judgement.findings), str(judgement)
 
 
+BEHAVIOUR = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE="
+
+
+def test_an_empty_first_word_of_a_table_is_zero(tmp_path):
+    """As it is in both programs."""
+    judgement = against("shelf_tabular", tmp_path, lambda text: text.replace("0.0, 0.0\n1.0, 0.01", ", 0.0\n1.0, 0.01"))
+    assert judgement.word == "agrees", str(judgement)
+
+
+@pytest.mark.parametrize(
+    ("name", "second"),
+    [
+        ("shelf_tabular", "LINEAR\n1e5"),
+        ("shelf_linear", "LINEAR\n3e5"),
+        ("shelf_linear", "EXPONENTIAL\n0.01, 200."),
+        ("shelf_exponential", "HARD"),
+    ],
+)
+def test_the_last_of_two_laws_counts(name, second, tmp_path):
+    """In the scene and for the verdict, which says that there are two."""
+    judgement = against(name, tmp_path, lambda text: text.replace("*CONTACT", f"{BEHAVIOUR}{second}\n*CONTACT"))
+    assert judgement.word.startswith("violates contact: "), str(judgement)
+    assert "a second behaviour of the interaction 'S'" in "".join(judgement.lost)
+    text = (tmp_path / f"{name}.inp").read_text()
+    (tmp_path / "last.inp").write_text(re.sub(rf"{re.escape(BEHAVIOUR)}[^*]*(?={re.escape(BEHAVIOUR)})", "", text))
+    alone = judge(tmp_path / "last.inp", DATA / f"{name}.dat", compare=False)
+    assert alone.lost == ()
+    assert (alone.word, alone.figures) == (judgement.word, judgement.figures)
+
+
+def test_numbers_that_no_law_reads_are_lost(tmp_path):
+    """As of a parameter that is misspelled."""
+    judgement = against("shelf_linear", tmp_path, lambda text: text.replace("PRESSURE-", "PRESSURE "))
+    assert "*SURFACE BEHAVIOR: its numbers: here it is hard" in "".join(judgement.lost)
+
+
+BAD_PAIRS = {
+    "EXPONENTIAL\n0.01, 2.0": ("EXPONENTIAL\n0.01", "two numbers, clearance and pressure"),
+    "INTERACTION=S": ("INTERACTION=Q", "there is no *SURFACE INTERACTION, NAME=Q"),
+    "INTERACTION=S,": ("INTERACTION=S, ADJUST=NOWHERE,", "ADJUST=NOWHERE: a length or the name of a set of nodes"),
+    "TYPE=NODE": ("ADJUST=BODY_BOTTOM, TYPE=NODE", "ADJUST=BODY_BOTTOM: a length or the name of a set of nodes"),
+    "TYPE=NODE TO": ("ADJUST, TYPE=NODE TO", "ADJUST=: a length or the name of a set of nodes"),
+    "INTERACTION=S, TYPE": ("INTERACTION=S, ADJUST=nan, TYPE", "ADJUST=nan: a length or the name of a set of nodes"),
+}
+
+
+@pytest.mark.parametrize("old", BAD_PAIRS)
+def test_what_a_pair_refers_to_must_be_there(old, tmp_path):
+    """An interaction, a set of nodes, all numbers of a law."""
+    new, words = BAD_PAIRS[old]
+    with pytest.raises(sfx.MeshError, match=re.escape(words)):
+        against("shelf_exponential", tmp_path, lambda text: text.replace(old, new))
+
+
 @pytest.mark.parametrize("name", ADJUSTED)
 def test_nodes_are_moved(name, tmp_path):
     """Those within the length, or of the set, lie on the plate, along its normal, and no others move."""

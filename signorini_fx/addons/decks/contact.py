@@ -8,7 +8,7 @@ from signorini_fx.addons.decks.content import Deck, plain_name
 from signorini_fx.addons.decks.nodal import follow
 from signorini_fx.addons.decks.ties import distances, tie_nodes
 from signorini_fx.addons.decks.tools import of_time, tool_keys
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, quoted, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, quoted, real, real_or_none
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
 
@@ -167,10 +167,9 @@ def _adjust(deck: Deck, label: str, pair: tuple[str, str, str]) -> list[str]:
     adjustment = deck.adjusted.get(pair)
     if adjustment is None:
         return []
-    try:
-        return [f"adjust = {real(adjustment)!r}"]
-    except ValueError:
-        named = deck.nodes(adjustment)
+    if (length := real_or_none(adjustment)) is not None:
+        return [f"adjust = {length!r}"]
+    named = deck.nodes(adjustment)
     slave, master = map(deck.boundary, pair[:2])
     if slave is not None and master is not None:
         size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))

@@ -138,7 +138,7 @@ class Deck:
     ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body;
     ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.  ``stiffness`` and ``sticking`` are
     those of interactions, stress per length, and ``adjusted`` has the ADJUST of pairs: a length, or a set of nodes.
-    ``overclosures`` has other laws of soft contact as they are in a scene.
+    ``overclosures`` has other laws of soft contact as they are in a scene, ``behaviours`` what states each law.
     ``pairing`` has the keyword of each pair and tie, ``heating`` those that give temperatures.
     ``distributed`` has the boundary over which the force at each reference node of a *DISTRIBUTING is spread; those
     in ``cyclic`` are of a sector. ``rubbing`` has the coefficients of friction of interactions by the steps that
@@ -177,6 +177,7 @@ class Deck:
     stiffness: dict[str, float] = field(default_factory=dict)
     sticking: dict[str, float] = field(default_factory=dict)
     overclosures: dict[str, str] = field(default_factory=dict)
+    behaviours: dict[str, DeckBlock] = field(default_factory=dict)
     pairs: list[tuple[str, str, str]] = field(default_factory=list)
     pairing: dict[tuple[str, ...], DeckBlock] = field(default_factory=dict)
     adjusted: dict[tuple[str, str, str], str] = field(default_factory=dict)
@@ -423,6 +424,10 @@ class Deck:
         """Rows of the file of the nodes of a set that the body has."""
         label = _defined_name(name, self._node_sets)
         return np.empty(0, np.int64) if label is None else np.intersect1d(self.model.raw.node_sets[label], self.numbers)
+
+    def has_nodes(self, name: str) -> bool:
+        """Whether the file defines a set of nodes with a name."""
+        return _defined_name(name, self._node_sets) is not None
 
     def single(self, name: str) -> int | None:
         """The number of a node, or of the only one of a set, also if the body has it not; None: it is none."""

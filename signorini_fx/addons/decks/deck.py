@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -42,7 +42,7 @@ from signorini_fx.addons.decks.temperatures import read_temperatures
 from signorini_fx.addons.decks.ties import link_sectors
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus import NO_BODY, POINTS, read_model, removes_elements
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, parameter, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, parameter, real, real_or_none
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
@@ -214,6 +214,7 @@ def _read(deck: Deck, block: DeckBlock) -> None:
         case "TEMPERATURE" | "INITIALCONDITIONS":
             read_temperatures(deck, block)
         case "CONTACTPAIR":
+            _check_pair(deck, parameters)
             pairs = [_pair(row, parameters.get("INTERACTION", "")) for row in rows]
             deck.pairs += pairs
             deck.pairing |= dict.fromkeys(pairs, block)
@@ -303,6 +304,21 @@ def _pair(row: list[str], interaction: str) -> tuple[str, str, str]:
     return row[0], row[1] if len(row) > 1 else row[0], interaction.upper()
 
 
+def _check_pair(deck: Deck, parameters: Mapping[str, str]) -> None:
+    """What a *CONTACT PAIR refers to must be there.
+
+    Raises:
+        ValueError: it is not.
+    """
+    interaction, adjustment = parameters.get("INTERACTION", "").upper(), parameters.get("ADJUST")
+    blocks = (block for block in deck.model.blocks if block.keyword == "SURFACEINTERACTION")
+    if interaction and interaction not in {block.parameters.get("NAME", "").upper() for block in blocks}:
+        raise ValueError(f"there is no *SURFACE INTERACTION, NAME={interaction}")
+    is_length = bool(adjustment) and real_or_none(str(adjustment)) is not None
+    if adjustment is not None and not is_length and not deck.has_nodes(adjustment):
+        raise ValueError(f"ADJUST={adjustment}: a length or the name of a set of nodes is expected")
+
+
 def _find_rigid(file: Path, deck: Deck) -> None:
     """Rigid surfaces, and the nodes or sets of nodes that move them, wherever in the file they are named."""
     coupling: DeckBlock | None = None
@@ -381,16 +397,27 @@ def _change_friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
 
 def _behaviour(deck: Deck, block: DeckBlock, interaction: str) -> None:
     kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").upper()
+    if interaction in deck.behaviours:
+        deck.lose(block, f"a second behaviour of the interaction {interaction!r}: the last one is taken")
+        deck.tied.discard(interaction)
+        deck.stiffness.pop(interaction, None)
+        deck.overclosures.pop(interaction, None)
+    deck.behaviours[interaction] = block
     if kind == "TIED":
         deck.tied.add(interaction)
     if kind in ("LINEAR", "TIED") and block.rows and block.rows[0]:
         deck.stiffness[interaction] = _stiffness_of(block.rows[0][0])
     elif kind == "EXPONENTIAL":
-        clearance, pressure = (real(word) for word in block.rows[0][:2])
+        words = block.rows[0][:2]
+        if len(words) < 2:
+            raise ValueError("two numbers, clearance and pressure, are expected")
+        clearance, pressure = map(real, words)
         deck.overclosures[interaction] = f'law = "exponential", clearance = {clearance!r}, pressure = {pressure!r}'
     elif kind == "TABULAR":
         rows = [[real(word) for word in row[:2]] for row in block.rows]
         deck.overclosures[interaction] = f'law = "tabular", rows = {_from_zero(rows)}'
+    elif kind == "HARD" and any(block.rows):
+        deck.lose(block, "its numbers: here it is hard")
     elif kind not in ("HARD", "TIED"):
         deck.lose(block, f"soft contact, {kind.lower()}: here it is hard")
     if "NOSEPARATION" in block.parameters:

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.judging.problem_data import JudgedMesh
 from signorini_fx.addons.judging.projection import outward_signs
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import real_or_none
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 # The straight pieces of each kind of facet, whose corners come first.
@@ -31,14 +31,6 @@ _TRIED, _BESIDE, _BESIDE_OF_DISTANCE = 16, 1e-6, 0.1
 _ROUND_OFF = 1e-12
 
 
-def _length(adjustment: str) -> float | None:
-    """What ADJUST says as a length; None: it is the name of a set."""
-    try:
-        return real(adjustment)
-    except ValueError:
-        return None
-
-
 def adjusted_points(deck: Deck, mesh: JudgedMesh) -> tuple[Floats, list[str]]:
     """The nodes of an input file where its contact pairs put them, length, shape (n, d), and what is not clear of that.
 
@@ -52,7 +44,7 @@ def adjusted_points(deck: Deck, mesh: JudgedMesh) -> tuple[Floats, list[str]]:
         if slave is None or master is None:
             continue
         nodes = np.unique(mesh.boundaries[slave])
-        limit = _length(adjustment)
+        limit = real_or_none(adjustment)
         if limit is None and mesh.dim == 2:
             unclear.append(f"ADJUST={adjustment}: of plane elements CalculiX moves no nodes of a set, others do")
             continue

@@ -121,15 +121,12 @@ def law_of_deck(deck: Deck, interaction: str, *, nodal: bool) -> SoftLaw | None:
         interaction: its name.
         nodal: whether nodes touch a surface.
     """
-    current = ""
-    for block in deck.model.blocks:
-        if block.keyword == "SURFACEINTERACTION":
-            current = block.parameters.get("NAME", "")
-        elif block.keyword == "SURFACEBEHAVIOR" and current.upper() == interaction.upper():
-            kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").lower()
-            rows = [[real(word) for word in row if word] for row in block.rows]
-            return _law(kind, rows, _first_modulus(deck) if nodal else 0.0, nodal=nodal)
-    return None
+    block = deck.behaviours.get(interaction)
+    if block is None:
+        return None
+    kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").lower()
+    rows = [[*map(real, row)] for row in block.rows]
+    return _law(kind, rows, _first_modulus(deck) if nodal else 0.0, nodal=nodal)
 
 
 def _law(kind: str, rows: Sequence[Sequence[float]], young: float, *, nodal: bool) -> SoftLaw | None:

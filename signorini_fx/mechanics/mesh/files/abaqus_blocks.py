@@ -106,6 +106,14 @@ def real(word: str) -> float:
     return number
 
 
+def real_or_none(word: str) -> float | None:
+    """The same; None: it is no number."""
+    try:
+        return real(word)
+    except ValueError:
+        return None
+
+
 def parameter(block: DeckBlock, key: str) -> float:
     """The number that a parameter of a keyword has.
 
