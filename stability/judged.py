@@ -80,6 +80,7 @@ DATA = {
     "shelf_tetrahedra": ForeignDeck("shelf", "C3D4", (4, 2, 2), law=EXPONENTIAL, pair="NODE TO SURFACE"),
     "shelf_adjusted": ForeignDeck("shelf", "CPE4", (8, 3), adjust="0.032", tilt=0.03),
     "shelf_adjusted8": ForeignDeck("shelf", "CPE8R", (5, 2), adjust="0.06", tilt=0.03),
+    "shelf_folded": ForeignDeck("shelf", "CPE8R", (8, 3), young=3e3, stiffness=9e5, adjust="0.032", tilt=0.03),
     "shelf_adjusted10": ForeignDeck("shelf", "C3D10", (3, 2, 1), adjust="0.032", tilt=0.03),
     "shelf_adjusted3": ForeignDeck("shelf", "CPE3", (8, 3), adjust="0.032"),
     "shelf_adjusted_set": ForeignDeck("shelf", "C3D8", (4, 2, 2), adjust="BODY_BOTTOM_N", tilt=0.03),

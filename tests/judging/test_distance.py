@@ -1,5 +1,6 @@
 """The guaranteed interval of the error of a foreign result, against a fine solution; and what stands beside ours."""
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -140,3 +141,12 @@ def test_beside_ours():
     beside = judge(DATA / "shelf_CPE4.inp", DATA / "shelf_CPE4.dat").beside
     assert set(beside) == {"displacement", "force", "pressure"}
     assert max(beside.values()) < 0.01
+
+
+def test_no_distance_where_our_own_solution_does_not_move(tmp_path):
+    """Relative to nothing there is none."""
+    text = (DATA / "shelf_CAX4.inp").read_text()
+    (tmp_path / "deck.inp").write_text(re.sub(r"(BODY_\w+), P, .*", r"\1, P, 0.", text))
+    judgement = judge(tmp_path / "deck.inp", DATA / "shelf_CAX4.dat")
+    assert judgement.error["distance"] is None
+    assert "in our own solution nothing moves" in judgement.error["reason"]

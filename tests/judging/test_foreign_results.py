@@ -213,6 +213,52 @@ def test_what_cannot_be_judged(tmp_path):
     assert judgement.word == "not a result"
 
 
+# The width of the first component in both files of CalculiX.
+FIRST_COLUMN = {".dat": 14, ".frd": 12}
+
+
+@pytest.mark.parametrize("word", ["1e400", "inf", "NaN"])
+@pytest.mark.parametrize("kind", [".dat", ".frd", ".csv"])
+def test_numbers_that_are_not_finite(tmp_path, kind, word):
+    """The word says so, of whatever file."""
+    if kind == ".csv":
+        numbers, v = displacements(DATA / "shelf_CPE4.dat")
+        rows = [f"{node}, {x!r}, {y!r}" for node, (x, y, *_) in zip(numbers, v.tolist(), strict=True)]
+        text = "\n".join(["node, ux, uy", *rows[:11], f"12, {word}, 0.1", *rows[12:], ""])
+    else:
+        text = (DATA / f"shelf_CPE4{kind}").read_text()
+        at = text.index("displacements" if kind == ".dat" else "DISP")
+        start = text.index("        12", at) + len("        12")
+        text = text[:start] + f"{word:>{FIRST_COLUMN[kind]}}" + text[start + FIRST_COLUMN[kind] :]
+    (tmp_path / f"result{kind}").write_text(text)
+    judgement = judge(DATA / "shelf_CPE4.inp", tmp_path / f"result{kind}", compare=False)
+    assert (judgement.word, judgement.exit_code) == ("not a result", 7), str(judgement)
+
+
+def test_increments_of_one_printed_time(tmp_path):
+    """The last one counts, and where it is cut off what the one before had at its nodes does not."""
+    name = "shelf_CPE8R"
+    text = (DATA / f"{name}.dat").read_text()
+    tables = re.split(r"(?m)^(?= displacements)", text)
+    assert len(tables) == 3  # two increments end at a time that is 1 as it is printed
+    (tmp_path / "cut.dat").write_text("".join(tables[:2]) + tables[2][: len(tables[2]) // 4])
+    judgement = judge(DATA / f"{name}.inp", tmp_path / "cut.dat", compare=False)
+    assert judgement.word == "cannot be judged", str(judgement)
+    assert "nodes have no displacement" in str(judgement)
+    # Tables of two sets of nodes belong together.
+    head, *rows = tables[2].partition(" forces")[0].splitlines()
+    parts = [f"{head.replace('ALL', label)}\n\n" + "\n".join(rows[k::2]) + "\n" for k, label in enumerate("AB")]
+    (tmp_path / "sets.dat").write_text("\n" + "\n".join(parts))
+    assert judge(DATA / f"{name}.inp", tmp_path / "sets.dat", compare=False).word == "agrees"
+    name = "stack_CPE8R"
+    text = (DATA / f"{name}.frd").read_text()
+    first, *_ = re.split(r"(?m)^(?= {4}1PSTEP)", text)[1:]
+    again = first.replace("1           1           1", "3           2           1", 1)
+    (tmp_path / "cut.frd").write_text(text.replace(" 9999", "") + again[: len(again) // 2].rpartition("\n")[0] + "\n")
+    judgement = judge(DATA / f"{name}.inp", tmp_path / "cut.frd", compare=False)
+    assert judgement.word == "cannot be judged", str(judgement)
+
+
 def test_bad_files_are_one_error(tmp_path):
     """With the place and what is expected."""
     deck, dat = DATA / "shelf_CPE4.inp", (DATA / "shelf_CPE4.dat").read_text()
@@ -225,6 +271,8 @@ def test_bad_files_are_one_error(tmp_path):
             re.sub(r"(?m)^(         1 .{28}).*", r"\1", dat, count=1),
             "three components are expected, not 2",
         ),
+        ("node.frd", frd.replace(" -1        12", " -1       NaN"), "the number of a node is expected, not 'NaN'"),
+        ("time.dat", dat.replace("0.1000000E+01", "1.0E+0.1"), "a number is expected, not '1.0E+0.1'"),
         ("moved.frd", frd.replace(" 2.00000E+00 0.00000E+00", " 3.00000E+00 0.00000E+00"), "another mesh"),
         ("empty.csv", "", "columns ux, uy"),
         ("word.csv", "node,ux,uy\n1,0,x\n", "row 1: a number is expected in 'uy'"),

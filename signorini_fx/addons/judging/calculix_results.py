@@ -43,23 +43,29 @@ def read_dat(file: Path) -> NodeTables:
         MeshError: it cannot be read, a row is none, or no table has displacements.
     """
     tables = NodeTables(program="CalculiX")
+    of_sets: dict[tuple[str, str], Table] = {}
     rows: Table | None = None
     for row, line in _lines(file):
         if match := _HEADING.match(line):
-            time = float(match[3])
+            time = _number(file, row, match[3])
             if tables.time is not None and time != tables.time:
-                tables.displacement, tables.forces = {}, {}
+                of_sets = {}
             tables.time = time
-            kind = match[1].lower()
-            rows = tables.displacement if kind == "displacements" else tables.forces if kind == "forces" else None
+            # Increments that are nearer to each other than times are printed have the same: the last one counts.
+            rows = of_sets[match[1].lower(), match[2].upper()] = {}
             continue
         words = line.split()
         if not words:
             continue
-        if not words[0].isdigit():
+        if not words[0].isdecimal():
             rows = None
         elif rows is not None:
             rows[int(words[0])] = _row(file, row, words[1:4])
+    for (kind, _), table in of_sets.items():
+        if kind == "displacements":
+            tables.displacement |= table
+        elif kind == "forces":
+            tables.forces |= table
     return _with_displacements(file, tables)
 
 
@@ -72,9 +78,13 @@ def read_frd(file: Path) -> NodeTables:
     tables = NodeTables()
     rows: Table | None = None
     places = False
+    increment: list[str] = []
     for row, line in _lines(file):
         head = line[:5]
-        if line.startswith("    1UPGM"):
+        if line.startswith("    1PSTEP"):
+            if increment != (increment := line.split()[2:]):
+                tables.displacement, tables.forces = {}, {}
+        elif line.startswith("    1UPGM"):
             tables.program = line[9:].strip() or tables.program
         elif head == "    2":
             places, rows = True, None
@@ -90,7 +100,7 @@ def read_frd(file: Path) -> NodeTables:
         elif line.startswith(" -3"):
             rows, places = None, False
         elif line.startswith(" -1") and (rows is not None or places):
-            node = int(_number(file, row, line[3:13]))
+            node = _node(file, row, line[3:13])
             words = [line[k : k + 12] for k in range(13, len(line.rstrip("\n")), 12)][:3]
             if places:
                 tables.positions[node] = [_number(file, row, word) for word in words]
@@ -113,6 +123,12 @@ def _number(file: Path, line: int, word: str) -> float:
         return printed_number(word)
     except ValueError:
         raise MeshError(f"{file}: line {line}: a number is expected, not {word.strip()!r}") from None
+
+
+def _node(file: Path, line: int, word: str) -> int:
+    if not word.strip().isdecimal():
+        raise MeshError(f"{file}: line {line}: the number of a node is expected, not {word.strip()!r}")
+    return int(word)
 
 
 def _row(file: Path, line: int, words: list[str]) -> tuple[list[float], list[float]]:

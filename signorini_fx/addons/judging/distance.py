@@ -227,6 +227,8 @@ def _estimated(
     try:
         solution = solved(problem.scene)
         ours = at_nodes_of(solution, problem)
+        if not ours[problem.deformable].any():
+            raise Refused("in our own solution nothing moves")
     except Refused as missing:
         why = f"{reason}; {missing}"
         return DistanceOfResult({"guaranteed": False, "distance": None, "reason": why}, {"reason": str(missing)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
@@ -24,11 +25,13 @@ def printed_number(word: str) -> float:
 
 
 def last_digit(word: str) -> float:
-    """The unit of the last digit of a number as it was printed; 0 for none, and for zero, which is exact."""
+    """The unit of the last digit of a number as it was printed; 0 for none, for one that is too large to be finite, and
+    for zero, which is exact.
+    """
     match = _NUMBER.fullmatch(word)
-    if match is None or not (match[1] + match[2]).strip("0"):
+    if match is None or not (match[1] + match[2]).strip("0") or math.isinf(printed_number(word)):
         return 0.0
-    return float(10.0 ** (int(match[3] or match[4] or 0) - len(match[2])))
+    return float(f"1e{int(match[3] or match[4] or 0) - len(match[2])}")
 
 
 def units_of_column(words: Sequence[str]) -> Floats:

@@ -8,6 +8,7 @@ elements of degree 2, whose forces at corners are none or pull under constant pr
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from scipy.sparse import coo_array, csr_array
 
 from signorini_fx.addons.judging.problem_data import JudgedContact, JudgedProblem, facet_points
 from signorini_fx.addons.judging.projection import closest_points, rotated_by
-from signorini_fx.addons.judging.reference_elements import gauss, reference_element
+from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss, reference_element
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.tuned import JUDGED_FACET_POINTS
@@ -96,7 +97,7 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
     gap, normal, slip = gap.reshape(at.weight.shape), normal.reshape(at.x.shape), slip.reshape(at.x.shape)
     penetration, mean_slip = mean((-gap).clip(min=0.0)), mean(slip)
     clearance = np.full(len(corners), np.inf)
-    np.minimum.at(clearance, local, np.repeat(gap.min(axis=1)[:, None], width, axis=1))
+    np.minimum.at(clearance, local, np.repeat(_least(mesh.facet, at.shape, gap)[:, None], width, axis=1))
     toward = mean(normal)
     toward /= np.linalg.norm(toward, axis=1)[:, None]
     lawful = None
@@ -157,6 +158,31 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
         np.asarray(bound),
         lawful,
     )
+
+
+def _least(element: ReferenceElement, shape: Floats, gap: Floats) -> Floats:
+    """The least clearance on facets, length, shape (f,): of elements of degree 2 it may be between the points, where a
+    folded side enters.
+
+    Args:
+        element: that of the facets.
+        shape: of the nodes of a facet at the points, shape (q, l).
+        gap: at the points, length, infinite where nothing is opposite, shape (f, q).
+    """
+    least = gap.min(axis=1)
+    if len(element.nodes) == element.corner_count:
+        return np.asarray(least)
+    known = np.isfinite(gap).all(axis=1)
+    samples: Floats = np.array(list(product(np.linspace(0, 1, _SAMPLES), repeat=element.dim)))
+    if element.simplex:
+        samples = samples[samples.sum(axis=1) <= 1]
+    at_nodes = np.linalg.lstsq(shape, gap[known].T, rcond=None)[0]
+    least[known] = np.minimum(least[known], (element.shape(samples) @ at_nodes).min(axis=0))
+    return np.asarray(least)
+
+
+# Places along each axis of a facet of degree 2 where the clearance is looked at.
+_SAMPLES = 17
 
 
 # The square of the share of the normal that supports must leave free, so that the force along it is that of contact.
