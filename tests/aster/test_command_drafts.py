@@ -137,6 +137,29 @@ def test_nodes_without_contact(tmp_path, group, key):
         np.testing.assert_array_equal(pressed, ~there)
 
 
+@pytest.mark.parametrize("model", ["D_PLAN", "3D"])
+def test_nodes_between_elements_of_opposite_orders(tmp_path, model):
+    """A surface in whose file not all elements have their nodes in the same order has normals all the same."""
+    up = "z" if model == "3D" else "y"
+    inner = """DEFI_GROUP(reuse=MESH, MAILLAGE=MESH, CREA_GROUP_NO=_F(
+    NOM="INNER", OPTION="PLAN", POINT=(0.5, 0.0, 0.0), VECT_NORMALE=(1.0, 0.0, 0.0), PRECISION=0.01))
+MODEL ="""
+    text = commands(model, zone=', SANS_GROUP_NO="INNER"').replace("MODEL =", inner, 1)
+    mail = two_blocks(model, columns=(2, 2))
+    draft = drafted(tmp_path, text, mail)
+    named = re.search(rf"GROUP_MA\nUP_{up}0\n(M\d+)", mail)[1]
+    lines = mail.splitlines()
+    row = next(k for k, line in enumerate(lines) if line.startswith(f"{named} "))
+    name, *nodes = lines[row].split()
+    lines[row] = " ".join([name, *reversed(nodes)])
+    (folder := tmp_path / "reversed").mkdir()
+    other = drafted(folder, text, "\n".join(lines) + "\n")
+    count = 1 if model == "D_PLAN" else 3
+    remark = f"SANS_GROUP_NO: {count} nodes, where contact or friction has an exception"
+    assert [remark in noted for noted in draft.noted + other.noted] == [True, True]
+    assert scene_of(other).contact[0].gap == scene_of(draft).contact[0].gap != 0.0
+
+
 def test_nodes_without_friction(tmp_path):
     """They have contact, but no shear; along a direction that supports hold friction has nothing to do."""
     zone = ', COULOMB=0.3, SANS_GROUP_NO_FR="FREE"'
@@ -177,6 +200,27 @@ def test_values_at_nodes_of_faces_without_a_middle(tmp_path, degree):
         top_face = np.isclose(x[:, 2], 2.0)
         assert top_face.sum() == 9
         np.testing.assert_allclose(u[top_face, 0], 0.01 * x[top_face, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("direction", ["(0.0, 0.0, 0.0)", "(1.0,)"])
+def test_a_direction_that_is_none(tmp_path, direction):
+    """It does not count as one that supports hold."""
+    zone = f', COULOMB=0.3, SANS_GROUP_NO_FR="FREE", DIRE_EXCL_FROT={direction}'
+    text = commands("D_PLAN", 'FROTTEMENT="COULOMB", ', zone).replace("MODEL =", EXCLUDED, 1)
+    with pytest.raises(MeshError, match="DIRE_EXCL_FROT: 2 numbers that are not all 0 are expected"):
+        drafted(tmp_path, text)
+
+
+@pytest.mark.parametrize("word", ['BLOCAGE="deplacement"', 'LIAISON="encastre"', 'LIAISON="PERIODIQUE"'])
+def test_supports_that_are_not_known_are_lost(tmp_path, word):
+    """Words are as code_aster has them."""
+    text = commands("D_PLAN").replace('GROUP_MA="LOW_x0", DX=0.0', f'GROUP_MA="LOW_x0", {word}')
+    (lost,) = drafted(tmp_path, text).lost
+    key, _, value = word.partition("=")
+    assert lost == f"line 7, AFFE_CHAR_MECA: {key}={value.replace(chr(34), chr(39))} is not known here"
+    (folder := tmp_path / "held").mkdir()
+    held = drafted(folder, commands("D_PLAN").replace('"LOW_x0", DX=0.0', '"LOW_x0", LIAISON="ENCASTRE"'))
+    assert held.lost == []
 
 
 def test_contact_that_does_not_open_again(tmp_path):
@@ -247,10 +291,24 @@ def test_a_surface_without_body(tmp_path):
         (("NU=0.25", "NU='0.25'"), r"line 5, DEFI_MATERIAU: NU: a number is expected, not '0\.25'"),
         (("PRES=8.0", "PRES=MAT"), r"MAT.*|line 5, DEFI_MATERIAU: this is no function"),
         (("MODELE=MODEL,\n    CHAM", "CHAM"), r"line 16, STAT_NON_LINE: MODELE: the result of a command is expected"),
-        (("INCREMENT=", "INCREASE="), r"line 16, STAT_NON_LINE: INCREMENT is missing"),
+        (("INCREMENT=", "INCREASE="), r"line 16, STAT_NON_LINE: INCREMENT: _F\(...\) is expected"),
         (("NOMBRE=2", "NOMBRE=0"), r"line 15, DEFI_LIST_REEL: INTERVALLE: 0 steps"),
         (("RES = STAT_NON_LINE", "RES = CALC_MODES"), r"it solves nothing"),
         (('TOUT="OUI", MATER', 'GROUP_MA="UP", MATER'), r"cells of the body have no material"),
+        (("ELAS=_F(E=1000.0, NU=0.25)", "ELAS=()"), r"line 5, DEFI_MATERIAU: ELAS: _F\(...\) is expected"),
+        (('MODELISATION="D_PLAN"', "MODELISATION=()"), r"line 4, AFFE_MODELE: MODELISATION: a text is expected"),
+        (("ZONE=", "zone="), r"line 9, DEFI_CONTACT: ZONE: _F\(...\) is expected"),
+        (("ZONE=", 'FROTTEMENT="coulomb", ZONE='), r"FROTTEMENT='coulomb': known are SANS, COULOMB"),
+        (('"UP_y0")', '"UP_y0", GLISSIERE="oui")'), r"DEFI_CONTACT: GLISSIERE='oui': known are NON, OUI"),
+        (('"UP_y0")', '"UP_y0", RESOLUTION="non")'), r"DEFI_CONTACT: RESOLUTION='non': known are OUI, NON"),
+        (('"UP_y0")', '"UP_y0", ALGO_CONT="penalisation")'), r"ALGO_CONT='penalisation': known are STANDARD"),
+        (('"UP_y0")', '"UP_y0", GLISSIERE=WHAT)'), r"DEFI_CONTACT: GLISSIERE: 'WHAT' is not defined"),
+        (('"UP_y0")', '"UP_y0", SANS_GROUP_NO=())'), r"DEFI_CONTACT: SANS_GROUP_NO: a text is expected"),
+        (("INTERVALLE=_F(JUSQU_A=2.0, NOMBRE=2)", "INTERVALLE=_F(JUSQU_A=-2.0, NOMBRE=2)"), r"instants must increase"),
+        (
+            ("PRES_REP=", "PESANTEUR=_F(GRAVITE=1.0, DIRECTION=(0.0, 0.0, 0.0)), PRES_REP="),
+            r"line 8, AFFE_CHAR_MECA: PESANTEUR: DIRECTION: three numbers that are not all 0",
+        ),
         (("2.0, 2.0))", "1.0, 1.0))"), r"line 14, DEFI_FONCTION: it has no value at 2"),
     ],
 )

@@ -232,13 +232,20 @@ class GroupedMesh:
 
     def normals(self, marks: Sequence[_Marks]) -> Floats:
         """Unit normals of a surface at its nodes, of either sense, zero elsewhere, shape (nodes, 3)."""
-        sums = np.zeros_like(self.points)
-        for (kind, rows), mark in zip(self.blocks, marks, strict=True):
-            nodes, x = rows[mark], self.points[rows[mark]]
-            if not len(nodes):
-                continue
+        of_blocks = [
+            (rows[mark], _normals(kind, self.points[rows[mark]]))
+            for (kind, rows), mark in zip(self.blocks, marks, strict=True)
+            if mark.any()
+        ]
+        sums, first = np.zeros_like(self.points), np.zeros_like(self.points)
+        for nodes, normals in of_blocks:
             for column in nodes.T:
-                np.add.at(sums, column, _normals(kind, x))
+                first[column] = normals
+        for nodes, normals in of_blocks:
+            for column in nodes.T:
+                # Elements whose nodes are in the other order have the opposite normal.
+                along = np.where(np.einsum("nd,nd->n", normals, first[column]) < 0, -1.0, 1.0)
+                np.add.at(sums, column, along[:, None] * normals)
         lengths = np.linalg.norm(sums, axis=1, keepdims=True)
         return np.asarray(sums / np.where(lengths > 0, lengths, 1.0))
 

@@ -79,7 +79,12 @@ def _at(study: AsterStudy, node: int, time: float) -> dict[str, float]:
 def _prescribe(study: AsterStudy, command: AsterCommand, entry: dict[str, Any], course: list[float]) -> None:
     nodes = study.mesh.selected(command, entry)
     values = {key: entry[key] for key in _COMPONENTS if key in entry}
-    if entry.get("LIAISON") == "ENCASTRE" or "DEPLACEMENT" in str(entry.get("BLOCAGE", "")):
+    blocked = set(command.words(entry["BLOCAGE"], "BLOCAGE") if "BLOCAGE" in entry else ())
+    for unknown in blocked - {"DEPLACEMENT", "ROTATION", "TUYAU_FOURIER"}:
+        study.lose(command.origin, f"BLOCAGE={unknown!r} is not known here")
+    if entry.get("LIAISON", "ENCASTRE") != "ENCASTRE":
+        study.lose(command.origin, f"LIAISON={entry['LIAISON']!r} is not known here")
+    elif "LIAISON" in entry or "DEPLACEMENT" in blocked:
         values |= dict.fromkeys(_COMPONENTS, 0.0)
     further = entry.keys() - values.keys() - {"LIAISON", "BLOCAGE", "DRX", "DRY", "DRZ"}
     further -= {"TOUT", "GROUP_NO", "GROUP_MA", "NOEUD", "SANS_GROUP_NO", "SANS_GROUP_MA"}
@@ -184,6 +189,8 @@ def _weigh(study: AsterStudy, command: AsterCommand, entry: dict[str, Any], cour
         study.lose(command.origin, "PESANTEUR on a part of the body")
     size = command.number(entry.get("GRAVITE"), "GRAVITE")
     direction = np.array(command.numbers(entry.get("DIRECTION"), "DIRECTION"))
+    if len(direction) != 3 or not direction.any():
+        raise CommandError(command.origin, "PESANTEUR: DIRECTION: three numbers that are not all 0 are expected")
     study.gravities.append((size * np.outer(course, direction / np.linalg.norm(direction)), command.origin))
 
 

@@ -5,6 +5,7 @@ What a scene cannot say, or what would need a guess, is listed.  No dolfinx here
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -231,7 +232,7 @@ def _materials(study: AsterStudy, solve: AsterCommand) -> None:
         material = field_command.concept(value, "MATER").made_by
         if material.name != "DEFI_MATERIAU" or "ELAS" not in material:
             raise CommandError(material.origin, "ELAS is expected: an isotropic elastic material with constants")
-        elastic = material.factors("ELAS")[0]
+        elastic = material.factor("ELAS")
         properties = {
             "young": material.number(elastic.get("E"), "E"),
             "poisson": material.number(elastic.get("NU"), "NU"),
@@ -261,10 +262,7 @@ def instants_of(solve: AsterCommand) -> list[float]:
         if "INST" in solve:
             return [solve.number(solve.get("INST"), "INST")]
         return _listed(solve, solve.get("LIST_INST")) if "LIST_INST" in solve else [0.0]
-    increment = solve.factors("INCREMENT")
-    if not increment:
-        raise CommandError(solve.origin, "INCREMENT is missing")
-    entry = increment[0]
+    entry = solve.factor("INCREMENT")
     instants = _listed(solve, entry.get("LIST_INST"))
     last = entry.get("NUME_INST_FIN")
     if last is not None:
@@ -274,6 +272,8 @@ def instants_of(solve: AsterCommand) -> list[float]:
         instants = [time for time in instants if time <= end + 1e-9 * max(1.0, abs(end))]
     if "INST_INIT" in entry or "NUME_INST_INIT" in entry:
         raise CommandError(solve.origin, "a beginning within the list of instants")
+    if any(later <= time for time, later in itertools.pairwise(instants)):
+        raise CommandError(solve.origin, "LIST_INST: instants must increase")
     if len(instants) < 2:
         raise CommandError(solve.origin, "LIST_INST: two instants at least are expected")
     if len(instants) > _MOST_INSTANTS:
@@ -284,7 +284,7 @@ def instants_of(solve: AsterCommand) -> list[float]:
 def _listed(user: AsterCommand, value: Any) -> list[float]:
     command = user.concept(value, "LIST_INST").made_by
     if command.name == "DEFI_LIST_INST":
-        entry = command.factors("DEFI_LIST")[0]
+        entry = command.factor("DEFI_LIST")
         if "LIST_INST" not in entry:
             raise CommandError(command.origin, "DEFI_LIST: LIST_INST is expected")
         return _listed(command, entry["LIST_INST"])

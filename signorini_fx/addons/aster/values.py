@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -64,7 +64,7 @@ class AsterCommand:
             CommandError: it is not known.
         """
         value = self.keywords.get(key, default)
-        self._check(key, value)
+        self.check(key, value)
         return value
 
     def factors(self, key: str) -> list[dict[str, Any]]:
@@ -76,10 +76,33 @@ class AsterCommand:
         value = self.get(key, ())
         entries = value if isinstance(value, tuple | list) else (value,)
         for entry in entries:
-            self._check(key, entry)
+            self.check(key, entry)
             if not isinstance(entry, dict):
                 raise CommandError(self.origin, f"{key}: _F(...) is expected")
-        return list(entries)
+        return [FactorKeyword(self, entry) for entry in entries]
+
+    def factor(self, key: str) -> dict[str, Any]:
+        """The first occurrence of a factor keyword.
+
+        Raises:
+            CommandError: there is none, or it is not known.
+        """
+        entries = self.factors(key)
+        if not entries:
+            raise CommandError(self.origin, f"{key}: _F(...) is expected")
+        return entries[0]
+
+    def choice(self, entry: Mapping[str, Any], key: str, known: Sequence[str]) -> str:
+        """One of some words, of which the first one is meant where an occurrence has none.
+
+        Raises:
+            CommandError: it is another one.
+        """
+        value = entry.get(key, known[0])
+        self.check(key, value)
+        if value not in known:
+            raise CommandError(self.origin, f"{key}={_shown(value)}: known are {', '.join(known)}")
+        return str(value)
 
     def number(self, value: Any, key: str) -> float:
         """A number.
@@ -87,7 +110,7 @@ class AsterCommand:
         Raises:
             CommandError: it is none, or not finite.
         """
-        self._check(key, value)
+        self.check(key, value)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise CommandError(self.origin, f"{key}: a number is expected, not {_shown(value)}")
         return float(value)
@@ -99,8 +122,10 @@ class AsterCommand:
             CommandError: they are none.
         """
         entries = value if isinstance(value, tuple | list) else (value,)
+        if not entries:
+            raise CommandError(self.origin, f"{key}: a text is expected, not {_shown(value)}")
         for entry in entries:
-            self._check(key, entry)
+            self.check(key, entry)
             if not isinstance(entry, str):
                 raise CommandError(self.origin, f"{key}: a text is expected, not {_shown(entry)}")
         return [entry.strip() for entry in entries]
@@ -120,14 +145,42 @@ class AsterCommand:
         Raises:
             CommandError: it is none.
         """
-        self._check(key, value)
+        self.check(key, value)
         if not isinstance(value, Concept):
             raise CommandError(self.origin, f"{key}: the result of a command is expected, not {_shown(value)}")
         return value
 
-    def _check(self, key: str, value: Any) -> None:
+    def check(self, key: str, value: Any) -> None:
+        """Refuse a value that is not known.
+
+        Raises:
+            CommandError: it is not.
+        """
         if isinstance(value, Unknown):
             raise CommandError(self.origin, f"{key}: {value.why}")
+
+
+class FactorKeyword(dict[str, Any]):
+    """The keywords of an occurrence of a factor keyword.  A value that is not known is refused where it is read."""
+
+    def __init__(self, command: AsterCommand, entry: Mapping[str, Any]) -> None:
+        super().__init__(entry)
+        self._command = command
+
+    def __getitem__(self, key: str) -> Any:
+        value = super().__getitem__(key)
+        self._command.check(key, value)
+        return value
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """The value of a keyword.
+
+        Raises:
+            CommandError: it is not known.
+        """
+        value = super().get(key, default)
+        self._command.check(key, value)
+        return value
 
 
 @dataclass

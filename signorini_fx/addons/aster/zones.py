@@ -62,6 +62,9 @@ _HOW = frozenset(
     ]
 )
 
+_YES_OR_NO = ("OUI", "NON")
+_ALGORITHMS = ("STANDARD", "PENALISATION", "LAC", "LAGRANGIEN", "GCP", "CONTRAINTE", "NITSCHE")
+
 
 def read_contact(study: AsterStudy, solve: AsterCommand, value: Any) -> None:
     """What CONTACT says: zones with friction and stiffness.
@@ -80,9 +83,11 @@ def read_contact(study: AsterStudy, solve: AsterCommand, value: Any) -> None:
         return
     if command.get("REAC_GEOM", "AUTOMATIQUE") != "SANS":
         study.follows = command.origin
-    rubs = command.get("FROTTEMENT", "SANS") == "COULOMB"
+    rubs = command.choice(command.keywords, "FROTTEMENT", ("SANS", "COULOMB")) == "COULOMB"
+    if not command.factors("ZONE"):
+        raise CommandError(command.origin, "ZONE: _F(...) is expected")
     for number, entry in enumerate(command.factors("ZONE"), 1):
-        if entry.get("RESOLUTION", "OUI") == "NON":
+        if command.choice(entry, "RESOLUTION", _YES_OR_NO) == "NON":
             study.note(command.origin, f"zone {number}: RESOLUTION='NON': no contact")
             continue
         _zone(study, command, number, entry, discrete=formulation == "DISCRETE", rubs=rubs)
@@ -100,11 +105,13 @@ def _zone(
         if not any(mark.any() for mark in marks):
             raise CommandError(command.origin, f"{of_zone}{key}: elements of a boundary are expected")
     coefficient, sticking, stiffness = 0.0, None, None
-    if rubs or (entry.get("FROTTEMENT") == "OUI" and entry.get("TYPE_FROT", "SANS") == "COULOMB"):
+    zone_rubs = command.choice(entry, "FROTTEMENT", _YES_OR_NO[::-1]) == "OUI"
+    if rubs or (zone_rubs and entry.get("TYPE_FROT", "SANS") == "COULOMB"):
         coefficient = command.number(entry.get("COULOMB"), "COULOMB")
-    elif entry.get("FROTTEMENT") == "OUI" and entry.get("TYPE_FROT", "SANS") != "SANS":
+    elif zone_rubs and entry.get("TYPE_FROT", "SANS") != "SANS":
         study.lose(command.origin, f"{of_zone}TYPE_FROT={entry['TYPE_FROT']!r}: no friction")
-    penalty = entry.get("ALGO_CONT") == "PENALISATION"
+    penalty = command.choice(entry, "ALGO_CONT", _ALGORITHMS) == "PENALISATION"
+    soft_friction = command.choice(entry, "ALGO_FROT", _ALGORITHMS) == "PENALISATION"
     if discrete and "E_N" in entry and penalty:
         area = _nodal_area(study, slave)
         stiffness = command.number(entry["E_N"], "E_N") / area
@@ -117,9 +124,10 @@ def _zone(
         stiffness = command.number(entry["COEF_CONT"], "COEF_CONT")
     elif penalty:
         study.lose(command.origin, f"{of_zone}ALGO_CONT='PENALISATION' without its stiffness: contact is hard")
-    if coefficient and entry.get("ALGO_FROT") == "PENALISATION" and "COEF_PENA_FROT" in entry:
+    if coefficient and soft_friction and "COEF_PENA_FROT" in entry:
         sticking = command.number(entry["COEF_PENA_FROT"], "COEF_PENA_FROT")
-    if entry.get("GLISSIERE", "NON") == "OUI" or entry.get("TYPE_CONT", "UNILATERAL") == "BILATERAL":
+    slides = command.choice(entry, "GLISSIERE", _YES_OR_NO[::-1]) == "OUI"
+    if slides or command.choice(entry, "TYPE_CONT", ("UNILATERAL", "BILATERAL")) == "BILATERAL":
         study.stays.append(f"{command.origin}: {of_zone}GLISSIERE")
     for key in ("SANS_GROUP_NO", "SANS_GROUP_MA", "SANS_GROUP_NO_FR"):
         if key in entry and (coefficient or key != "SANS_GROUP_NO_FR"):
@@ -129,7 +137,7 @@ def _zone(
     add_once(
         study.formulations, _formulation(entry, discrete=discrete, penalty=penalty, mortar=command.name == "DEFI_CONT")
     )
-    vector = command.name == "DEFI_CONT" and entry.get("FROTTEMENT") == "OUI"
+    vector = command.name == "DEFI_CONT" and zone_rubs
     none: Ints = np.empty(0, dtype=np.int64)
     zone = Zone(slave, master, coefficient, stiffness, sticking, command.origin, number, vector, none, none)
     study.zones.append(zone)
@@ -166,6 +174,8 @@ def _exclude(
     friction = key == "SANS_GROUP_NO_FR"
     if friction and "DIRE_EXCL_FROT" in entry:
         direction = np.array(command.numbers(entry["DIRE_EXCL_FROT"], "DIRE_EXCL_FROT"))
+        if len(direction) < study.dim or not direction.any():
+            raise CommandError(command.origin, f"DIRE_EXCL_FROT: {study.dim} numbers that are not all 0 are expected")
         acting = np.tile(direction / np.linalg.norm(direction), (len(nodes), 1))
         origin = f"{command.origin}: zone {number}: DIRE_EXCL_FROT"
     study.excluded.append(ExcludedNodes(nodes, acting, number, friction, "DIRE_EXCL_FROT" in origin, origin))
