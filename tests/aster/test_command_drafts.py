@@ -223,6 +223,22 @@ def test_supports_that_are_not_known_are_lost(tmp_path, word):
     assert held.lost == []
 
 
+@pytest.mark.parametrize(
+    ("key", "written", "lost"),
+    [
+        ("    CONTACT=", "    contact=", "line 16, STAT_NON_LINE: contact is not known: keywords are in capitals"),
+        ("FONC_MULT=", "FONC_MUL=", "line 16, STAT_NON_LINE: EXCIT: FONC_MUL is not known here"),
+        ("    MODELE=MODEL,\n    FORM", "    MODELE=MODEL, x=1,\n    FORM", "line 9, DEFI_CONTACT: x is not known: "),
+        ("GROUP_MA_MAIT=", "coulomb=1.0, GROUP_MA_MAIT=", "line 9, DEFI_CONTACT: coulomb is not known: "),
+    ],
+)
+def test_keywords_that_are_misspelled_are_lost(tmp_path, key, written, lost):
+    """Contact, or the course of a load, is not left out in silence."""
+    text = commands("D_PLAN")
+    assert text.count(key) == 1
+    assert any(remark.startswith(lost) for remark in drafted(tmp_path, text.replace(key, written)).lost)
+
+
 def test_contact_that_does_not_open_again(tmp_path):
     """Whether it would is seen in the solution: the draft lacks nothing."""
     draft = drafted(tmp_path, commands("D_PLAN", zone=', GLISSIERE="OUI"'))

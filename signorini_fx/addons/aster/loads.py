@@ -25,6 +25,8 @@ def read_excitation(study: AsterStudy, solve: AsterCommand, entry: dict[str, Any
         CommandError: a value is none, or a group is not there.
     """
     charge = solve.concept(entry.get("CHARGE"), "CHARGE")
+    for key in sorted(entry.keys() - {"CHARGE", "FONC_MULT", "TYPE_CHARGE"}):
+        study.lose(solve.origin, f"EXCIT: {key} is not known here")
     course = [1.0] * len(study.instants)
     if "FONC_MULT" in entry:
         course = [value_at(entry["FONC_MULT"], {"INST": time}, solve, "FONC_MULT") for time in study.instants]

@@ -69,6 +69,10 @@ def _read(file: Path, commands: CommandFile, result: Concept, wanted: Sequence[f
         if "in it: no command" not in why:
             study.lose(f"line {line}", why)
     _say_of_mesh(study, mesh_concept, solve)
+    for command in commands.commands:
+        if command.name in SOLVES or command.name.startswith(("AFFE_", "DEFI_")):
+            for key in _misspelled(command.keywords):
+                study.lose(command.origin, f"{key} is not known: keywords are in capitals")
     _materials(study, solve)
     _behaviour(study, solve)
     instants = instants_of(solve)
@@ -85,6 +89,16 @@ def _read(file: Path, commands: CommandFile, result: Concept, wanted: Sequence[f
     for excluded in study.excluded:
         _exclude_nodes(study, excluded)
     return study
+
+
+def _misspelled(value: Any) -> list[str]:
+    """Keywords that are not in capitals, also within factor keywords; code_aster has none but these two."""
+    if isinstance(value, tuple | list):
+        return [key for entry in value for key in _misspelled(entry)]
+    if not isinstance(value, dict):
+        return []
+    own = [str(key) for key in value if str(key) not in ("reuse", "identification") and not str(key).isupper()]
+    return own + [key for entry in value.values() for key in _misspelled(entry)]
 
 
 def _exclude_nodes(study: AsterStudy, excluded: ExcludedNodes) -> None:
