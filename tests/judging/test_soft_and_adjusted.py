@@ -196,6 +196,27 @@ def test_our_own_solution_of_soft_contact_agrees(law, body):
         assert any(finding.key == "law" for finding in judgement.findings), str(judgement)
 
 
+def in_two(text):
+    """The deck whose surface below is divided, so that the part near the clamped side is a contact that stays open."""
+    head, rows = re.search(r"(\*SURFACE, NAME=BODY_BOTTOM\n)((?:\d+, S\d\n)+)", text).groups()
+    faces = rows.splitlines(keepends=True)
+    half = len(faces) // 2
+    parts = head.replace("BODY_BOTTOM", "CLOSE") + "".join(faces[:half]) + head.replace("BODY_BOTTOM", "FAR")
+    text = text.replace(head + rows, parts + "".join(faces[half:]))
+    return text.replace("BODY_BOTTOM, BASE_TOP\n", "CLOSE, BASE_TOP\nFAR, BASE_TOP\n")
+
+
+@pytest.mark.parametrize("name", ["shelf_CPE4", "shelf_CPE6", "shelf_CPE8R", "shelf_linear"])
+def test_a_contact_that_is_open_beside_another_one(name, tmp_path):
+    """What it has of forces is print round-off: no share of it pulls, or is friction, or is not by a law."""
+    judgement = against(name, tmp_path, in_two)
+    assert judgement.word == "agrees", str(judgement)
+    for label in ("tension", "apart", "unlawful"):
+        figure = judgement.figures[label]
+        assert figure["value"] is None or figure["value"] < 0.3 * figure["threshold"]
+    assert judgement.figures["cone_ratio"]["value"] == 1.0
+
+
 BEHAVIOUR = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE="
 
 

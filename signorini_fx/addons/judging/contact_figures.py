@@ -102,7 +102,7 @@ def contact_stiffness(problem: JudgedProblem, surface: TouchingSurface) -> float
 
 
 def contact_figures(
-    problem: JudgedProblem, surface: TouchingSurface, energy: float, largest: float
+    problem: JudgedProblem, surface: TouchingSurface, energy: float, largest: float, size: float
 ) -> JudgedContactFigures:
     """The figures of a surface.
 
@@ -111,12 +111,14 @@ def contact_figures(
         surface: one side of a contact.
         energy: a(v, v).
         largest: the largest displacement, length.
+        size: the sum of the sizes of all forces at nodes: where contact carries hardly any of it, what it has is print
+            round-off, and no shares of it are taken.
     """
     s = surface
     push = np.where(s.judged, s.push, 0.0)
-    force = float(np.abs(push).sum())
-    if not force > 0:
-        force = np.inf
+    carried = float(np.abs(push).sum())
+    least = JUDGED_CARRIES * size
+    force = max(carried, least) or np.inf
     pulls = (-push).clip(min=0.0)
     pressed = push > JUDGED_CARRIES * push.max(initial=0.0)
     stated = contact_stiffness(problem, s)
@@ -135,10 +137,10 @@ def contact_figures(
     reach = 0.0 if law is None else law.reach
     is_apart = (s.clearance > JUDGED_APART * largest + reach) & s.judged
     apart = np.where(is_apart, np.abs(push), 0.0)
-    figures = _friction(s, push, force, energy) | _lawful(s, push, pressure, energy)
+    figures = _friction(s, push, force, energy, least) | _lawful(s, push, pressure, energy, least)
     return JudgedContactFigures(
         surface=s,
-        force=force if np.isfinite(force) else 0.0,
+        force=carried,
         tension=float(pulls.sum() / force),
         pulling=int(np.argmax(pulls)),
         penetration=float(s.penetration[s.judged].max(initial=0.0) / largest),
@@ -153,14 +155,14 @@ def contact_figures(
     )
 
 
-def _lawful(s: TouchingSurface, push: Floats, pressure: Floats, energy: float) -> dict[str, Any]:
+def _lawful(s: TouchingSurface, push: Floats, pressure: Floats, energy: float, least: float) -> dict[str, Any]:
     """The figures of the law of soft contact."""
     law = s.contact.law
     if law is None or s.lawful is None:
         return {"gives_way": 0.0, "unlawful": 0.0, "misfit": 0}
     low, high = np.where(s.judged, s.lawful, 0.0)
     away = (low - push).clip(min=0.0) + (push - high).clip(min=0.0)
-    most = max(float(push.clip(min=0.0).sum()), float(low.sum()))
+    most = max(float(push.clip(min=0.0).sum()), float(low.sum()), least)
     # By the larger one of both forces, so that sides that enter without any are soft, too; of a linear law, which may
     # be as hard as can be, by that which is there.
     larger = pressure if law.kind == "linear" else np.maximum(pressure, low / s.area)
@@ -172,12 +174,12 @@ def _lawful(s: TouchingSurface, push: Floats, pressure: Floats, energy: float) -
     }
 
 
-def _friction(s: TouchingSurface, push: Floats, force: float, energy: float) -> dict[str, Any]:
+def _friction(s: TouchingSurface, push: Floats, force: float, energy: float, least: float) -> dict[str, Any]:
     """The figures of friction."""
     push = np.where(s.sliding, push.clip(min=0.0), 0.0)
     shear = np.where(s.sliding[:, None], s.shear, 0.0)
     size = np.linalg.norm(shear, axis=1)
-    carries = push > JUDGED_CARRIES * push.sum()
+    carries = push > JUDGED_CARRIES * max(float(push.sum()), least)
     margin = (JUDGED_CONE_MARGIN - 1) * (s.bound if s.contact.rubs else push) + s.rotation * push
     over = carries & (size > s.bound + margin)
     cone = 1.0

@@ -254,8 +254,9 @@ class _Judging:
         return [JudgedFinding("factors", text, factor, JUDGED_FORCES)]
 
     def _contacts(self, v: Floats, residual: Floats, energy: float, largest: float) -> list[JudgedContactFigures]:
+        size = float(np.linalg.norm(residual, axis=1).sum())
         return [
-            contact_figures(self.problem, touching_surface(self.problem, contact, v, residual), energy, largest)
+            contact_figures(self.problem, touching_surface(self.problem, contact, v, residual), energy, largest, size)
             for contact in self.problem.contacts
             if not contact.bonded
         ]
