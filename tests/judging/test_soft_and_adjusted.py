@@ -255,6 +255,7 @@ def test_numbers_that_no_law_reads_are_lost(tmp_path):
 
 BAD_PAIRS = {
     "EXPONENTIAL\n0.01, 2.0": ("EXPONENTIAL\n0.01", "two numbers, clearance and pressure"),
+    "0.01, 2.0": ("0.01, 2.0, abc", "*SURFACE BEHAVIOR: could not convert string to float: 'abc'"),
     "INTERACTION=S": ("INTERACTION=Q", "there is no *SURFACE INTERACTION, NAME=Q"),
     "INTERACTION=S,": ("INTERACTION=S, ADJUST=NOWHERE,", "ADJUST=NOWHERE: a length or the name of a set of nodes"),
     "TYPE=NODE": ("ADJUST=BODY_BOTTOM, TYPE=NODE", "ADJUST=BODY_BOTTOM: a length or the name of a set of nodes"),

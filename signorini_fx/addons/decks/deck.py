@@ -402,6 +402,8 @@ def _behaviour(deck: Deck, block: DeckBlock, interaction: str) -> None:
         deck.tied.discard(interaction)
         deck.stiffness.pop(interaction, None)
         deck.overclosures.pop(interaction, None)
+    for word in itertools.chain(*block.rows):
+        real(word)  # also those that only some programs or laws read
     deck.behaviours[interaction] = block
     if kind == "TIED":
         deck.tied.add(interaction)
