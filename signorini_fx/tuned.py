@@ -898,6 +898,8 @@ JUMP, LOADS_TRIED, LARGEST_LOAD_ERROR, LOAD_DIFFERENCE = 4.0, 6, 1e-9, 1e-3
 # the tests those of a shallow arch that jump move 1.6 times as far, where they begin just before the limit point, to 9
 # times; others move 2.1 times as far at most, all but seven below 1.4, and metal that yields 1.9 times.
 LEAPS, SHORTER_WAY = (1.4, 2.5), 0.7
+# What is left of a step that may jump is not tried if it is below this share of the next step.  Choice.
+LITTLE_OF_STEP = 0.01
 # It may also jump if it moves the first number of times as far as that predicts, and for its load the second number of
 # times as far as in the last step: near a limit point the tangent predicts far ways itself; likewise of a body whose
 # material has a state.  In steps of a tenth of the load or less of scalar bodies with random laws 7 of 85 limit points

@@ -34,7 +34,7 @@ from signorini_fx.records import History
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.peak_error import Peak
 from signorini_fx.results.accuracy.price_list import price_list
-from signorini_fx.scenes.mesh_sequence import SceneMesh
+from signorini_fx.scenes.mesh_sequence import meshed_scene
 
 # Sizes of the cells of the meshes, relative to those that a problem names, by its dimension and the degree.
 SIZES = {
@@ -77,7 +77,7 @@ def levels_of(make: Make, degree: int, sizes: Sequence[float]) -> list[LevelResu
     """The meshes of one degree, each solved from the contact state of the one before."""
     history, state, found = History(), None, []
     for number, size in enumerate(sizes):
-        solved = SceneMesh(make(degree, size), MPI.COMM_SELF, history).solved(number, state, None)
+        solved = meshed_scene(make(degree, size), MPI.COMM_SELF, history).solved(number, state, None)
         if solved.level is None:
             raise SignoriniError(f"not solved: {solved.solution.status.value}")
         state = solved.solution.contact

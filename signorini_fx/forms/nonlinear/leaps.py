@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from signorini_fx.records import Finding
-from signorini_fx.tuned import FASTER, LEAPS, SHORTER_WAY
+from signorini_fx.tuned import FASTER, LEAPS, LITTLE_OF_STEP, SHORTER_WAY
 
 
 @dataclass
@@ -75,8 +75,10 @@ class Leaps:
             self.end = None
 
     def ends_beyond(self, reached: float, end: float) -> bool:
-        """Whether a step that may jump ends beyond where the last one has ended, on the way to ``end``."""
-        return self.end is not None and (self.end - reached) * (end - reached) > 0
+        """Whether a step that may jump ends beyond where the last one has ended, by more than a little of the way to
+        ``end``.
+        """
+        return self.end is not None and (self.end - reached) / (end - reached) > LITTLE_OF_STEP
 
     def take(self, what: str, begin: float, end: float) -> None:
         """A step with a solution is taken that may jump.

@@ -114,7 +114,7 @@ class PathSizes:
         self.reached = self.next
         if grows and iterations <= FEW_NEWTON_ITERATIONS:
             self._step = self._step * STEP_GROWTH
-        self._step = min(self._step, self._whole)
+        self._step = min(max(self._step, SMALLEST_STEP * self._whole), self._whole)
 
 
 class StepSizes:
@@ -196,3 +196,4 @@ class StepSizes:
         self.reached = self.next
         if grows and iterations <= FEW_NEWTON_ITERATIONS:
             self._step = min(self._step * STEP_GROWTH, self._largest)
+        self._step = max(self._step, self._smallest)
