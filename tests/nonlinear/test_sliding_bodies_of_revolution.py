@@ -13,9 +13,9 @@ from dolfinx import fem
 from mpi4py import MPI
 from scipy.optimize import brentq
 from support.nonlinear_bodies import LAME, MU, stress_of_block
-from support.sliding_bodies import cylinders, dome, ring_on_cone, roller
+from support.sliding_bodies import as_linear_bodies, cylinders, dome, ring_on_cone, roller
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
+from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs import sliding
 from signorini_fx.mechanics.pairs.surface import PairSurface
@@ -62,12 +62,7 @@ def test_patch(kind, slave, inner):
 def agrees_with_linear_bodies(scene):
     """Whether displacements and forces are those of the pair of linear bodies on the same mesh, to 1e-6."""
     force = scene.move(1e-8 * (not scene.half), -1e-7)
-    space = scene.u.function_space
-    trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
-    a = ufl.replace(ufl.derivative(scene.form, scene.u, trial), {scene.u: fem.Function(space)})
-    nothing = ufl.inner(fem.Constant(scene.mesh, np.zeros(2)), test) * ufl.dx
-    linear = ContactProblem(a, nothing, bcs=scene.bcs, contact=scene.pair, algorithm="alm")
-    linear.solve()
+    linear = as_linear_bodies(scene)
     expected = sum(linear.state.forces)
     assert np.count_nonzero(linear.state.in_contact) > 3
     assert force == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from support.nonlinear_bodies import neo_hooke
 from two_bodies import assembled, facets, facets_of_cells, grid, per_cell
 
-from signorini_fx import NonlinearContactProblem, Pair
+from signorini_fx import ContactProblem, NonlinearContactProblem, Pair
 
 OF_PAIR = ("friction", "reach", "allowance")
 
@@ -222,3 +222,28 @@ def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, slope
     return SlidingBodies(
         kind, bodies, touching, held, smooth=lambda x: np.isclose(x[0], 0.0), revolved=True, **settings
     )
+
+
+def as_linear_bodies(scene):
+    """The solved contact problem of the tangent at no displacement, with the pair of linear bodies."""
+    space = scene.u.function_space
+    trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a = ufl.replace(ufl.derivative(scene.form, scene.u, trial), {scene.u: fem.Function(space)})
+    nothing = ufl.inner(fem.Constant(scene.mesh, np.zeros(2)), test) * ufl.dx
+    linear = ContactProblem(a, nothing, bcs=scene.bcs, contact=scene.pair, algorithm="alm")
+    linear.solve()
+    return linear
+
+
+def out_of_balance(scene):
+    """The sum of the nodal forces of contact on both bodies, and of their moments per unit of length, over the sum of
+    all forces.
+    """
+    state, (pair,) = scene.problem.state, scene.problem.linear.pairs.values()
+    rows = pair.coupling
+    weights = rows.weight * state.pressure, rows.weight * state.shear[:, 0]
+    forces = (rows.normal_rows.T @ weights[0] + rows.tangent_rows.T @ weights[1]).reshape(-1, 2)
+    places = np.concatenate((rows.slave.x, rows.master.x))
+    size = np.abs(forces).sum()
+    moment = abs(places[:, 0] @ forces[:, 1] - places[:, 1] @ forces[:, 0])
+    return np.abs(forces.sum(axis=0)).max() / size, moment / size

@@ -830,7 +830,7 @@ class NonlinearContactProblem(ProblemOfForms):
                 stored.begin(self.linear)
 
     def _attempt_at_step(self, begun: Snapshot, ends: tuple[float, float], *, damps: bool, may_jump: bool) -> bool:
-        """Solve a step, and return whether it may jump; for ``damps`` see ``_attempt``; collective.
+        """Solve a step, and return whether it may jump; collective.
 
         Args:
             begun: the body when it begins.
