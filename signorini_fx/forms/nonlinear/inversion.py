@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import basix
-import numpy as np
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.cell_gradients import gradients
+from signorini_fx.mechanics.body.assembly import determinants
+from signorini_fx.mechanics.body.cell_gradients import along_reference
 
 
 def turned_inside_out(u: fem.Function) -> bool:
@@ -18,8 +18,9 @@ def turned_inside_out(u: fem.Function) -> bool:
     """
     mesh, degree = u.function_space.mesh, u.function_space.element.basix_element.degree
     points = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2 * degree)[0]
+    # The determinant of the product I + grad u = (x + u)' / x', with derivatives along the reference cell.
     inverted = any(
-        bool((np.linalg.det((np.eye(len(gradient[0]))[:, :, None] + gradient[: len(gradient[0])]).T) <= 0).any())
-        for gradient, _ in gradients(u, points)
+        bool((determinants(place + moved[: len(place)]) * determinants(place) <= 0).any())
+        for place, moved in along_reference(u, points)
     )
     return parallel.any_rank(mesh.comm, inverted)

@@ -323,7 +323,7 @@ class LinearisedProblem(FormSolver):
 
     def _forces(self) -> Array:
         """See ``FormSolver``."""
-        return self.elastic.forces_of(self._at) - self._evaluated.assembled()
+        return self.elastic.forces_where_free(self._at) - self._evaluated.assembled()
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> None:
         """See ``FormSolver``; unknowns of tools are counted from where these are given, whatever holds them."""
@@ -480,15 +480,15 @@ class LinearisedProblem(FormSolver):
         self.show(outcome, None)
 
     def internal(self, displacement: fem.Function) -> tuple[Array, Array, float]:
-        """What a(d, .) and the curvature alone are, shapes (owned dofs,), and the work of the forces that normals which
-        turn relative to tools exert on increments of both; collective.
+        """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned dofs,), and the work
+        of the forces that normals which turn relative to tools exert on increments of both; collective.
         """
         work = 0.0
         if self.relative is not None and self.rigid.bodies:
             nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
             moved = self.reached - self.moving_tools.coordinates
             _, _, work = self.relative.forces(self.boundary, nodal, moved)
-        return self.elastic.forces_of(displacement), self.curvature.times(displacement), work
+        return self.elastic.forces_where_free(displacement), self.curvature.times(displacement), work
 
     @property
     def solved(self) -> LinearSolution:

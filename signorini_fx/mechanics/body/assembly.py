@@ -120,3 +120,12 @@ def adjugates(matrices: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64
     columns = matrices.swapaxes(0, 1)
     rows = [np.cross(columns[k - 2], columns[k - 1], axis=0) for k in range(3)]
     return np.array(rows), np.asarray((rows[0] * columns[0]).sum(axis=0))
+
+
+def determinants(matrices: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Of many matrices, shape (d, d, ...), d = 2 or 3, by hand: shape (...)."""
+    if len(matrices) == 2:
+        (a, b), (c, d) = matrices
+        return np.asarray(a * d - b * c)
+    (a, b, c), (d, e, f), (g, h, i) = matrices
+    return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))

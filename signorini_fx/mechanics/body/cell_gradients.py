@@ -26,6 +26,20 @@ def gradients(displacement: fem.Function, points: Array) -> Iterator[tuple[Array
         du_i/dx_j, shape (d, d, cells), and the size of the determinant of the map from the reference cell, shape
         (cells,).
     """
+    for of_place, of_displacement in along_reference(displacement, points):
+        adjugate, determinant = adjugates(of_place)
+        yield np.einsum("ikc,kjc->ijc", of_displacement, adjugate) / determinant, np.abs(determinant)
+
+
+def along_reference(displacement: fem.Function, points: Array) -> Iterator[tuple[Array, Array]]:
+    """Of each point the derivatives of places and displacements along the reference cell.
+
+    Args:
+        displacement, points: see ``gradients``.
+
+    Yields:
+        In all owned cells, shapes (d, d, cells), the direction in the reference cell last.
+    """
     space = displacement.function_space
     mesh, dim = space.mesh, space.mesh.topology.dim
     cell = mesh.topology.cell_name()
@@ -36,15 +50,15 @@ def gradients(displacement: fem.Function, points: Array) -> Iterator[tuple[Array
         element = compat.lagrange(cell, degree, basix.LagrangeVariant.equispaced)
         return np.asarray(element.tabulate(1, points)[1:, :, :, 0])
 
-    x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64)
-    y = displacement.x.array.reshape(-1, mesh.geometry.dim)[space.dofmap.list[owned]]
+    def by_component(values: Array) -> Array:
+        """Of nodal values, shape (cells, functions, d): shape (d, cells, functions)."""
+        return np.ascontiguousarray(values.transpose(2, 0, 1), dtype=np.float64)
+
+    x = by_component(mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim])
+    y = by_component(displacement.x.array.reshape(-1, mesh.geometry.dim)[space.dofmap.list[owned]])
     of_place, of_displacement = slopes(compat.geometry_degree(mesh)), slopes(space.element.basix_element.degree)
-
-    def along_cell(values: Array, slope: Array) -> Array:
-        """Derivatives of nodal values, shape (cells, functions, d), along the reference cell, shape (d, d, cells)."""
-        return np.array([[values[:, :, i] @ along for along in slope] for i in range(values.shape[2])])
-
     for number in range(len(points)):
-        adjugate, determinant = adjugates(along_cell(x, of_place[:, number]))
-        gradient = np.einsum("ikc,kjc->ijc", along_cell(y, of_displacement[:, number]), adjugate)
-        yield gradient / determinant, np.abs(determinant)
+        yield (
+            (x @ of_place[:, number].T).transpose(0, 2, 1),
+            (y @ of_displacement[:, number].T).transpose(0, 2, 1),
+        )
