@@ -14,6 +14,7 @@ BENCH = Path(__file__).parents[2] / "bench"
 sys.path.insert(0, str(BENCH))
 
 import bodies_rivals  # noqa: E402
+import nonlinear_rivals  # noqa: E402
 import calculix  # noqa: E402
 import contestants  # noqa: E402
 import example1  # noqa: E402
@@ -209,6 +210,18 @@ def test_getfem_comes_to_the_same_forces_of_two_bodies():
     assert down == pytest.approx(0.6577, rel=0.02)
     assert float(cells["GetFEM"][5].split()[0]) < 2.0
     assert cells["CalculiX"][-2] == "not installed"
+
+
+@pytest.mark.slow
+def test_nonlinear_bodies_of_other_programs():
+    """The package's row has the force of felupe 11.3 on this mesh, extrapolated over its penalty; programs that are not
+    there are named.
+    """
+    rows = list(nonlinear_rivals.rows(["disk"], 1, 1, "no such program"))
+    ours, *others = [[cell.strip() for cell in row.split("|")] for row in rows[2:]]
+    assert [float(word) for word in ours[4].split(", ")] == pytest.approx([0.0, -1.56611], abs=2e-4)
+    assert [row[3] for row in others] == ["felupe", "CalculiX"]
+    assert others[1][4] == "not installed"
 
 
 def test_the_deck_for_calculix(tmp_path, capsys, monkeypatch):

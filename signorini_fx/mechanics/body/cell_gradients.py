@@ -35,7 +35,8 @@ def along_reference(displacement: fem.Function, points: Array) -> Iterator[tuple
     """Of each point the derivatives of places and displacements along the reference cell.
 
     Args:
-        displacement, points: see ``gradients``.
+        displacement: see ``gradients``.
+        points: see ``gradients``.
 
     Yields:
         In all owned cells, shapes (d, d, cells), the direction in the reference cell last.
@@ -52,9 +53,9 @@ def along_reference(displacement: fem.Function, points: Array) -> Iterator[tuple
 
     def by_component(values: Array) -> Array:
         """Of nodal values, shape (cells, functions, d): shape (d, cells, functions)."""
-        return np.ascontiguousarray(values.transpose(2, 0, 1), dtype=np.float64)
+        return np.ascontiguousarray(values.transpose(2, 0, 1))
 
-    x = by_component(mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim])
+    x = by_component(mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64))
     y = by_component(displacement.x.array.reshape(-1, mesh.geometry.dim)[space.dofmap.list[owned]])
     of_place, of_displacement = slopes(compat.geometry_degree(mesh)), slopes(space.element.basix_element.degree)
     for number in range(len(points)):
