@@ -14,11 +14,11 @@ BENCH = Path(__file__).parents[2] / "bench"
 sys.path.insert(0, str(BENCH))
 
 import bodies_rivals  # noqa: E402
-import nonlinear_rivals  # noqa: E402
 import calculix  # noqa: E402
 import contestants  # noqa: E402
 import example1  # noqa: E402
 import linear  # noqa: E402
+import nonlinear_rivals  # noqa: E402
 import plain  # noqa: E402
 import rival  # noqa: E402
 import small  # noqa: E402

@@ -58,9 +58,9 @@ def length_of_increment(
     at: tuple[Array, Array, Array],
     *,
     search: bool,
-) -> tuple[float, bool]:
-    """The share of an increment to take, and whether it goes down; 0: there are no forces however short it is;
-    collective.
+) -> tuple[float, Array | None, bool]:
+    """The share of an increment to take, the forces there, of which the last ones are evaluated, and whether it goes
+    down; 0 and None: there are no forces however short it is; collective.
 
     Args:
         linear: the contact problem that gives the increment.
@@ -80,9 +80,10 @@ def length_of_increment(
     # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn with the normals.
     contact = -internal - residual
     failed: FormError | None = None
+    forces: Array | None = None
 
     def slope(share: float) -> float:
-        nonlocal failed
+        nonlocal failed, forces
         try:
             forces, failed = forces_at(old + share * increment), None
         except FormError as error:
@@ -98,4 +99,4 @@ def length_of_increment(
     share = share_of_increment(slope, first, search=search)
     if share == 0.0 and failed is not None:
         raise failed
-    return share, first < 0 or not search
+    return share, forces, first < 0 or not search

@@ -155,9 +155,11 @@ class LinearisedProblem(FormSolver):
     Attributes:
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
+        residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
     """
 
     symmetric = True
+    residual: Array | None = None
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
     _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
     _foundations_class = MovingFoundations
@@ -323,7 +325,8 @@ class LinearisedProblem(FormSolver):
 
     def _forces(self) -> Array:
         """See ``FormSolver``."""
-        return self.elastic.forces_where_free(self._at) - self._evaluated.assembled()
+        residual = self._evaluated.assembled() if self.residual is None else self.residual
+        return self.elastic.forces_where_free(self._at) - residual
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> None:
         """See ``FormSolver``; unknowns of tools are counted from where these are given, whatever holds them."""

@@ -388,11 +388,12 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         comm, u, worst, before = self._space.mesh.comm, self.u, np.inf, np.inf
         self.linear.begin_anew()
+        residual: Array | None = None
         for iteration in range(1, self._max_newton + 1):
             self.iterations = iteration
             old = self._tangent_at = u.x.array.copy()
             self._tools_at = self.linear.moving_tools.coordinates
-            residual = self._forces_at(old)
+            residual = self._forces_at(old) if residual is None else residual
             if residual is None:
                 return Status.INVERTED
             try:
@@ -402,7 +403,7 @@ class NonlinearContactProblem(ProblemOfForms):
                 return Status.FOLDED
             self._bend()
             try:
-                increment, length = self._increment(old, residual, search=iteration > 1, damps=damps)
+                increment, length, residual = self._increment(old, residual, search=iteration > 1, damps=damps)
             except ConvergenceError as error:
                 return self._not_solved(error.solution.status)
             except MatrixError as error:
@@ -429,8 +430,10 @@ class NonlinearContactProblem(ProblemOfForms):
                 worst = self.certificate.worst
         return Status.MAX_ITERATIONS
 
-    def _increment(self, old: Array, residual: Array, *, search: bool, damps: bool) -> tuple[Array, float]:
-        """The increment of one iteration, and the share of it to take; collective.
+    def _increment(
+        self, old: Array, residual: Array, *, search: bool, damps: bool
+    ) -> tuple[Array, float, Array | None]:
+        """The increment of one iteration, the share of it to take, and F there, see ``length_of_increment``; collective.
 
         Where the tangent is not definite on what contact admits, as beyond a limit point, the contact problem has no
         solution, or its solution goes up.  With enough of its diagonal added it goes down.
@@ -447,17 +450,22 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         linear = self.linear
         while True:
+            linear.residual = residual
             try:
                 linear.solve()
             except ConvergenceError as error:
                 if damps and error.solution.status in outcomes.DAMPED and linear.damp():
                     continue
                 raise
+            finally:
+                linear.residual = None
             increment = linear.u.x.array - old
-            length, descends = length_of_increment(linear, self._forces_at, (old, increment, residual), search=search)
+            at = old, increment, residual
+            length, forces, descends = length_of_increment(linear, self._forces_at, at, search=search)
             if descends or not damps or not linear.damp():
                 linear.damp_less()
-                return increment, length
+                return increment, length, forces
+            self._forces_at(old)  # the next tangent is taken there, too
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
