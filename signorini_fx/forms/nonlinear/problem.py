@@ -433,7 +433,7 @@ class NonlinearContactProblem(ProblemOfForms):
     def _increment(
         self, old: Array, residual: Array, *, search: bool, damps: bool
     ) -> tuple[Array, float, Array | None]:
-        """The increment of one iteration, the share of it to take, and F there, see ``length_of_increment``; collective.
+        """An increment, the share of it to take, and F there, see ``length_of_increment``; collective.
 
         Where the tangent is not definite on what contact admits, as beyond a limit point, the contact problem has no
         solution, or its solution goes up.  With enough of its diagonal added it goes down.
