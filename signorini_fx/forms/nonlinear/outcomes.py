@@ -60,7 +60,8 @@ def advice_on_forms(status: Status) -> str:
     """What to do about the outcome of a solve of forms, whose arguments it names."""
     if status in (Status.NOT_SOLVED, Status.MAX_ITERATIONS):
         return (
-            f"{_NEWTON_FAILS}: take smaller steps, raise max_newton, give the derivative of F as J, or refine the mesh"
+            f"{_NEWTON_FAILS}: take smaller steps, near a limit point let ramp(control=) prescribe a displacement, "
+            "raise max_newton, give the derivative of F as J, or refine the mesh"
         )
     return advice_on(status)
 
