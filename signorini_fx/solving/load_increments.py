@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from math import floor
 
 from signorini_fx.algebra.attempts import step_limit
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_steps import LoadPath, next_place
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Status
 from signorini_fx.tuned import (
@@ -28,8 +28,6 @@ _HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER, Status.NO_MEMORY)
 _PROVED = (Status.SLIDES, Status.TIPS, Status.OPEN)
 # A ramp that is asked for in fewer load steps may take as many linear solves for its end as one in so many.
 _FEW_STEPS = 5
-# Places are rounded to these digits, so that ten tenths are one.
-_DIGITS = 12
 
 
 @dataclass(frozen=True)
@@ -122,13 +120,11 @@ class Increments:
         Below a limit it is halfway there, and the limit itself only once it is enclosed: it has failed before.
         """
         at = self.at
-        station = floor(at.reached + SAME_LENGTH) + 1.0
-        step = round(at.reached + at.increment, _DIGITS)
-        step = station if step > station - SAME_LENGTH else step
+        step = next_place(at.reached, at.increment)
         if not at.limit or at.failed is None or step < at.failed - SAME_LENGTH:
             return step
         width = at.failed - at.reached
-        return at.failed if width <= self._enclosed else round(at.reached + width / 2, _DIGITS)
+        return at.failed if width <= self._enclosed else next_place(at.reached, width / 2)
 
     @property
     def _divisible(self) -> bool:

@@ -1,20 +1,22 @@
-"""The loop over load steps: the attempts at each, what the checkpoint has of it, and when a ramp begins again.
+"""The loop over load steps of every kind of body; of a linear one the attempts at each of them, what the checkpoint has
+of it, and when a ramp begins again.
 
 It knows neither scenes nor forms: a ``SteppedBody`` asks either for the model of a place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import floor
+from typing import Generic, TypeVar
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.attempts import HALF, METHOD, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, Attempt, tried
+from signorini_fx.algebra.attempts import HALF, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, Attempt
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.statics import no_balance
-from signorini_fx.records import History, Status, StepRecord
+from signorini_fx.records import History, Status, StepRecord, Timings
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.load_increments import Increments
@@ -22,6 +24,56 @@ from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody
 from signorini_fx.tuned import BEYOND_LIMIT
+
+S = TypeVar("S")
+Marks = tuple[int, int, int]  # numbers of linear solves, regularised problems and events so far
+
+
+@dataclass(frozen=True)
+class Stepping(Generic[S]):
+    """How load steps of one kind of body are gone through; all functions are collective.
+
+    Attributes:
+        history: takes every linear solve.
+        timings: of the run.
+        ended: whether there is no further load step.
+        solved: the next load step; None: it has no solution, and is tried in another way unless the load steps have
+            ended.
+        recalled: the next load step as an earlier run has left it in a checkpoint; None: it is not there, or is no
+            solution.
+        store: puts a load step into a checkpoint, with the marks before it.
+        go_on: called before a load step that follows one.
+    """
+
+    history: History
+    timings: Timings
+    ended: Callable[[], bool]
+    solved: Callable[[], S | None]
+    recalled: Callable[[MeshCheckpoint], S | None] = lambda checkpoint: None
+    store: Callable[[MeshCheckpoint, S, Marks], object] = lambda checkpoint, step, marks: None
+    go_on: Callable[[S], object] = lambda step: None
+
+    def all(self, on_step: Callable[[S], object], checkpoint: MeshCheckpoint | None = None) -> None:
+        """Solve one load step after the other, until they have ended; collective.
+
+        Args:
+            on_step: called after each load step with a solution.
+            checkpoint: which load steps are taken from and stored in; None: there is none.
+        """
+        marks = _marks(self.history)
+        while not self.ended():
+            step = None if checkpoint is None else self.recalled(checkpoint)
+            recalled = step is not None
+            step = step or self.solved()
+            if step is None:
+                continue
+            on_step(step)
+            if not recalled and checkpoint is not None:
+                with self.timings.phase("checkpoint"):
+                    self.store(checkpoint, step, marks)
+            if not self.ended():
+                self.go_on(step)
+            marks = _marks(self.history)
 
 
 @dataclass
@@ -35,6 +87,7 @@ class StepProgress:
         end: that of the last one; None: there is none, or no contact.
         results: of all of them.
         ended: how the last one with a solution ended, or the first one, and its data; None: there is none.
+        failed: whether the last one has none.
         unstored: where the records begin that no stored load step has; None: at the next one.
     """
 
@@ -44,13 +97,14 @@ class StepProgress:
     end: StepEnd | None = None
     results: list[StepResult] = field(default_factory=list)
     ended: tuple[Outcome, RegularisedData] | None = None
-    unstored: tuple[int, int, int] | None = None
+    failed: bool = False
+    unstored: Marks | None = None
 
     def take(self, step: LoadStep) -> None:
         """Add the result of a load step."""
-        self.body, self.task = step.body, step.task
+        self.body, self.task, self.failed = step.body, step.task, step.result.status is not Status.CONVERGED
         self.results.append(step.result)
-        if step.result.status is Status.CONVERGED or self.ended is None:
+        if not self.failed or self.ended is None:
             self.ended = step.outcome, step.outcome.problem.data
 
     def go_on(self, step: LoadStep) -> None:
@@ -91,43 +145,55 @@ def all_load_steps(
         on_step: called after each load step with a solution.
         level_checkpoint: the checkpoint, which load steps are taken from and stored in; None: there is none.
     """
-    history, timings = task.history, body.timings
-    progress = StepProgress(body, task, start)
-    begun, beginning = task.iterate.newton.checkpoint(), _marks(history)
-    while not path.ended:
-        marks, step = progress.unstored or _marks(history), None
-        if level_checkpoint is not None and level_checkpoint.checkpoint.found:
-            step = _recalled_step(progress, level_checkpoint, path)
-        recalled = step is not None
-        step = step or _load_step(progress, path)
-        anew = None if recalled or history.exhausted else _to_begin_again(path, step.result)
-        if anew is not None:
+    history, progress = task.history, StepProgress(body, task, start)
+    first, none_solved = task.iterate.newton.checkpoint(), _marks(history)
+
+    def solved() -> LoadStep | None:
+        nonlocal progress
+        newton = progress.task.iterate.newton
+        beginning = newton.checkpoint()
+        step = _attempt(progress, path)
+        result = step.result
+        if _goes_on(path, result) and not history.exhausted:
+            history.add(f"{step}: {HALF}")
+            newton.restore(beginning)
+            return None
+        if not history.exhausted and (anew := _to_begin_again(path, result)) is not None:
             history.add(f"{step}: {anew}")
-            path.begin_again(step.result.status, history.linear_solves - beginning[0])
-            task.iterate.newton.restore(begun)
-            progress = StepProgress(body, task, start, unstored=beginning)
+            path.begin_again(result.status, history.linear_solves - none_solved[0])
+            task.iterate.newton.restore(first)
+            progress = StepProgress(body, task, start, unstored=none_solved)
             if level_checkpoint is not None:
                 level_checkpoint.forget(0)
-            continue
+            return None
         progress.take(step)
-        if step.result.status is not Status.CONVERGED:
+        if progress.failed:
             if path.bracket is not None:
                 history.add(f"the ramp ends: {path.bracket}")
-            break
-        on_step(step)
-        if not recalled:
-            path.advance(step.result.linear_solves)
-            if level_checkpoint is not None:
-                with timings.phase("checkpoint"):
-                    level_checkpoint.store(step.body, step.task, step.start, step.outcome, step.result, path, marks)
-            progress.unstored = None
-        if not path.ended:
-            progress.go_on(step)
+            return None
+        path.advance(result.linear_solves)
+        return step
+
+    def store(checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
+        begins = progress.unstored or marks
+        checkpoint.store(step.body, step.task, step.start, step.outcome, step.result, path, begins)
+        progress.unstored = None
+
+    stepping = Stepping[LoadStep](
+        history,
+        body.timings,
+        ended=lambda: path.ended or progress.failed,
+        recalled=lambda checkpoint: _recalled_step(progress, checkpoint, path),
+        solved=solved,
+        store=store,
+        go_on=lambda step: progress.go_on(step),
+    )
+    stepping.all(on_step, level_checkpoint)
     return progress
 
 
-def _marks(history: History) -> tuple[int, int, int]:
-    """Numbers of linear solves, regularised problems and events so far."""
+def _marks(history: History) -> Marks:
+    """See ``Marks``."""
     return history.linear_solves, len(history.outer), len(history.events)
 
 
@@ -138,51 +204,33 @@ def _to_begin_again(path: Increments, result: StepResult) -> Attempt | None:
     return RAMP_WITHOUT_AUGMENTATION if result.status is not Status.CONVERGED and path.falls_short else None
 
 
-def _load_step(progress: StepProgress, path: Increments) -> LoadStep:
-    """Solve the next load step, in a ramp for smaller and smaller increments until one of them has a solution."""
-    history, newton, steps = progress.task.history, progress.task.iterate.newton, progress.body.path
-    checkpoint = newton.checkpoint()
-    ended: list[LoadStep] = []
-
-    def attempt() -> LoadStep:
-        solves_before = history.linear_solves
-        path_step = path.next
-        begun = progress.begun(path_step)
-        start = replace(
-            begun.start,
-            place=path_step,
-            factors=_load_at(begun, path_step, path),
-            without_fall_backs=path.without_fall_backs,
-            augmented=path.at.augmented,
-            monolithic=path.at.monolithic,
-            several=steps.several,
-        )
-        if steps.several:
-            history.add(StepRecord(start.step + 1, steps.name_at(path_step), steps.time_at(path_step)))
-        history.move(step=start.step + 1, steps=len(steps.times))
-        with begun.body.timings.phase("iterate"):
-            solved = begun.body.solved(replace(begun, start=start), path.allowed)
-        begun, outcome, reason = solved.begun, solved.outcome, solved.reason
-        if reason is None and history.linear_solves > solves_before:  # else it is proved of a body that ``check`` names
-            when = f"load step {start.step + 1}: " if steps.several else ""
-            outcome, reason = explained(begun.body.model, begun.task, begun.start, outcome, when)
-        result = begun.body.certified(begun, outcome, solved.joint)
-        solves = result.linear_solves + history.linear_solves - solves_before
-        result = replace(result, linear_solves=solves, reason=reason or result.reason)
-        ended.append(LoadStep.of(begun, outcome, result))
-        return ended[-1]
-
-    def increments() -> Iterator[tuple[object, Callable[[], LoadStep]]]:
-        yield METHOD, attempt
-        while _goes_on(path, ended[-1].result):
-            yield HALF, attempt
-
-    return tried(
-        increments(),
-        history=history,
-        settled=lambda step: step.result.status is Status.CONVERGED,
-        restore=lambda: newton.restore(checkpoint),
-    )[-1]
+def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
+    """Solve the next load step, which may have no solution."""
+    history, steps = progress.task.history, progress.body.path
+    solves_before = history.linear_solves
+    path_step = path.next
+    begun = progress.begun(path_step)
+    start = replace(
+        begun.start,
+        place=path_step,
+        factors=_load_at(begun, path_step, path),
+        without_fall_backs=path.without_fall_backs,
+        augmented=path.at.augmented,
+        monolithic=path.at.monolithic,
+        several=steps.several,
+    )
+    if steps.several:
+        history.add(StepRecord(start.step + 1, steps.name_at(path_step), steps.time_at(path_step)))
+    history.move(step=start.step + 1, steps=len(steps.times))
+    with begun.body.timings.phase("iterate"):
+        solved = begun.body.solved(replace(begun, start=start), path.allowed)
+    begun, outcome, reason = solved.begun, solved.outcome, solved.reason
+    if reason is None and history.linear_solves > solves_before:  # else it is proved of a body that ``check`` names
+        when = f"load step {start.step + 1}: " if steps.several else ""
+        outcome, reason = explained(begun.body.model, begun.task, begun.start, outcome, when)
+    result = begun.body.certified(begun, outcome, solved.joint)
+    solves = result.linear_solves + history.linear_solves - solves_before
+    return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
 
 
 def _load_at(begun: BegunStep, path_step: float, path: Increments) -> Nodal:
@@ -205,10 +253,10 @@ def _load_at(begun: BegunStep, path_step: float, path: Increments) -> Nodal:
     return body.load(task.system, beyond)
 
 
-def _goes_on(path: Increments, failed: StepResult) -> bool:
-    """Whether a smaller increment is to be tried after a load step without a solution."""
-    status, solves = failed.status, failed.linear_solves
-    return not path.begins_again(status, solves) and path.shorten(status, solves)
+def _goes_on(path: Increments, result: StepResult) -> bool:
+    """Whether a smaller increment is to be tried, because a load step has no solution."""
+    status, solves = result.status, result.linear_solves
+    return status is not Status.CONVERGED and not path.begins_again(status, solves) and path.shorten(status, solves)
 
 
 def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, path: Increments) -> LoadStep | None:
@@ -231,4 +279,6 @@ def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, pat
         task.iterate.newton.restore(checkpoint)
         return None
     recalled.accept(task.history, timings, path)
-    return LoadStep.of(begun, recalled.outcome, replace(result, linear_solves=path.at.last))
+    step = LoadStep.of(begun, recalled.outcome, replace(result, linear_solves=path.at.last))
+    progress.take(step)
+    return step

@@ -129,8 +129,8 @@ class MeshCheckpoint:
         return self.checkpoint.figures(self.level, 0) is not None
 
     def place(self, step: int) -> float | None:
-        """Of a load step, from 0; None: it is not there."""
-        figures = self.checkpoint.figures(self.level, step)
+        """Of a load step of an earlier run, from 0; None: it is not there."""
+        figures = self.checkpoint.figures(self.level, step) if self.checkpoint.found else None
         return None if figures is None else float(figures["place"])
 
     def beside(self, step: int, space: fem.FunctionSpace, names: Sequence[str]) -> list[fem.Function] | None:

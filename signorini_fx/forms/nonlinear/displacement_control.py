@@ -14,15 +14,14 @@ import numpy.typing as npt
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, place
+from signorini_fx.forms.nonlinear.step_sizes import StepSizes
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.tuned import (
-    FEW_NEWTON_ITERATIONS,
     JUMP,
     LARGEST_LOAD_ERROR,
     LOADS_TRIED,
     SMALLEST_STEP,
-    STEP_GROWTH,
 )
 
 Array = npt.NDArray[np.float64]
@@ -166,40 +165,34 @@ def load_that_holds(
     return None
 
 
-@dataclass
-class ControlSteps:
-    """The steps of a translation beyond a limit point.
+class ControlSteps(StepSizes):
+    """The steps of a translation beyond a limit point, on the way that steps before it have gone, and as far at once as
+    the longest of them.
 
-    Attributes:
-        limit: where the limit point is, length.
-        step: of the next increment, with its sign.
-        largest: its largest size.
+    Args:
+        places: where these have begun and ended, lengths; each further step adds to it.
+        farthest: how far beyond the limit point the way may go, length.
     """
 
-    limit: float
-    step: float
-    largest: float
-
-    @classmethod
-    def after(cls, places: list[float]) -> ControlSteps:
-        """After steps that have ended at some places: on the way that these have gone, and as far at once as the
-        longest of them.
-        """
+    def __init__(self, places: list[float], farthest: float) -> None:
         increments = np.diff(places)
-        last = increments[increments != 0.0]
-        largest = float(np.abs(increments).max(initial=0.0))
-        return cls(places[-1], float(np.sign(last[-1])) * largest if last.size else 0.0, largest)
+        moved = increments[increments != 0.0]
+        self._sign = float(np.sign(moved[-1])) if moved.size else 0.0
+        self._places, self._limit, self._farthest = places, places[-1], farthest
+        longest = float(np.abs(increments).max(initial=0.0))
+        super().__init__(places[-1], longest, longest, SMALLEST_STEP * longest)
 
     @property
-    def may_halve(self) -> bool:
-        """Whether a smaller increment may be tried."""
-        return abs(self.step) / 2 >= SMALLEST_STEP * self.largest
+    def ended(self) -> bool:
+        """Whether the way cannot go on."""
+        return self._sign == 0.0 or not abs(self._places[-1] - self._limit) <= self._farthest
 
-    def halve(self) -> None:
-        """The next increment has no solution."""
-        self.step /= 2
+    @property
+    def next(self) -> float:
+        """See ``StepSizes``."""
+        return self._places[-1] + self._sign * self._step
 
-    def accept(self, iterations: int) -> None:
-        """The next increment has a solution, after so many iterations."""
-        if iterations <= FEW_NEWTON_ITERATIONS:
-            self.step = float(np.sign(self.step)) * min(abs(self.step) * STEP_GROWTH, self.largest)
+    @property
+    def size(self) -> float:
+        """See ``StepSizes``."""
+        return self._step

@@ -42,11 +42,11 @@ from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, fitting, hes
 from signorini_fx.forms.nonlinear.overlap import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.restart import StepsOnDisk
+from signorini_fx.forms.nonlinear.restart import RestartedBody
 from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
-from signorini_fx.forms.nonlinear.step_sizes import PathSizes, RampStep, StepEnds, StepSizes
+from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, PathSizes, RampStep, Way
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import findings_of_last
@@ -66,6 +66,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
+from signorini_fx.solving.load_steps import Marks, Stepping
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.tuned import LEAST_INCREMENT, LOAD_DIFFERENCE, SMALL_INCREMENT, SMALLEST_STEP
 
@@ -324,7 +325,7 @@ class NonlinearContactProblem(ProblemOfForms):
     def _forget_steps(self) -> None:
         """Those of the last ramp, and what was shown of one whose first step had no solution."""
         self._ramped, self._mechanics_of_steps, self._timings = [], [], Timings()
-        self._leaps = Leaps(self._leaps.yields)
+        self._leaps, self._solves_before = Leaps(self._leaps.yields), len(self.history.iterations)
         if self._solved is not None and self._solved.step.status is not Status.CONVERGED:
             self._solved = None
 
@@ -352,14 +353,17 @@ class NonlinearContactProblem(ProblemOfForms):
             raise
         self.status = status
         if status is Status.CONVERGED:
-            self._good, foundations = self._snapshot(), (self.contact, self.shapes)
-            assert self.certificate is not None
-            count = len(self.history.iterations) - solves
-            self._solved = SolvedBody.of(self.linear, self.u, self.certificate, self._mechanics, foundations, count)
+            self._take_solution(len(self.history.iterations) - solves)
             return
         self._failure = outcomes.failure(status, self.certificate, self._says_no, self._inner, self._overlap)
         self._go_back(self._good)
         raise ConvergenceError(self, f"{self._failure}: {self._advice_on(status)}")
+
+    def _take_solution(self, solves: int) -> None:
+        """What there is now is the last solution, after so many linear solves; collective."""
+        self._good, foundations = self._snapshot(), (self.contact, self.shapes)
+        assert self.certificate is not None
+        self._solved = SolvedBody.of(self.linear, self.u, self.certificate, self._mechanics, foundations, solves)
 
     def _snapshot(self) -> Snapshot:
         """All that a solve changes, and where the shapes are."""
@@ -504,12 +508,20 @@ class NonlinearContactProblem(ProblemOfForms):
                 return Status.AT_END
         lost = round_off(self.u, residual, self._forces_at)
         self._forces_at(values)
-        mechanics = mechanics_at(self.u, self._seen_anew(residual), linear, self.contact, self.shapes, lost)
-        tractions = Tractions.of(self.state)
-        rigid = linear.driven_tools
-        self.certificate = certified(self.u, mechanics, self.shapes, tractions, linear.law, linear.previous_step, rigid)
-        self._mechanics = self._loaded(mechanics)
+        self.certificate, self._mechanics = self._certified(residual, lost)
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
+
+    def _certified(self, residual: Array, lost: Array | None = None) -> tuple[Certificate, ResidualMechanics]:
+        """The certificate of what there is now, with the forces that it is of; collective.
+
+        Args:
+            residual: F there.
+            lost: see ``mechanics_at``.
+        """
+        linear, tractions = self.linear, Tractions.of(self.state)
+        mechanics = mechanics_at(self.u, self._seen_anew(residual), linear, self.contact, self.shapes, lost)
+        conditions = tractions, linear.law, linear.previous_step, linear.driven_tools
+        return certified(self.u, mechanics, self.shapes, *conditions), self._loaded(mechanics)
 
     def _seen_anew(self, residual: Array) -> Array:
         """The residual as the certificate takes it: itself, as nothing else knows it; collective."""
@@ -575,31 +587,29 @@ class NonlinearContactProblem(ProblemOfForms):
                 equilibrium is unstable, or its stability is not known.
             FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
         """
-        sizes, steps = StepSizes(to, first, largest, smallest), list[RampStep]()
+        sizes, steps = LoadSizes(to, first, largest, smallest), list[RampStep]()
         tool = None if control is None else Control.of(control, self.shapes, self._dimension)
         places = [] if tool is None else [self._begins_to_move(tool, apply, sizes, LOAD_DIFFERENCE * to)]
         gone = [0.0]  # how far the load has gone, up and down
 
-        def solved(load: float, step: StepResult) -> StepResult:
+        def named(load: float, step: StepResult) -> StepResult:
             gone.append(gone[-1] + abs(load - (steps[-1].load if steps else 0.0)))
             steps.append(RampStep(load, self.iterations, step.linear_solves))
             if tool is not None:
                 places.append(tool.position(self.shapes))
             return replace(step, place=float(step.step - 1), time=gone[-1])
 
-        def last_words(reached: float | None) -> str:
-            return outcomes.last_solution(reached, to)
-
+        way = Way(sizes, apply, named, controlled=tool is not None)
         try:
-            self._follow(sizes, apply, solved, lambda step: on_step(steps[-1]), last_words, controlled=tool is not None)
+            self._follow(way, lambda step: on_step(steps[-1]))
         except (ConvergenceError, SnapThrough):
             if tool is None or not steps or self.status in outcomes.NOT_A_LIMIT:
                 raise
-            self._beyond_limit(tool, apply, to, places, solved, lambda step: on_step(steps[-1]))
+            self._beyond_limit(tool, way, to, places, lambda step: on_step(steps[-1]))
         return steps
 
     def _begins_to_move(
-        self, tool: Control, apply: Callable[[float], object], sizes: StepSizes, slightest: float
+        self, tool: Control, apply: Callable[[float], object], sizes: LoadSizes, slightest: float
     ) -> float:
         """Where a tool is under hardly any load, once it has come to the body; collective.
 
@@ -641,60 +651,58 @@ class NonlinearContactProblem(ProblemOfForms):
         return start[0]
 
     def _beyond_limit(
-        self,
-        tool: Control,
-        apply: Callable[[float], object],
-        to: float,
-        places: list[float],
-        solved: Callable[[float, StepResult], StepResult],
-        on_step: Callable[[StepResult], object],
+        self, tool: Control, way: Way, to: float, places: list[float], on_step: Callable[[StepResult], object]
     ) -> None:
         """Steps of a ramp beyond a limit point, see ``ramp``; collective.
 
         Args:
             tool: whose translation is prescribed.
-            apply: see ``ramp``.
+            way: of the ramp.
             to: see ``ramp``.
-            places: where it was at the beginning and after each step, which is added to.
-            solved: see ``_follow``.
-            on_step: see ``_follow``.
+            places: where the tool was at the beginning and after each step, which ``way.named`` adds to.
+            on_step: see ``Stepping``.
 
         Raises:
             ConvergenceError: an increment cannot be shortened any more, or the load is not reached.
         """
-        steps, load = ControlSteps.after(places), float(self._ramped[-1].time) * float(np.sign(to))
+        steps, load = ControlSteps(places, self._size), float(self._ramped[-1].time) * float(np.sign(to))
         self.history.add(f"beyond the limit point at load {load:g} {tool.key} of contact[{tool.number}] is prescribed")
-        while steps.step != 0.0 and abs(places[-1] - steps.limit) <= self._size:
-            begun, position = self._snapshot(), places[-1] + steps.step
 
-            def solve(position: float = position) -> ContactState:
-                with tool.held_at(position, self.shapes):
-                    self._attempt(damps=not steps.may_halve)
-                return self.state
+        def solve() -> ContactState:
+            with tool.held_at(steps.next, self.shapes):
+                self._attempt(damps=not steps.may_halve)
+            return self.state
 
+        def load_at_next() -> float:
+            holds = load_that_holds(tool, self.shapes, way.apply, solve, load, LOAD_DIFFERENCE * to)
+            if holds is None:
+                self.status = Status.OUTER_MAX_ITERATIONS
+                raise ConvergenceError(self, f"no load is found that holds contact[{tool.number}] at {steps.next:g}")
+            if abs(holds) < abs(to) or holds * to <= 0:
+                return holds
+            way.apply(to)  # on a branch that carries it
+            self._attempt()
+            return to
+
+        def solved() -> StepResult | None:
+            nonlocal load
+            begun = self._snapshot()
             try:
-                held = load_that_holds(tool, self.shapes, apply, solve, load, LOAD_DIFFERENCE * to)
-                if held is None:
-                    self.status = Status.OUTER_MAX_ITERATIONS
-                    raise ConvergenceError(self, f"no load is found that holds contact[{tool.number}] at {position:g}")
-                if abs(held) >= abs(to) and held * to > 0:  # on a branch that carries it
-                    apply(to)
-                    self._attempt()
-                    held = to
+                load = load_at_next()
             except ConvergenceError:
-                self._begin_again(begun, partial(apply, load))
+                self._begin_again(begun, partial(way.apply, load))
                 if not steps.may_halve:
                     raise
                 steps.halve()
-                continue
-            load = held
+                return None
             steps.accept(self.iterations)
-            self._end_step(load, solved, on_step)
-            if load == to:
-                return
-        self.status = Status.LIMIT
-        reached = f"{tool.key} of contact[{tool.number}] was moved to {places[-1]:g}, where load {load:g} holds it"
-        raise ConvergenceError(self, f"{Status.LIMIT.value}: {reached}; load {to:g} is not reached")
+            return self._end_step(way, load)
+
+        Stepping(self.history, self._timings, lambda: load == to or steps.ended, solved).all(on_step)
+        if load != to:
+            self.status = Status.LIMIT
+            reached = f"{tool.key} of contact[{tool.number}] was moved to {places[-1]:g}, where load {load:g} holds it"
+            raise ConvergenceError(self, f"{Status.LIMIT.value}: {reached}; load {to:g} is not reached")
 
     def run(
         self,
@@ -731,7 +739,7 @@ class NonlinearContactProblem(ProblemOfForms):
         if folder is not None:
             clock.turn(path.time_at(0))  # the checkpoint is that of the Constants at this time
             stored = MeshCheckpoint(checkpoint_of(self.linear, folder, path, restart=restart), 0)
-        self._run(path, lambda step: clock.turn(path.time_at(step)), on_step, stored=stored)
+        self._run(path, lambda step: clock.turn(path.time_at(step)), on_step, checkpoint=stored)
         return self.solution
 
     def _run(
@@ -740,208 +748,186 @@ class NonlinearContactProblem(ProblemOfForms):
         apply: Callable[[float], object],
         on_step: Callable[[StepResult], object],
         announce: Callable[[float], object] = lambda end: None,
-        stored: MeshCheckpoint | None = None,
+        checkpoint: MeshCheckpoint | None = None,
     ) -> None:
-        """``run`` by places instead of times; for the arguments see ``_follow``; collective."""
+        """``run`` by places instead of times; for the arguments see ``Way``; collective."""
 
-        def solved(end: float, step: StepResult) -> StepResult:
+        def named(end: float, step: StepResult) -> StepResult:
             return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
 
-        def last_words(reached: float | None) -> str:
-            return outcomes.last_solution(None if reached is None else path.time_at(reached), None)
-
-        sizes = PathSizes(path)
-        kept = None if stored is None else StepsOnDisk(stored, sizes)
-        self._follow(sizes, apply, solved, on_step, last_words, path.time_at, announce, kept)
+        self._follow(Way(PathSizes(path), apply, named, announce), on_step, checkpoint)
 
     def _follow(
-        self,
-        sizes: StepEnds,
-        apply: Callable[[float], object],
-        solved: Callable[[float, StepResult], StepResult],
-        on_step: Callable[[StepResult], object],
-        last_words: Callable[[float | None], str],
-        shown: Callable[[float], float] = float,
-        announce: Callable[[float], object] = lambda end: None,
-        stored: StepsOnDisk | None = None,
-        *,
-        controlled: bool = False,
+        self, way: Way, on_step: Callable[[StepResult], object], checkpoint: MeshCheckpoint | None = None
     ) -> None:
-        """One step after the other; collective.
-
-        Args:
-            sizes: where the steps end.
-            apply: changes the problem to what it is there.
-            solved: gives the result of a step its place and time.
-            on_step: called after each step.
-            last_words: up to where there is a solution, in words; None: nowhere.
-            shown: a load or time for messages, from where a step ends.
-            announce: called before a step is solved with where it ends.
-            stored: the checkpoint that steps are taken from and stored in; None: there is none.
-            controlled: whether the way ends before a step that may jump, unless it is the first; otherwise the step is
-                halved as long as it may be.
+        """Solve the steps of a way, see ``Stepping``; collective.
 
         Raises:
-            SnapThrough: a step may jump.
+            ConvergenceError: one has no solution, and no smaller one is to be tried.
+            FormError: likewise.
+            SnapThrough: a step may jump, and must not.
         """
         self._forget_steps()
-        solves, what, jumps = len(self.history.iterations), "time" if isinstance(sizes, PathSizes) else "load", False
-        if stored is not None:
-            stored.begin(self.linear)
-        while not sizes.done:
-            if stored is not None and (kept := stored.end(self.linear.step)) is not None:
-                count = self._recall(stored, kept, apply, sizes)
-                if count is not None:
-                    self._end_step(kept, solved, on_step, count)
-                    stored.begin(self.linear)
-                    continue
-            begun, end = self._snapshot(), sizes.next
-            try:
-                announce(end)
-                apply(end)
-                ends = controlled and bool(self._ramped)
-                may_jump = jumps or not (ends or sizes.may_halve)
-                ends_of_step = sizes.reached, end
-                suspected = self._attempt_at_step(begun, ends_of_step, damps=not sizes.may_halve, may_jump=may_jump)
-            except Exception as error:
-                final = not sizes.may_halve or self.status in outcomes.FINAL
-                if final and isinstance(error, ConvergenceError) and self._solved is None:
-                    tried = len(self.history.iterations) - solves
-                    self._solved = self._before_the_first(partial(solved, end), tried)
-                self._begin_again(begun, lambda: apply(sizes.reached))
-                where, reached = f"{what} {shown(end):g}", shown(sizes.reached)
-                self.history.add(f"{where} is given up, back at {reached:g}: {error}")
-                if not isinstance(error, ConvergenceError | FormError | SnapThrough):
-                    raise
-                if isinstance(error, SnapThrough) and ends:
-                    raise
-                if isinstance(error, SnapThrough) or not final:
-                    sizes.halve()
-                    continue
-                if not jumps and self._leaps.end is not None and self._leaps.ends_beyond(sizes.reached, end):
-                    jumps = True
-                    sizes.reach(self._leaps.end)
-                    continue
-                last = last_words(sizes.reached if self._ramped else None)
-                raise self._ended(error, where, last) from error.__cause__
-            if suspected:
-                self._leaps.take(f"{what}s", shown(sizes.reached), shown(end))
-            else:
-                self._leaps.pass_by(sizes.reached, end)
-            sizes.accept(self.iterations, grows=self._leaps.end is None)
-            jumps = False
-            step = self._end_step(end, solved, on_step)
-            if stored is not None:
-                with self._timings.phase("checkpoint"):
-                    tangent = self._tangent_at, self._tools_at
-                    stored.store(self.linear, step, tangent, self.iterations, self._timings, self._leaps)
-                stored.begin(self.linear)
+        stepping = Stepping[StepResult](
+            self.history,
+            self._timings,
+            ended=lambda: way.sizes.ended,
+            solved=partial(self._next_step, way),
+            recalled=partial(self._recall, way),
+            store=partial(self._store, way),
+        )
+        stepping.all(on_step, checkpoint)
 
-    def _attempt_at_step(self, begun: Snapshot, ends: tuple[float, float], *, damps: bool, may_jump: bool) -> bool:
-        """Solve a step, and return whether it may jump; collective.
+    def _next_step(self, way: Way) -> StepResult | None:
+        """Solve the next step of a way; None: it has no solution and will be another one; collective.
+
+        Raises:
+            Exception: see ``_follow``.
+        """
+        begun, sizes = self._snapshot(), way.sizes
+        end = sizes.next
+        try:
+            way.announce(end)
+            way.apply(end)
+            self._attempt_at_step(way, begun)
+        except Exception as error:
+            self._give_up(way, begun, error)
+            return None
+        sizes.accept(self.iterations, grows=self._leaps.end is None)
+        return self._end_step(way, end)
+
+    def _attempt_at_step(self, way: Way, begun: Snapshot) -> None:
+        """Solve a step, with the problem as it is at its end; collective.
 
         Args:
+            way: that of the step.
             begun: the body when it begins.
-            ends: where it begins and ends.
-            damps: see ``_attempt``.
-            may_jump: whether a step that may jump is a solution.
 
         Raises:
             ConvergenceError: it has no solution.
             SnapThrough: it may jump, and must not.
         """
-        last_solution = self._good, self._solved, self.status
-        self._attempt(damps=damps)
+        sizes, last_solution = way.sizes, (self._good, self._solved, self.status)
+        begin, end = sizes.reached, sizes.next
+        self._attempt(damps=not sizes.may_halve)
         moved = float(parallel.largest(self._space.mesh.comm, np.abs(self.u.x.array - begun.displacement), 0.0))
-        suspected = self._leaps.suspects(moved, max(self._predicted, SMALL_INCREMENT * self._size), *ends)
-        if suspected and not may_jump:
+        if not self._leaps.suspects(moved, max(self._predicted, SMALL_INCREMENT * self._size), begin, end):
+            self._leaps.pass_by(begin, end)
+        elif sizes.jumps or not (self._ends_before_jumps(way) or sizes.may_halve):
+            self._leaps.take(f"{sizes.kind}s", sizes.shown(begin), sizes.shown(end))
+        else:
             self._good, self._solved, self.status = last_solution
             raise SnapThrough("the body may jump")
-        return suspected
 
-    def _end_step(
-        self,
-        end: float,
-        solved: Callable[[float, StepResult], StepResult],
-        on_step: Callable[[StepResult], object],
-        linear_solves: int | None = None,
-    ) -> StepResult:
+    def _ends_before_jumps(self, way: Way) -> bool:
+        """Whether a step that may jump is none of the way, and no smaller one is tried."""
+        return way.controlled and bool(self._ramped)
+
+    def _give_up(self, way: Way, begun: Snapshot, error: Exception) -> None:
+        """Go back to where a step has begun that has no solution, and say where it is to end instead; collective.
+
+        Args:
+            way: that of the step.
+            begun: the body when it begins.
+            error: why there is none.
+
+        Raises:
+            Exception: no other step is to be tried.
+        """
+        sizes, leaps, snaps = way.sizes, self._leaps, isinstance(error, SnapThrough)
+        final = not sizes.may_halve or self.status in outcomes.FINAL
+        if final and isinstance(error, ConvergenceError) and self._solved is None:
+            self._solved = self._before_the_first(way)
+        self._begin_again(begun, way.back)
+        end, reached = f"{sizes.kind} {sizes.shown(sizes.next):g}", sizes.shown(sizes.reached)
+        self.history.add(f"{end} is given up, back at {reached:g}: {error}")
+        if not isinstance(error, ConvergenceError | FormError | SnapThrough):
+            raise error
+        if snaps and self._ends_before_jumps(way):
+            raise error
+        if snaps or not final:
+            sizes.halve()
+        elif not sizes.jumps and leaps.end is not None and leaps.ends_beyond(sizes.reached, sizes.next):
+            sizes.reach(leaps.end)
+        else:
+            last = outcomes.last_solution(reached if self._ramped else None, sizes.to)
+            if isinstance(error, FormError):
+                raise outcomes.at_load(error, end, last) from error.__cause__
+            assert self.status is not None
+            self.status = Status.LIMIT if self._says_no else self.status
+            text = outcomes.end_of_ramp(self.status, self._failure, end, last, self._advice_on(self.status))
+            raise ConvergenceError(self, text) from error.__cause__
+
+    def _end_step(self, way: Way, end: float, linear_solves: int | None = None) -> StepResult:
         """Take the last solution for a step, and begin the next one; collective.
 
         Args:
+            way: that of the step.
             end: where it ends.
-            solved: see ``_follow``.
-            on_step: see ``_follow``.
             linear_solves: of an earlier run; None: those of this one.
         """
         assert self._solved is not None
-        step = solved(end, replace(self._solved.step, step=len(self._ramped) + 1))
+        step = way.named(end, replace(self._solved.step, step=len(self._ramped) + 1))
         if linear_solves is not None:
             step = replace(step, linear_solves=linear_solves)
         self._solved = replace(self._solved, step=step)
         self._ramped.append(step)
         self._mechanics_of_steps.append((step.displacement, self._solved.mechanics))
         self.advance()
-        on_step(step)
         return step
 
-    def _recall(self, stored: StepsOnDisk, end: float, apply: Callable[[float], object], sizes: StepEnds) -> int | None:
-        """Go to a step of an earlier run, certify it anew, and return its linear solves; None: it is solved again;
-        collective.
+    def _store(self, way: Way, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
+        """Store a step in a checkpoint; for the arguments see ``Stepping``; collective."""
+        figures = {"newton": self.iterations, "leaps": self._leaps.stored()}
+        body, tangent = RestartedBody(self.linear, self._timings, figures), (self._tangent_at, self._tools_at)
+        body.store(checkpoint, step, tangent, way.sizes, marks)
 
-        Args:
-            stored: the checkpoint.
-            end: where the step ends.
-            apply: see ``_follow``.
-            sizes: see ``_follow``.
+    def _recall(self, way: Way, checkpoint: MeshCheckpoint) -> StepResult | None:
+        """Go to the next step as an earlier run has left it, and certify it anew; None: it is not there, or is solved
+        again; collective.
         """
-        begun, number = self._snapshot(), self.linear.step
+        number = self.linear.step
+        end = checkpoint.place(number)
+        if end is None:
+            return None
+        begun = self._snapshot()
         self._good = self._good or begun
         with self._timings.phase("restart"):
-            apply(end)
-            recalled = stored.recall(self.linear, self._residual, self._timings)
+            way.apply(end)
+            recalled = RestartedBody(self.linear, self._timings).recall(checkpoint, self._residual)
         if recalled is not None:
             with self._timings.phase("certify"):
                 status = self._judge()
             if status is Status.CONVERGED:
-                self.status, self.iterations = status, stored.figure(number, "newton")
-                self._good, foundations = self._snapshot(), (self.contact, self.shapes)
-                assert self.certificate is not None
-                arguments = self.linear, self.u, self.certificate, self._mechanics, foundations
-                self._solved = SolvedBody.of(*arguments, stored.figure(number, "linear_solves"))
-                recalled.accept(self.history, self._timings, stored.sizes)
-                stored.leaps(number, self._leaps)
-                return stored.figure(number, "linear_solves")
+                figures = {name: checkpoint.figure(number, name) for name in ("newton", "linear_solves", "leaps")}
+                self.status, self.iterations, solves = status, figures["newton"], figures["linear_solves"]
+                self._take_solution(solves)
+                recalled.accept(self.history, self._timings, way.sizes)
+                self._leaps.resume(figures["leaps"])
+                return self._end_step(way, end, solves)
             self.history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
-            stored.forget(number)
-        self._begin_again(begun, lambda: apply(sizes.reached))
+            checkpoint.forget(number)
+        self._begin_again(begun, way.back)
         return None
 
-    def _before_the_first(self, named: Callable[[StepResult], StepResult], solves: int) -> SolvedBody | None:
-        """The body as it is before the first step, under the load of that step, which has no solution; None: its
-        residual or tangent cannot be evaluated there; collective.
-
-        Args:
-            named: gives the result its place and time.
-            solves: linear solves that were tried.
+    def _before_the_first(self, way: Way) -> SolvedBody | None:
+        """The body as it is before the first step of a way, under the load of that step, which has no solution; None:
+        its residual or tangent cannot be evaluated there; collective.
         """
         assert self.status is not None
-        status, linear, foundations = Status.LIMIT if self._says_no else self.status, self.linear, self.shapes
+        status, linear = Status.LIMIT if self._says_no else self.status, self.linear
         try:
             residual = self._forces_at(self.u.x.array.copy())
             if residual is None:
                 return None
             linear.slide()
             linear.leave_open(status)
-            mechanics = mechanics_at(self.u, self._seen_anew(residual), linear, self.contact, foundations)
+            judged = self._certified(residual)
         except (FormError, MatrixError, PairingError):
             return None
-        tractions = Tractions.of(self.state)
-        rigid = linear.driven_tools
-        certificate = certified(self.u, mechanics, foundations, tractions, linear.law, linear.previous_step, rigid)
-        loaded, parts = self._loaded(mechanics), (self.contact, foundations)
-        body = SolvedBody.of(linear, self.u, certificate, loaded, parts, solves, status)
-        return replace(body, step=named(body.step))
+        solves = len(self.history.iterations) - self._solves_before
+        body = SolvedBody.of(linear, self.u, *judged, (self.contact, self.shapes), solves, status)
+        return replace(body, step=way.named(way.sizes.next, body.step))
 
     def _advice_on(self, status: Status) -> str:
         """What to do about the outcome of a solve."""
@@ -953,19 +939,3 @@ class NonlinearContactProblem(ProblemOfForms):
         for number, shape in begun.shapes.items():
             self.shapes[number].put(shape)
         self._go_back(begun)
-
-    def _ended(self, error: ConvergenceError | FormError, where: str, last: str) -> ConvergenceError | FormError:
-        """How a ramp ends whose last step has no solution.
-
-        Args:
-            error: of the step.
-            where: its load or time, in words.
-            last: the last one that there is, likewise.
-        """
-        if isinstance(error, FormError):
-            return outcomes.at_load(error, where, last)
-        assert self.status is not None
-        self.status = Status.LIMIT if self._says_no else self.status
-        return ConvergenceError(
-            self, outcomes.end_of_ramp(self.status, self._failure, where, last, self._advice_on(self.status))
-        )

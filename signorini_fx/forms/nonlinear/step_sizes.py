@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Protocol
 
 from signorini_fx.errors import FormError
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_steps import LoadPath, next_place
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, SAME_LENGTH, SAME_NUMBER, SMALLEST_STEP, STEP_GROWTH
-
-# Places are rounded to these digits, so that ten tenths are one.
-_DIGITS = 12
+from signorini_fx.results.solution import StepResult
+from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, SAME_NUMBER, SMALLEST_STEP, STEP_GROWTH
 
 
 @dataclass(frozen=True)
@@ -32,49 +29,69 @@ class RampStep:
     linear_solves: int
 
 
-class StepEnds(Protocol):
-    """Where the steps of a way end, one after the other."""
+class StepSizes:
+    """Where the steps of a way end, one after the other: one without a solution is halved, and after an easy one the
+    next is larger.
+
+    Args:
+        reached: where the way begins.
+        step: the size of the first step.
+        largest: that any step may have.
+        smallest: below which no step is halved.
+
+    Attributes:
+        reached: where the last step has ended.
+        jumps: whether the next step may jump, and ends where one that may has ended.
+        to: the load that is to be reached; None: ends are places on a path.
+    """
+
+    def __init__(self, reached: float, step: float, largest: float, smallest: float, to: float | None = None) -> None:
+        self.reached, self.jumps, self.to = reached, False, to
+        self._step, self._largest, self._smallest = step, largest, smallest
 
     @property
-    def reached(self) -> float:
-        """Where the last step has ended."""
-
-    @property
-    def done(self) -> bool:
+    def ended(self) -> bool:
         """Whether the way has ended."""
+        raise NotImplementedError
 
     @property
     def next(self) -> float:
         """Where the next step ends."""
+        raise NotImplementedError
+
+    @property
+    def size(self) -> float:
+        """That of the next step, which may have another sign."""
+        return abs(self.next - self.reached)
 
     @property
     def may_halve(self) -> bool:
         """Whether a smaller step than the next one may be tried."""
+        return self.size / 2 >= self._smallest
 
     def halve(self) -> None:
         """The next step has no solution."""
+        self._step = self.size / 2
 
     def reach(self, end: float) -> None:
-        """The next step ends there, farther on."""
+        """The next step ends there, farther on, and may jump."""
+        self._step, self.jumps = abs(end - self.reached), True
 
     def accept(self, iterations: int, *, grows: bool = True) -> None:
         """The next step has a solution, after so many iterations; ``grows``: whether the one after it may be larger."""
+        self.reached, self.jumps = self.next, False
+        if grows and iterations <= FEW_NEWTON_ITERATIONS:
+            self._step *= STEP_GROWTH
+        self._step = min(max(self._step, self._smallest), self._largest)
 
+    @property
+    def kind(self) -> str:
+        """What ``shown`` gives."""
+        return "time" if self.to is None else "load"
 
-class PathSizes:
-    """The places of the steps along a path, see ``statement.load_steps``: one for each of its times, or as many as its
-    ramp has.
-
-    A step without a solution is halved, the one to the first time, too, which begins at time 0.  After an easy one the
-    next is larger again, but not beyond what the path asks for.
-
-    Attributes:
-        reached: the place of the last step; -1 before the first one.
-    """
-
-    def __init__(self, path: LoadPath) -> None:
-        self._last, self._whole = len(path.times) - 1, 1.0 / (path.steps or 1)
-        self.reached, self._step = -1.0, self._whole if path.from_nothing else 1.0
+    def shown(self, end: float) -> float:
+        """The load or time where a step ends, for messages."""
+        return end
 
     def stored(self) -> dict[str, float]:
         """What ``resume`` needs, as plain data."""
@@ -84,40 +101,35 @@ class PathSizes:
         """Go on from where an earlier run has come to, see ``stored``."""
         self.reached, self._step = position["reached"], position["step"]
 
+
+class PathSizes(StepSizes):
+    """The places of the steps along a path, see ``statement.load_steps``: one for each of its times, or as many as its
+    ramp has; ``reached`` is -1 before the first one.
+
+    The step to the first time may be halved, too, and begins at time 0 then; none is larger than the path asks for.
+    """
+
+    def __init__(self, path: LoadPath) -> None:
+        whole = 1.0 / (path.steps or 1)
+        super().__init__(-1.0, whole if path.from_nothing else 1.0, whole, SMALLEST_STEP * whole)
+        self._path = path
+
     @property
-    def done(self) -> bool:
-        """See ``StepEnds``."""
-        return self.reached >= self._last
+    def ended(self) -> bool:
+        """See ``StepSizes``."""
+        return self.reached >= len(self._path.times) - 1
 
     @property
     def next(self) -> float:
-        """See ``StepEnds``: no step goes beyond the next time."""
-        station = math.floor(self.reached + SAME_LENGTH) + 1.0
-        end = round(self.reached + self._step, _DIGITS)
-        return station if end > station - SAME_LENGTH else end
+        """See ``StepSizes``: no step goes beyond the next time."""
+        return next_place(self.reached, self._step)
 
-    @property
-    def may_halve(self) -> bool:
-        """See ``StepEnds``."""
-        return (self.next - self.reached) / 2 >= SMALLEST_STEP * self._whole
-
-    def halve(self) -> None:
-        """See ``StepEnds``."""
-        self._step = (self.next - self.reached) / 2
-
-    def reach(self, end: float) -> None:
-        """See ``StepEnds``."""
-        self._step = end - self.reached
-
-    def accept(self, iterations: int, *, grows: bool = True) -> None:
-        """See ``StepEnds``."""
-        self.reached = self.next
-        if grows and iterations <= FEW_NEWTON_ITERATIONS:
-            self._step = self._step * STEP_GROWTH
-        self._step = min(max(self._step, SMALLEST_STEP * self._whole), self._whole)
+    def shown(self, end: float) -> float:
+        """See ``StepSizes``: a time."""
+        return self._path.time_at(end)
 
 
-class StepSizes:
+class LoadSizes(StepSizes):
     """The sizes of the steps from 0 to a load, which may be negative.
 
     Args:
@@ -125,9 +137,6 @@ class StepSizes:
         first: size of the first step; None: all of it.
         largest: size that any step may have; None: there is none.
         smallest: share of ``to`` below which no step is halved.
-
-    Attributes:
-        reached: how far the last step went.
 
     Raises:
         FormError: an argument is none of these.
@@ -146,54 +155,58 @@ class StepSizes:
                 problems.append((name, f"must be {wanted}, not {value}"))
             return size
 
-        self._to = number("to", to, "a number other than 0", positive=False)
-        whole, size = abs(self._to), "a positive number, the size of a step"
-        self._largest = whole if largest is None else number("largest", largest, size, positive=True)
+        self._whole = number("to", to, "a number other than 0", positive=False)
+        whole, size = abs(self._whole), "a positive number, the size of a step"
+        most = whole if largest is None else number("largest", largest, size, positive=True)
         step = whole if first is None else number("first", first, size, positive=True)
         share = number("smallest", smallest, f"a share of the load from {SAME_NUMBER:g} to 1", positive=True)
         if not problems and not SAME_NUMBER <= share <= 1:
             problems.append(("smallest", f"must be a share of the load from {SAME_NUMBER:g} to 1, not {smallest}"))
-        self._smallest = share * whole
-        sizes = (("first", first, step), ("largest", largest, self._largest))
+        least = share * whole
+        sizes = (("first", first, step), ("largest", largest, most))
         if not problems:
             problems += [
-                (name, f"is below the smallest step, {self._smallest:g}")
+                (name, f"is below the smallest step, {least:g}")
                 for name, given, value in sizes
-                if given is not None and value < self._smallest
+                if given is not None and value < least
             ]
         if problems:
             raise FormError(problems, "ramp")
-        self.reached, self._step = 0.0, min(step, self._largest)
+        super().__init__(0.0, min(step, most), most, least, self._whole)
 
     @property
-    def done(self) -> bool:
-        """Whether the load is reached."""
-        return self.reached == self._to
+    def ended(self) -> bool:
+        """See ``StepSizes``."""
+        return self.reached == self._whole
 
     @property
     def next(self) -> float:
-        """How far the next step goes."""
-        left = abs(self._to) - abs(self.reached)
-        if left - self._step <= SAME_NUMBER * abs(self._to):
-            return self._to
-        return self.reached + math.copysign(self._step, self._to)
+        """See ``StepSizes``."""
+        left = abs(self._whole) - abs(self.reached)
+        if left - self._step <= SAME_NUMBER * abs(self._whole):
+            return self._whole
+        return self.reached + math.copysign(self._step, self._whole)
 
-    @property
-    def may_halve(self) -> bool:
-        """Whether a smaller step than the next one may be tried."""
-        return abs(self.next - self.reached) / 2 >= self._smallest
 
-    def halve(self) -> None:
-        """The next step has no solution."""
-        self._step = abs(self.next - self.reached) / 2
+@dataclass(frozen=True)
+class Way:
+    """A way through load steps.
 
-    def reach(self, end: float) -> None:
-        """See ``StepEnds``."""
-        self._step = abs(end - self.reached)
+    Attributes:
+        sizes: where they end.
+        apply: changes a problem to what it is there.
+        named: gives the result of a step that ends there its place and time.
+        announce: called before a step is solved with where it ends.
+        controlled: whether the way ends before a step that may jump, unless it is the first; otherwise the step is
+            halved as long as it may be.
+    """
 
-    def accept(self, iterations: int, *, grows: bool = True) -> None:
-        """The next step has a solution, after so many iterations; ``grows``: whether the one after it may be larger."""
-        self.reached = self.next
-        if grows and iterations <= FEW_NEWTON_ITERATIONS:
-            self._step = min(self._step * STEP_GROWTH, self._largest)
-        self._step = max(self._step, self._smallest)
+    sizes: StepSizes
+    apply: Callable[[float], object]
+    named: Callable[[float, StepResult], StepResult]
+    announce: Callable[[float], object] = lambda end: None
+    controlled: bool = False
+
+    def back(self) -> None:
+        """Change the problem to what it is where the last step has ended."""
+        self.apply(self.sizes.reached)
