@@ -2173,16 +2173,16 @@ MUTANTS = (
     ),
     Mutant(
         "forms/mechanics",
-        "claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=factor)",
-        "claim_of(data.pair, space, (facets, data.pair.master.facets), entry.reach, nominal=not by_geometry, "
+        "claim_of(data.pair, space, (facets, master), entry.reach, nominal=not entry.by_geometry, factor=factor)",
+        "claim_of(data.pair, space, (facets, data.pair.master.facets), entry.reach, nominal=not entry.by_geometry, "
         "factor=factor)",
         "two bodies of forms: the certificate believes the solver which facets are the other side",
         tests=("certificate_of_pairs",),
     ),
     Mutant(
         "forms/mechanics",
-        "claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=factor)",
-        "claim_of(data.pair, space, (facets, master), None, nominal=not by_geometry, factor=factor)",
+        "claim_of(data.pair, space, (facets, master), entry.reach, nominal=not entry.by_geometry, factor=factor)",
+        "claim_of(data.pair, space, (facets, master), None, nominal=not entry.by_geometry, factor=factor)",
         "two bodies of forms: the certificate knows no reach but the usual one",
         tests=("certificate_of_pairs",),
     ),

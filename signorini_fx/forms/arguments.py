@@ -147,18 +147,18 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
         FormError: with all errors: facets that do not exist, are not exterior, or are those of points of one contact
             and occur in another one; those of masters may be shared.  Or a section has a pair.
     """
-    if is_section(mesh) and (wrong := [k for k, entry in enumerate(contact) if isinstance(entry, Pair)]):
+    pairs = [k for k, entry in enumerate(contact) if entry.against is not None]
+    if is_section(mesh) and pairs:
         text = "contact of two bodies is not possible yet on a plane mesh in space"
-        raise FormError([(f"contact[{k}]", text) for k in wrong])
+        raise FormError([(f"contact[{k}]", text) for k in pairs])
     dim = mesh.topology.dim - 1
     mesh.topology.create_connectivity(dim, dim + 1)
     facet_map = mesh.topology.index_map(dim)
     exterior = np.zeros(facet_map.size_local + facet_map.num_ghosts, dtype=bool)
     exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
     owned = slice(facet_map.size_local)
-    pairs = [k for k, entry in enumerate(contact) if isinstance(entry, Pair)]
     listed = [(f"contact[{k}].facets", entry.facets) for k, entry in enumerate(contact)]
-    listed += [(f"contact[{k}].against", entry.against) for k, entry in enumerate(contact) if isinstance(entry, Pair)]
+    listed += [(f"contact[{k}].against", contact[k].against) for k in pairs]
     problems, marks = [], []
     for name, selection in listed:
         mark = la.vector(facet_map, 1, dtype=np.int32)

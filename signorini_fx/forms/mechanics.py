@@ -219,15 +219,13 @@ def _side(
         return np.zeros(nodes.size) if data.law is None else data.law.at(nodes).claimed(np.abs(pressure))
 
     claim: Claim | SlidingClaim | None = sliding
-    by_geometry = False
     factor, along, axes = data.shape.factor, data.shape.direction, data.shape.axes
-    if isinstance(entry, Pair) and sliding is None:
+    if entry.against is not None and sliding is None:
         from signorini_fx.results.certificate.paired_claim import claim_of
 
         assert data.pair is not None
         assert master is not None
-        by_geometry = not entry.bonded and isinstance(entry.gap, str)
-        claim = claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=factor)
+        claim = claim_of(data.pair, space, (facets, master), entry.reach, nominal=not entry.by_geometry, factor=factor)
     return ContactSide(
         facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],
@@ -236,7 +234,7 @@ def _side(
         None if along is None else lambda nodes: along[nodes],
         factor,
         claim,
-        by_geometry,
+        sliding is None and entry.by_geometry,
         None if axes is None else lambda nodes: (axes.along[nodes], axes.ratio[nodes]),
-        entry.adjust if isinstance(entry, Pair) else None,
+        entry.adjust,
     )

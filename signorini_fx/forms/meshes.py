@@ -16,7 +16,6 @@ from signorini_fx.forms.results import solution_of
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.foundation import Pair
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
@@ -227,7 +226,7 @@ def _first(
         comm=tagged.mesh.comm,
         history=history,
         degree=int(forms.solver.space.element.basix_element.degree),
-        paired=any(isinstance(contact, Pair) for contact in forms.solver.contact),
+        paired=any(contact.against is not None for contact in forms.solver.contact),
         stated=lambda source: source.solver.settings,
         solve=_solved,
         on_cells=FormsOnMesh.on,

@@ -51,7 +51,7 @@ def checked(
     problems += [
         (f"contact[{k}].bonded", "is not possible yet: nonlinear bodies are not tied to tools")
         for k, entry in enumerate(contact)
-        if isinstance(entry, Foundation) and entry.bonded
+        if entry.bonded and entry.against is None
     ]
     if not isinstance(u, fem.Function):
         problems.append(("u", f"must be a Function, not {kind_of(u)}"))
@@ -74,14 +74,14 @@ def checked(
         problems += [
             (f"contact[{k}].shape", "on quadratic tetrahedra a shape must be a plane: take hexahedra, or degree 1")
             for k, entry in enumerate(contact)
-            if isinstance(entry, Foundation) and entry.shape is not None and not _flat(entry.shape)
+            if entry.shape is not None and not _flat(entry.shape)
         ]
     if space.mesh.geometry.dim != 2:
         reason = (
             "two bodies slide on each other in the plane or of revolution only: in space it is not worked out yet how "
         )
         reason += "their gap changes as normals turn and facets pass"
-        problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if isinstance(entry, Pair)]
+        problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if entry.against is not None]
     if problems:
         raise FormError(problems)
     return tuple(contact)

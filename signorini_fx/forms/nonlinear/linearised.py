@@ -33,7 +33,6 @@ from signorini_fx.forms.solver import FormSolver
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic import ElasticBody
-from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import Foundations, ShapeDistances
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
@@ -92,17 +91,10 @@ class MovingFoundations(Foundations):
         Raises:
             FormError: see ``SlidingSides``.
         """
-        pair, space = self._contact[number], self._space
-        assert isinstance(pair, Pair)
-        taken = [
-            self.facets[k]
-            for k, contact in enumerate(self._contact)
-            if k != number and (k < number or isinstance(contact, Foundation))
-        ]
         flags, rests = (values.reshape(-1, self._dimension) for values in (fixed, at_rest))
         facets = self.facets[number], self._masters[number]
-        factor = self.factor_of(number)
-        return SlidingSides.of(space, pair.reach, facets, number, flags, rests[: len(flags)], taken, factor)
+        reach, taken, factor = self._contact[number].reach, self._taken(number), self.factor_of(number)
+        return SlidingSides.of(self._space, reach, facets, number, flags, rests[: len(flags)], taken, factor)
 
     def _paired(
         self,
@@ -117,11 +109,9 @@ class MovingFoundations(Foundations):
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
         """See ``Foundations``."""
-        contact = self._contact[number]
-        if not isinstance(contact, Pair):
+        if (pair := self.sliding.get(number)) is None:
             return super()._gap_of(number)
-        pair = self.sliding[number]
-        allowance = self._values[number](contact.allowance, f"contact[{number}].allowance")
+        allowance = self._values[number](self._contact[number].allowance, f"contact[{number}].allowance")
         gap = allowance.copy()
         gap[pair.sides.local_points()] += pair.opening
         return gap, allowance
@@ -239,7 +229,7 @@ class LinearisedProblem(FormSolver):
             PairingError: a facet sees two sheets of the other side.
             FormError: two sides do not fit together.
         """
-        numbers = [k for k, entry in enumerate(self.contact) if isinstance(entry, Pair)]
+        numbers = [k for k, entry in enumerate(self.contact) if entry.against is not None]
         if numbers and not self.pairs:
             fixed, values = prescribed(self.space, conditions_of(self.bcs, self.space))
             at_rest, owned = self.foundations.at_rest(fixed, values), self.space.dofmap.index_map.size_local

@@ -157,7 +157,7 @@ class NonlinearContactProblem(ProblemOfForms):
             residual = fem.form(F, **options)
         refuse_miscompiled(F, residual, u, options)
         self._residual = Residual(residual, u, update or (lambda: None))
-        shaped = [k for k, entry in enumerate(self.contact) if getattr(entry, "shape", None) is not None]
+        shaped = [k for k, entry in enumerate(self.contact) if entry.shape is not None]
         self.linear = LinearisedProblem(
             self._tangents.leading,
             residual,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 
@@ -28,6 +28,7 @@ class Foundation:
             rigid tool, which they move.  None: gap and direction say where it is.
         bonded: whether the boundary is tied to it as it lies, whatever gap and friction are; then ``shape`` has a
             force, a moment, or prescribed components.
+        against, allowance, reach, adjust, by_geometry: those of a ``Pair``: there is no other side.
     """
 
     facets: Any
@@ -38,6 +39,11 @@ class Foundation:
     measure: Any = None
     shape: Any = None
     bonded: bool = False
+    against: ClassVar[None] = None
+    allowance: ClassVar[float] = 0.0
+    reach: ClassVar[None] = None
+    adjust: ClassVar[None] = None
+    by_geometry: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
@@ -62,6 +68,7 @@ class Pair:
         bilateral: whether the contact cannot open; the pressure then has any sign.
         bonded: whether both sides are tied as they lie, whatever gap and friction are.
         reach: distance beyond which facets are no partners, length; None: a default from the sizes of both sides.
+        shape, direction: those of a ``Foundation``: there is none.
     """
 
     facets: Any
@@ -74,3 +81,10 @@ class Pair:
     reach: float | None = None
     adjust: float | None = None
     measure: Any = None
+    shape: ClassVar[None] = None
+    direction: ClassVar[None] = None
+
+    @property
+    def by_geometry(self) -> bool:
+        """Whether the gap is the distance of both sides."""
+        return not self.bonded and isinstance(self.gap, str)

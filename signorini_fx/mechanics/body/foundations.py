@@ -129,7 +129,7 @@ class Foundations:
         """
         distances, problems = dict[int, Distance](), list[tuple[str, str]]()
         for k, contact in enumerate(self._contact):
-            if isinstance(contact, Pair) or contact.shape is None:
+            if contact.shape is None:
                 continue
             if contact.direction is not None:
                 problems.append((f"contact[{k}].direction", "is that of the closest point of shape: leave it out"))
@@ -181,11 +181,10 @@ class Foundations:
         """
         problems = []
         for k, (contact, shape) in enumerate(zip(self._contact, self.driven, strict=True)):
-            if isinstance(contact, Pair):
-                continue
             driven = "where a force moves the foundation"
+            tied = contact.bonded and contact.against is None
             for wrong, key, reason in (
-                (contact.bonded and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
+                (tied and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
                 (
                     shape and contact.measure is not None and not self.measured(shape),
                     "measure",
@@ -258,7 +257,7 @@ class Foundations:
         space, compiled = self._space, list[tuple[Any, fem.Function | None]]()
         z = ufl.TestFunction(space)
         for contact, facets, name in zip(self._contact, self.facets, self._names, strict=True):
-            if isinstance(contact, Pair):
+            if contact.against is not None:
                 compiled.append((None, None))
                 continue
             function = None if contact.measure is None else fem.Function(space)
@@ -296,9 +295,6 @@ class Foundations:
             factor, direction, axes = self.factor_of(k), None, None
             if contact.friction is not None:
                 axes = contact.friction.axes(at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm)
-            if isinstance(contact, Pair):
-                shapes.append(ShapeDistances(factor, None, axes))
-                continue
             along: Any = self._distances[k].direction if k in self._distances else contact.direction
             if along is not None:
                 direction = at(along, f"contact[{k}].direction", self._dimension)
@@ -348,6 +344,13 @@ class Foundations:
         part.check_friction_axes(f"contact[{number}].friction")
         return part
 
+    def _taken(self, number: int) -> list[npt.NDArray[np.int32]]:
+        """The facets at which a pair has no points: of a node that two contacts share an earlier pair, or a foundation,
+        has the point.
+        """
+        first = [k for k, contact in enumerate(self._contact) if k < number or contact.against is None]
+        return [self.facets[k] for k in first if k != number]
+
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
         """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of it."""
         return np.asarray(fixed & (values == 0) & bool(self._masters))
@@ -360,17 +363,12 @@ class Foundations:
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_] | None,
     ) -> ContactBoundary:
-        """The points of a pair, with a factor of its measure at all nodes of this rank.
-
-        Of a node that two contacts share an earlier pair, or a foundation, has the point.
-        """
+        """The points of a pair, with a factor of its measure at all nodes of this rank."""
         from signorini_fx.mechanics.body.paired_points import PairedSides
 
         pair, space = self._contact[number], self._space
         assert isinstance(pair, Pair)
-        first = [k for k, contact in enumerate(self._contact) if k < number or isinstance(contact, Foundation)]
-        taken = [self.facets[k] for k in first if k != number]
-        sides = self.facets[number], self._masters[number]
+        sides, taken = (self.facets[number], self._masters[number]), self._taken(number)
         flags = fixed.reshape(-1, self._dimension)
         rests = None if at_rest is None else at_rest.reshape(-1, self._dimension)[: len(flags)]
         paired = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned, rests, factor)
@@ -383,14 +381,10 @@ class Foundations:
         The geometry of a pair is in it at the points of this rank alone.
         """
         contact, at = self._contact[number], self._values[number]
-        if not isinstance(contact, Pair):
-            gap = at(0.0 if contact.bonded else contact.gap, f"contact[{number}].gap")
-            return (gap + self._distance_of(number) if number in self._distances else gap), None
-        pair = self._pairs[number]
-        key, value = ("gap", 0.0 if contact.bonded else contact.gap)
-        if pair.by_geometry:
-            key, value = "allowance", contact.allowance
-        given = at(value, f"contact[{number}].{key}")
+        key = "allowance" if contact.by_geometry else "gap"
+        given = at(0.0 if contact.bonded else getattr(contact, key), f"contact[{number}].{key}")
+        if (pair := self._pairs.get(number)) is None:
+            return (given + self._distance_of(number) if number in self._distances else given), None
         if pair.held is not None:
             comm, owned = self._space.mesh.comm, self._space.dofmap.index_map.size_local
             bilateral = contact.bilateral or contact.bonded

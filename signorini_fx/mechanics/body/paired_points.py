@@ -223,14 +223,13 @@ class PairedSides:
         slave, master, comm = facing.slave, facing.master, space.mesh.comm
         first, last = space.dofmap.index_map.local_range
         mine = (slave.nodes >= first) & (slave.nodes < last)
-        by_geometry = not pair.bonded and isinstance(pair.gap, str)
         try:
             coupling = couple(
                 slave.surface,
                 master.surface,
                 facing.unable,
                 bonded=pair.bonded,
-                nominal=not by_geometry,
+                nominal=not pair.by_geometry,
                 reach=pair.reach,
                 comm=comm,
                 mine=mine,
@@ -242,7 +241,7 @@ class PairedSides:
             sides, names = (slave.surface, master.surface), (slave.nodes, master.nodes)
             axes, reached = facing.frames[1], facing.entries[1][:, : slave.surface.dimension]
             held = HeldPairs.of(sides, names, alone, (axes, reached), coupling, pair.adjust)
-        return cls(slave, master, coupling, by_geometry, turns, held)
+        return cls(slave, master, coupling, pair.by_geometry, turns, held)
 
     @property
     def across(self) -> Array:
