@@ -624,17 +624,14 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         begun, kept = self._snapshot(), (self._good, self._solved, self.status)
 
-        def at(load: float) -> tuple[float, float] | None:
+        def tried(load: float) -> tuple[float, float] | None:
             """Where the tool is, and what drives it there; None: there is no solution."""
-            apply(load)
-            with suppress(ConvergenceError):
+            try:
+                apply(load)
                 self._attempt(damps=False)
                 return tool.position(self.shapes), tool.drive(self.shapes)
-            return None
-
-        def tried(load: float) -> tuple[float, float] | None:
-            try:
-                return at(load)
+            except ConvergenceError:
+                return None
             finally:
                 self._begin_again(begun, partial(apply, 0.0))
                 self._good, self._solved, self.status = kept
