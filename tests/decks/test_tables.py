@@ -165,3 +165,19 @@ def test_forces_of_a_body_of_revolution(tmp_path):
     shares = np.array([[2 / 3], [5 / 6]]) * 2 * np.pi * PRESSURE * 2 / 360
     np.testing.assert_allclose([nodal[1][1], nodal[2][1]], shares.ravel(), rtol=1e-6)
     np.testing.assert_allclose(total[0][1], shares.sum(), rtol=1e-6)
+
+
+def test_triangles_beside_quadrilaterals(tmp_path):
+    """Cells are divided: even forces at the nodes of a side are an even traction, and what nodes between those of the
+    file bear is told at these.
+    """
+    nodes = [f"{1 + i + 4 * j}, {0.5 * i}, {0.4 * j}" for j in range(3) for i in range(4)]
+    lines = ["*NODE", *nodes, "*ELEMENT, TYPE=CPE4, ELSET=BODY", "1, 1, 2, 6, 5", "2, 2, 3, 7, 6", "3, 5, 6, 10, 9"]
+    lines += ["4, 6, 7, 11, 10", "5, 3, 4, 8, 7", "*ELEMENT, TYPE=CPE3, ELSET=BODY", "6, 7, 8, 12", "7, 7, 12, 11"]
+    lines += ["*NSET, NSET=FEET", "1, 2, 3, 4", "*NSET, NSET=INNER", "10, 11", "*NSET, NSET=ENDS", "9, 12"]
+    lines += ["*NSET, NSET=HEAD", "9, 10, 11, 12", "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", *STEEL]
+    lines += ["*BOUNDARY", "FEET, 1, 2", "*STEP", "*STATIC", "*CLOAD", "ENDS, 2, -0.5", "INNER, 2, -1", "ENDS, 1, 0.1"]
+    lines += ["*NODE PRINT, NSET=FEET", "RF", "*NODE PRINT, NSET=HEAD", "RF", "*END STEP"]
+    feet, head = (np.array(list(rows.values())) for rows in solved(tmp_path, lines)[0].values())
+    np.testing.assert_allclose(feet.sum(axis=0), [-0.2, 3.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(head, [[0.1, -0.5, 0], [0, -1, 0], [0, -1, 0], [0.1, -0.5, 0]], atol=1e-6)

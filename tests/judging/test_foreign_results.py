@@ -211,6 +211,14 @@ def test_what_cannot_be_judged(tmp_path):
     (tmp_path / "early.dat").write_text(text.replace("0.1000000E+01", "0.5000000E+00"))
     judgement = judge(DATA / "shelf_CPE4.inp", tmp_path / "early.dat", compare=False)
     assert judgement.word == "not a result"
+    cell, halves = "2, 2, 5, 6, 3\n", "2, 2, 5, 6\n999, 2, 6, 3\n"
+    deck = (DATA / "shelf_CPE4.inp").read_text()
+    assert cell in deck
+    element = "*ELEMENT, TYPE=CPE{}, ELSET=BODY\n"
+    (tmp_path / "mixed.inp").write_text(deck.replace(cell, element.format(3) + halves + element.format(4)))
+    judgement = judge(tmp_path / "mixed.inp", DATA / "shelf_CPE4.dat")
+    assert (judgement.word, judgement.exit_code) == ("cannot be judged", 7)
+    assert "quad, triangle" in str(judgement)
 
 
 # The width of the first component in both files of CalculiX.

@@ -147,7 +147,7 @@ def test_nodes_on_edges(tmp_path, monkeypatch, seed, complete, suffix):
     assert flat.sum() == pytest.approx(2 * (a * b + b * c + c * a), rel=1e-12)
 
 
-@pytest.mark.parametrize("kinds", [("triangle", "quad"), ("triangle6", "quad8"), ("triangle6", "quad9")])
+@pytest.mark.parametrize("kinds", [("triangle6", "quad8"), ("triangle6", "quad9")])
 def test_quadrilaterals_beside_triangles(tmp_path, kinds):
     """A bent square of 3 quadrilaterals and 2 triangles, and a line of it that has a number."""
     corners = [(x, y) for y in (0, 1, 2) for x in (0, 1, 2)]
@@ -164,7 +164,7 @@ def test_quadrilaterals_beside_triangles(tmp_path, kinds):
     cells = [(kind, [nodes(kind, own) for own in every]) for kind, every in elements.items()]
     cells.append(("line", [[places[0, 0], places[1, 0]], [places[1, 0], places[2, 0]]]))
     x = np.array(list(places))
-    x[:, 0] += 0.2 * x[:, 1] ** 2 if kinds[0] == "triangle6" else 0.0
+    x[:, 0] += 0.2 * x[:, 1] ** 2
     tags = [np.full(2, 1), np.full(3, 1), np.full(2, 7)]
     meshio.write(tmp_path / "some.vtu", meshio.Mesh(np.column_stack((x, 0 * x[:, 0])), cells, cell_data={"part": tags}))
     mesh = read_file(tmp_path / "some.vtu")
@@ -174,9 +174,54 @@ def test_quadrilaterals_beside_triangles(tmp_path, kinds):
     assert measures(mesh.points, mesh.cells, mesh.cell).sum() == pytest.approx(4.0, rel=1e-12)
     assert measures(mesh.points, mesh.facets, mesh.facet)[mesh.boundaries["boundary_7"]].sum() == pytest.approx(2.0)
     again = mesh.points.copy()
-    again[:, 0] -= 0.2 * again[:, 1] ** 2 if kinds[0] == "triangle6" else 0.0
+    again[:, 0] -= 0.2 * again[:, 1] ** 2
     for k, own in enumerate(mesh.cell.nodes):
         np.testing.assert_allclose(again[mesh.cells[:, k]], again[mesh.cells[:, list(own)]].mean(axis=1), atol=1e-12)
+
+
+def mixed_in_plane(folder, *, triangles):
+    """A plate of squares, of which so many are pairs of triangles, and one of four squares beside it; its lowest side
+    has a number, and its right part is a region.
+    """
+    corners = [(x, y) for y in range(4) for x in range(4)] + [(x + 9, y) for y in range(3) for x in range(3)]
+    quads = [[k, k + 1, k + 5, k + 4] for k in (0, 1, 2, 4, 5, 6, 8, 9, 10)]
+    halves = [half for a, b, c, d in quads[:triangles] for half in ([a, b, c], [a, c, d])]
+    apart = [[16 + k, 17 + k, 20 + k, 19 + k] for k in (0, 1, 3, 4)]
+    cells = [("triangle", halves), ("quad", quads[triangles:] + apart), ("line", [[0, 1], [2, 1], [2, 3], [16, 17]])]
+    points = np.array([(x + 0.1 * y, y, 0.0) for x, y in corners])
+    tags = [np.full(len(nodes), 1) for _, nodes in cells[:2]]
+    tags[1][2] = 2
+    meshio.write(folder / "plate.vtu", meshio.Mesh(points, cells, cell_data={"part": [*tags, np.full(4, 7)]}))
+    return read_file(folder / "plate.vtu")
+
+
+def test_few_triangles_are_divided(tmp_path):
+    """All cells are quadrilaterals, those of a body without triangles as they are; measures and names stay."""
+    mesh = mixed_in_plane(tmp_path, triangles=2)
+    assert mesh.kind == "quad"
+    assert mesh.note.startswith("7 quadrilaterals into four each and 4 triangles into three each are divided")
+    assert len(mesh.cells) == 7 * 4 + 4 * 3 + 4
+    sizes = measures(mesh.points, mesh.cells, mesh.cell)
+    assert sizes.sum() == pytest.approx(9 + 4, rel=1e-12)
+    assert sizes[mesh.regions["region_2"]] == pytest.approx(np.full(4, 0.25))
+    right = mesh.points[mesh.cells][:, :, 0].min(axis=1) > 8
+    assert right.sum() == 4
+    assert sizes[right] == pytest.approx(1.0)
+    lengths = measures(mesh.points, mesh.facets, mesh.facet)
+    assert lengths.sum() == pytest.approx(3 * 2 * (1 + np.hypot(1, 0.1)) + 2 * 2 * (1 + np.hypot(1, 0.1)), rel=1e-12)
+    assert np.sort(lengths[mesh.boundaries["boundary_7"]]) == pytest.approx([0.5] * 6 + [1.0], abs=1e-12)
+    first = len(mesh.points) - len(mesh.ends)
+    for node, ends in enumerate(mesh.ends, start=first):
+        np.testing.assert_allclose(mesh.points[node], mesh.points[ends[ends >= 0]].mean(axis=0), atol=1e-12)
+
+
+def test_many_triangles_stay(tmp_path):
+    """Where most cells are triangles the others are cut, and no node is added."""
+    mesh = mixed_in_plane(tmp_path, triangles=7)
+    assert mesh.kind == "triangle"
+    assert mesh.note == "6 quadrilaterals are cut into triangles"
+    assert len(mesh.ends) == 0
+    assert len(mesh.cells) == 14 + 2 * 6
 
 
 def test_it_is_said(tmp_path, capsys):

@@ -18,7 +18,7 @@ from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.mesh.files.abaqus import DeckModel
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mechanics.mesh.files.cells import dimension
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.point_values import same_places
@@ -483,6 +483,20 @@ class Deck:
             if dimension(kind) == self.mesh.dim - 1
         ]
         return sum(int((~np.isin(nodes, held)).any(axis=1).sum()) for nodes in faces)
+
+
+def give_to_ends(mesh: MeshArrays, values: Floats) -> None:
+    """Values at nodes that divide the cells of the file, such as forces, go to the nodes between which these are.
+
+    Args:
+        mesh: of the file.
+        values: of its nodes, shape (n,) or (n, k); changed in place.
+    """
+    first = len(mesh.points) - len(mesh.ends)
+    for node, ends in enumerate(plain(mesh.ends), start=first):
+        own = [end for end in ends if end >= 0]
+        values[own] += values[node] / len(own)
+        values[node] = 0.0
 
 
 def _by_capitals(names: Iterable[str]) -> dict[str, str]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from signorini_fx.addons.decks.bolts import drive, hold
-from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
+from signorini_fx.addons.decks.content import Deck, DeckLoad, give_to_ends, plain_name
 from signorini_fx.addons.decks.couplings import spread
 from signorini_fx.addons.decks.nodal import direction, ground
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import (
@@ -370,7 +370,9 @@ def _areas(deck: Deck, where: str) -> Floats:
     shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
     if (full_cell := completed("quad8")) is not None and "of their faces" in deck.mesh.note and deck.mesh.dim == 3:
         facets, shares = facets[:, :-1], shares @ full_cell[1]
-    return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
+    areas = np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
+    give_to_ends(deck.mesh, areas)
+    return areas
 
 
 def _like_an_even_one(deck: Deck, group: Group, where: str, axis: str) -> bool:

@@ -33,7 +33,8 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
+from signorini_fx.mechanics.mesh.files.cells import CELLS, completed, dimension
+from signorini_fx.mechanics.mesh.files.cutting import shape_of
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats
@@ -64,7 +65,10 @@ def judged_problem(problem: object) -> tuple[JudgedProblem, list[str]]:
     scene = as_scene(problem)
     tagged = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, tagged)
-    return _problem(scene, _mesh_of_tagged(tagged, scene), None, ())
+    judged, reasons = _problem(scene, _mesh_of_tagged(tagged, scene), None, ())
+    if any(word in tagged.note for word in (" are cut ", " are divided")):
+        reasons.append(f"its mesh has other cells than its file: {tagged.note}")
+    return judged, reasons
 
 
 def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
@@ -89,7 +93,17 @@ def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
         scene = scene.model_copy(update={"mesh": source})
         # Loads at nodes may be in files of the folder.
         problem, reasons = _problem(scene, mesh, drafted.deck, tuple(drafted.lost))
-        return problem, unclear + reasons
+        return problem, _of_other_cells(deck) + unclear + reasons
+
+
+def _of_other_cells(deck: Deck) -> list[str]:
+    """Why a file cannot be judged whose cells are not those of its mesh here."""
+    kinds = {kind for kind, nodes in deck.model.raw.blocks if len(nodes) and dimension(kind) == deck.mesh.dim}
+    shapes = {shape_of(kind) for kind in kinds}
+    if len(kinds) == 1 and not shapes & {"wedge", "pyramid"}:
+        return []
+    words = ", ".join(sorted(kinds))
+    return [f"it has cells of kinds that are not judged yet, or not together: {words}"]
 
 
 def _with_points(arrays: MeshArrays, mesh: JudgedMesh) -> MeshArrays:
@@ -107,13 +121,15 @@ def _mesh_of_deck(deck: Deck) -> JudgedMesh:
     """The nodes and cells of the file itself, without nodes that complete cells."""
     arrays, count = deck.mesh, len(deck.numbers)
     kind, width, facet_width = arrays.kind, arrays.cells.shape[1], arrays.facets.shape[1]
+    names = deck.names
     if len(arrays.points) > count and kind in _SERENDIPITY:
         kind, width, facet_width = _SERENDIPITY[kind]
+    elif len(arrays.points) > count:  # such a mesh is not judged: ``_of_other_cells``
+        names = np.pad(names, (0, len(arrays.points) - count), constant_values=-1)
+        count = len(arrays.points)
     facets = arrays.facets[:, :facet_width]
     boundaries = {name: facets[rows] for name, rows in arrays.boundaries.items()}
-    return JudgedMesh(
-        arrays.points[:count], kind, arrays.cells[:, :width], boundaries, dict(arrays.regions), deck.names
-    )
+    return JudgedMesh(arrays.points[:count], kind, arrays.cells[:, :width], boundaries, dict(arrays.regions), names)
 
 
 def _mesh_of_tagged(tagged: TaggedMesh, scene: Scene) -> JudgedMesh:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed
 from signorini_fx.mechanics.mesh.files.cutting import cut
+from signorini_fx.mechanics.mesh.files.dividing import divided
 from signorini_fx.mechanics.mesh.files.one_order import complete, of_one_order
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
@@ -44,6 +45,8 @@ class MeshArrays:
         boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
         regions: name -> rows of ``cells``, sorted; regions may overlap.
         note: what was made of the cells of the file; empty if they are as they were.
+        ends: the nodes in the middle of which each of the last ones is, which divide the cells of the file, shape
+            (k, 4), -1: none.
     """
 
     points: Floats
@@ -53,6 +56,7 @@ class MeshArrays:
     boundaries: Mapping[str, Ints]
     regions: Mapping[str, Ints]
     note: str = ""
+    ends: Ints = field(default_factory=lambda: np.empty((0, 4), dtype=np.int64))
 
     @property
     def cell(self) -> Cell:
@@ -113,7 +117,9 @@ def from_raw(
         SceneError: a selection is empty.
     """
     raw, raised = of_one_order(raw)
-    raw, note = cut(raw, name)
+    raw, divisions, note = divided(raw)
+    if not note:
+        raw, note = cut(raw, name)
     kind, body = _body(raw, name)
     if (full_cell := completed(kind)) is not None:
         count = sum(len(raw.blocks[n][1]) for n in body)
@@ -166,7 +172,8 @@ def from_raw(
                 problems.append((f"mesh.{entities.key}.{label}", message))
     if problems:
         raise SceneError(problems)
-    return MeshArrays(points, kind, cells, facets, names, names_of_parts, note)
+    divisions = np.where(divisions < 0, -1, renumber[divisions])
+    return MeshArrays(points, kind, cells, facets, names, names_of_parts, note, divisions)
 
 
 def _corners_of(kind: str) -> int:
