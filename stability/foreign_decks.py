@@ -10,9 +10,10 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
+from math import cos, radians, sin
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,19 @@ _EDGES = {
     (3, 8): (*((0, 1), (1, 2), (2, 3), (3, 0)), *((4, 5), (5, 6), (6, 7), (7, 4)), *((0, 4), (1, 5), (2, 6), (3, 7))),
 }
 _SIDES = ("LEFT", "RIGHT", "BOTTOM", "TOP", "FRONT", "BACK")
+
+
+# From x and height to others.  The plate below one body stays flat but for an arc, which is for two bodies.
+SHAPES: dict[str, Callable[[float, float], tuple[float, float]]] = {
+    "": lambda x, y: (x, y),
+    "taper": lambda x, y: (x, y * (1 + 0.35 * x)),
+    "skew": lambda x, y: (x + 0.4 * y, y),
+    "rotated": lambda x, y: (x * cos(_TURN) - y * sin(_TURN), x * sin(_TURN) + y * cos(_TURN)),
+    "dome": lambda x, y: (x, y * (1 + 0.5 * sin(1.4 * x)) if y > 0 else y),
+    "slender": lambda x, y: (2.5 * x, 0.8 * y),
+    "arc": lambda x, y: (1 + (_RADIUS - y) * sin((x - 1) / _RADIUS), _RADIUS - (_RADIUS - y) * cos((x - 1) / _RADIUS)),
+}
+_TURN, _RADIUS = radians(25), 5.0
 
 
 @dataclass(frozen=True)
@@ -64,6 +78,7 @@ class ForeignDeck:
         law: of soft contact instead of ``stiffness``: its PRESSURE-OVERCLOSURE, and the numbers of each row.
         adjust: ADJUST of *CONTACT PAIR: a length, or a set of nodes; "": none.
         tilt: by which a plate is lower on its right than on its left, length.
+        shape: a name of ``SHAPES``, into which the bodies are bent; "": they are boxes.
     """
 
     kind: str = "shelf"
@@ -87,6 +102,7 @@ class ForeignDeck:
     law: tuple[str, tuple[tuple[float, ...], ...]] | None = None
     adjust: str = ""
     tilt: float = 0.0
+    shape: str = ""
 
     @property
     def dim(self) -> int:
@@ -159,6 +175,15 @@ def _box(deck: ForeignDeck, cells: Sequence[int], lower: Sequence[float], upper:
     return part
 
 
+def _bent(deck: ForeignDeck, part: _Part) -> _Part:
+    """A part in the shape of the deck."""
+    nodes: dict[int, tuple[float, ...]] = {}
+    for number, (x, *across, y) in part.nodes.items():
+        along, height = SHAPES[deck.shape](x, y)
+        nodes[number] = (along, *across, height)
+    return replace(part, nodes=nodes)
+
+
 def _written(deck: ForeignDeck, part: _Part, name: str) -> list[str]:
     lines = ["*NODE", *(f"{n}, {', '.join(map(repr, x))}" for n, x in part.nodes.items())]
     lines.append(f"*ELEMENT, TYPE={deck.element}, ELSET={name}")
@@ -192,6 +217,7 @@ def text_of(deck: ForeignDeck) -> str:
     cells = deck.cells
     body = box(cells, (0.0, 0.0), (2.0, 0.5), 1)
     start = max([*body.nodes, *body.elements]) + 100
+    body = _bent(deck, body)
     lines = _written(deck, body, "BODY")
     one = (1, 1) if flat else (1, 1, 1)
     elements = "*SOLID SECTION, ELSET={}, MATERIAL={}"
@@ -200,6 +226,7 @@ def text_of(deck: ForeignDeck) -> str:
     across = [] if flat else ["BODY_FRONT_N, 2"]
     if deck.kind == "stack":
         other = box(tuple(max(1, n + 1) for n in cells[:-1]) + cells[-1:], (-0.25, -0.6), (2.25, 0.0), start)
+        other = _bent(deck, other)
         lines += _written(deck, other, "BASE")
         boundary += [f"BASE_BOTTOM_N, 1, {dim}", *across]
         boundary += ["BODY_TOP_N, 1, 1", f"BODY_TOP_N, {dim}, {dim}"] if deck.friction else ["BODY_LEFT_N, 1"]
@@ -208,6 +235,7 @@ def text_of(deck: ForeignDeck) -> str:
         other = box(one, (-0.5, -0.5 - gap), (2.5, -gap), start)
         for number, (x, *rest, y) in other.nodes.items():
             other.nodes[number] = (x, *rest, y - deck.tilt * (x - inner + 0.5) / 3)
+        other = _bent(deck, other)
         lines += _written(deck, other, "BASE")
         boundary += [f"BASE_N, 1, {dim}", *across]
         boundary += [f"BODY_LEFT_N, 1, {dim}"] * (deck.kind == "shelf" and deck.clamped)

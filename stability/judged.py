@@ -31,7 +31,7 @@ from signorini_fx.addons.judging.judge import judge
 from signorini_fx.addons.judging.judgement import Judgement
 from signorini_fx.addons.judging.problems import judged_problem
 from signorini_fx.addons.judging.touching_surface import touching_surface
-from stability.foreign_decks import ForeignDeck, program, solve, text_of
+from stability.foreign_decks import SHAPES, ForeignDeck, program, solve, text_of
 
 Floats = npt.NDArray[np.float64]
 Rng = np.random.Generator
@@ -88,6 +88,20 @@ DATA = {
     "stack_exponential": ForeignDeck("stack", "CPE4", (6, 2), law=EXPONENTIAL, pair="NODE TO SURFACE"),
     "stack_CPE4": ForeignDeck("stack", "CPE4", (6, 2), friction=0.3),
     "stack_CPE8R": ForeignDeck("stack", "CPE8R", (4, 2)),
+    "stack_arc": ForeignDeck(
+        "stack",
+        "CPS4",
+        (6, 2),
+        young=2.5,
+        stiffness=250.0,
+        pressure=3e-3,
+        push=2e-3,
+        pair="NODE TO SURFACE",
+        shape="arc",
+    ),
+    "press_slender": ForeignDeck(
+        "press", "C3D20R", (2, 1, 1), friction=0.1, stiffness=1.5e5, shape="slender", increments=10
+    ),
 }
 
 
@@ -135,6 +149,9 @@ def drawn(rng: Rng) -> ForeignDeck:
     stiffness = None if rng.random() < 0.15 else float(rng.choice([50.0, 100.0, 300.0])) * young
     law = _drawn_law(rng, young, nodal=pair == "NODE TO SURFACE") if rng.random() < 0.3 else None
     adjusts = kind == "shelf" and rng.random() < 0.3
+    shapes = [name for name in SHAPES if (kind == "stack" and dim == 2) or name != "arc"]
+    turns = [name for name in shapes if name != "rotated" or not element.startswith("CAX")]
+    shape = str(rng.choice(turns)) if rng.random() < 0.5 and law is None and not adjusts else ""
     return ForeignDeck(
         kind,
         element,
@@ -150,7 +167,8 @@ def drawn(rng: Rng) -> ForeignDeck:
         displaced=(0.01, 0.03),
         warp=float(rng.choice([0.0, 0.2])),
         law=law,
-        increments=10 if law is not None and law[0] == "TABULAR" else 1,
+        increments=10 if friction or (law is not None and law[0] == "TABULAR") else 1,
+        shape=shape,
         adjust="0.032" if adjusts else "",
         tilt=0.03 if adjusts else 0.0,
     )

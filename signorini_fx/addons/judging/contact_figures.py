@@ -192,7 +192,7 @@ def _friction(s: TouchingSurface, push: Floats, force: float, energy: float, lea
     slip = np.linalg.norm(s.slip, axis=1)
     stick = s.contact.stick
     elastic = size / (stick * s.area) if stick else np.zeros_like(size)
-    missing = (s.bound - size).clip(min=0.0) * (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0)
+    missing = (s.straight * s.bound - size).clip(min=0.0) * (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0)
     missing = np.where(carries & _same_way(s, slip), missing, 0.0)
     work = float((s.bound * slip)[carries].sum())
     return {

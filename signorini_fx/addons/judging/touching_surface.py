@@ -7,6 +7,7 @@ elements of degree 2, whose forces at corners are none or pull under constant pr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
@@ -37,6 +38,8 @@ class TouchingSurface:
         penetration: mean of what enters the other side, length, shape (c,).
         clearance: least on the facets around a corner, length, shape (c,).
         slip: across the normal, of this side against the other one, length, shape (c, d).
+        straight: of the direction of slip the length of its mean over the hat, weighted by what enters: 1 where all of
+            it slips the same way, shape (c,).
         normal: to the other side, shape (c, d).
         judged: which corners no support holds and no other contact shares, shape (c,).
         sliding: of these the ones that no support holds in any direction, shape (c,).
@@ -54,6 +57,7 @@ class TouchingSurface:
     penetration: Floats
     clearance: Floats
     slip: Floats
+    straight: Floats
     normal: Floats
     judged: npt.NDArray[np.bool_]
     sliding: npt.NDArray[np.bool_]
@@ -100,6 +104,7 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
     np.minimum.at(clearance, local, np.repeat(_least(mesh.facet, at.shape, gap)[:, None], width, axis=1))
     toward = mean(normal)
     toward /= np.linalg.norm(toward, axis=1)[:, None]
+    straight = np.ones(len(corners)) if contact.nodal else _straight(mean, slip, normal, (-gap).clip(min=0.0))
     lawful = None
     if contact.law is not None and not contact.nodal:
         lawful = np.stack([mean(limit) * area for limit in contact.law.pressures(-gap)])
@@ -108,6 +113,7 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
         gap_at, _, slip_at = _opposite(problem, contact, v, mesh.points[corners], v[corners], outward)
         if contact.nodal:
             penetration, mean_slip = (-gap_at).clip(min=0.0), slip_at
+            clearance = np.minimum(clearance, gap_at)  # of curved sides nodes may touch where facets do not
         if contact.law is not None:
             of_nodes = np.stack(contact.law.pressures(-gap_at[:, None]))[..., 0] * area
             # Points of a scene are in nodes or in facets: the force is between both.
@@ -150,6 +156,7 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
         penetration,
         clearance,
         mean_slip,
+        straight,
         toward,
         judged,
         sliding,
@@ -158,6 +165,26 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
         np.asarray(bound),
         lawful,
     )
+
+
+def _straight(mean: Callable[[Floats], Floats], slip: Floats, normal: Floats, depth: Floats) -> Floats:
+    """Of the direction of slip the length of its mean, weighted by what enters, shape (c,).
+
+    Args:
+        mean: over the hats, of values at points.
+        slip: length, shape (f, q, d).
+        normal: shape (f, q, d).
+        depth: of what enters, length, shape (f, q).
+    """
+    across = slip - np.einsum("fqd,fqd->fq", slip, normal)[..., None] * normal
+    size = np.linalg.norm(across, axis=2)
+    moves = size > 0
+    direction = np.where(moves[..., None], across / np.where(moves, size, 1.0)[..., None], 0.0)
+    weight = mean(depth)
+    pressed = weight > 0
+    weighted = mean(direction * depth[..., None]) / np.where(pressed, weight, 1.0)[:, None]
+    length = np.linalg.norm(np.where(pressed[:, None], weighted, mean(direction)), axis=1)
+    return np.where(length > 0, length, 1.0)
 
 
 def _least(element: ReferenceElement, shape: Floats, gap: Floats) -> Floats:
