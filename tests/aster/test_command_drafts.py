@@ -227,6 +227,7 @@ def test_supports_that_are_not_known_are_lost(tmp_path, word):
     ("key", "written", "lost"),
     [
         ("    CONTACT=", "    contact=", "line 16, STAT_NON_LINE: contact is not known: keywords are in capitals"),
+        ("    CONTACT=CONT,\n", "", "line 9, DEFI_CONTACT: nothing that is solved has it as its CONTACT"),
         ("FONC_MULT=", "FONC_MUL=", "line 16, STAT_NON_LINE: EXCIT: FONC_MUL is not known here"),
         ("    MODELE=MODEL,\n    FORM", "    MODELE=MODEL, x=1,\n    FORM", "line 9, DEFI_CONTACT: x is not known: "),
         ("GROUP_MA_MAIT=", "coulomb=1.0, GROUP_MA_MAIT=", "line 9, DEFI_CONTACT: coulomb is not known: "),

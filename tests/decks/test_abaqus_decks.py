@@ -560,6 +560,8 @@ def test_loads_with_the_same_component(tmp_path, capsys):
         (["*MATERIAL"], "'NAME' is missing"),
         (["*STEP", "*DSLOAD", "LID, TRVEC, 1., 0., 0., 0."], "a direction is expected"),
         (["*BOUNDARY", "WALL"], "a data line ends too early, or is missing"),
+        (["*SURFACE, NAME=G", "1, 1.0"], "surface 'G': a face S1, S2 ... is expected, not '1.0'"),
+        (["*CONTACT PAIR, TYPE=1.0", "FLOOR, LID"], "TYPE=1.0: NODE TO SURFACE, SURFACE TO SURFACE or MORTAR is"),
         (
             ["*SURFACE, TYPE=SEGMENTS, NAME=G", "START, 0., a", "LINE, 1., 0.", "*CONTACT PAIR", "FLOOR SIDE, G"],
             "the rigid surface 'G': could not convert",

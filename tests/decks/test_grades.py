@@ -101,6 +101,7 @@ SAID = {
     ("SURFACEBEHAVIOR", "within a step"): ([], ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "1."]),
     ("SHELLSECTION", "of a plane mesh"): (["*SHELL SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
     ("MEMBRANESECTION", "of a plane mesh"): (["*MEMBRANE SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
+    ("SHELLSECTION", "thin as nothing, on a side"): ELSEWHERE,
     ("BEAMSECTION", ""): (["*BEAM SECTION, ELSET=UP, MATERIAL=STEEL", "1., 1."], []),
     ("SHELLSECTION", "of no part of the mesh"): (["*SHELL SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),
     ("MEMBRANESECTION", "of no part of the mesh"): (["*MEMBRANE SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),

@@ -170,6 +170,23 @@ def test_a_solution_has_the_force_of_a_load_that_jumps(load, exact, moment, degr
         assert given.moment == pytest.approx(-moment, rel=1e-12)
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_a_load_within_one_facet(cell, degree):
+    """Which has no vertex of the mesh: all parts of the facet are between four jumps."""
+    inside = "x[0] >= 0.25 and x[0] <= 0.75 and x[1] >= 0.125 and x[1] <= 0.375"
+    scene = {
+        "mesh": {"generator": "box", "parameters": BOX | {"nx": 1, "ny": 1, "nz": 1, "cell": cell}},
+        "element": {"degree": degree},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0}],
+        "traction": [{"boundary": "top", "z": f"-8.0 if {inside} else 0.0"}],
+    }
+    solution = alone(parse_scene(scene), check=False)
+    assert solution.certificate.holds
+    np.testing.assert_allclose(solution.resultants.of("top").force, [0.0, 0.0, -1.0], atol=1e-12)
+
+
 BOX = {"length": 1.0, "width": 0.5, "height": 0.3, "nx": 4, "ny": 3, "nz": 2}
 
 

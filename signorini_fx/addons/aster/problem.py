@@ -73,6 +73,7 @@ def _read(file: Path, commands: CommandFile, result: Concept, wanted: Sequence[f
         if command.name in SOLVES or command.name.startswith(("AFFE_", "DEFI_")):
             for key in _misspelled(command.keywords):
                 study.lose(command.origin, f"{key} is not known: keywords are in capitals")
+    _say_of_unused_contact(study, commands, solve)
     _materials(study, solve)
     _behaviour(study, solve)
     instants = instants_of(solve)
@@ -99,6 +100,16 @@ def _misspelled(value: Any) -> list[str]:
         return []
     own = [str(key) for key in value if str(key) not in ("reuse", "identification") and not str(key).isupper()]
     return own + [key for entry in value.values() for key in _misspelled(entry)]
+
+
+def _say_of_unused_contact(study: AsterStudy, commands: CommandFile, solve: AsterCommand) -> None:
+    """A contact that is defined for a solution, but which none takes, as where CONTACT was forgotten."""
+    solves = [concept.made_by for concept in results_of(commands)]
+    if "CONTACT" in solve or any("CONTACT" in other for other in solves):
+        return
+    for concept in commands.concepts:
+        if concept.made_by.name in ("DEFI_CONTACT", "DEFI_CONT"):
+            study.lose(concept.made_by.origin, "nothing that is solved has it as its CONTACT")
 
 
 def _exclude_nodes(study: AsterStudy, excluded: ExcludedNodes) -> None:

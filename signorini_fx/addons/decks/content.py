@@ -40,6 +40,7 @@ class DeckLoad:
         block: the first keyword that gives it.
         lines: of its table besides the keys.
         values: step -> value; None: it ends with this step.
+        within: where it acts, a condition of a scene; empty: everywhere.
     """
 
     table: str
@@ -49,6 +50,7 @@ class DeckLoad:
     direction: tuple[float, ...] = (1.0,)
     lines: tuple[str, ...] = ()
     values: dict[int, float | None] = field(default_factory=dict)
+    within: str = ""
 
     @property
     def keyword(self) -> str:
@@ -148,6 +150,8 @@ class Deck:
     a component of one node. ``ends`` has the times at the ends of steps. ``apart`` says that all contact is lost.
     ``untouched`` and ``smooth`` have the nodes of slave surfaces without contact, and without friction, by
     interactions.
+    ``shells`` has the elements of sets of shells in space, and ``areas`` those that only carry a pressure to a side of
+    the body (``load_areas.LoadArea``).
     ``nonlinear`` is the last step with NLGEOM.  ``slaves`` says that contact points are those of slave surfaces, whose
     pressure is wanted, and not those that the scene would choose.
     ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
@@ -201,6 +205,8 @@ class Deck:
     cyclic: set[int] = field(default_factory=set)
     links: list[Any] = field(default_factory=list)
     grounded: dict[str, int] = field(default_factory=dict)
+    shells: dict[str, list[int]] = field(default_factory=dict)
+    areas: dict[int, Any] = field(default_factory=dict)
     nonlinear: DeckBlock | None = None
     apart: bool = False
     slaves: bool = False
@@ -233,9 +239,11 @@ class Deck:
     @property
     def touches(self) -> bool:
         """Whether it has contact, which may not be in the scene."""
-        words = ("CONTACT", "TIE", "GAP")
-        return any(block.keyword in words for block in self.model.blocks) or not all(
-            self.has_vanished(slave, master) for slave, master, _ in self.pairs
+        ties = [row for block in self.model.blocks if block.keyword == "TIE" for row in block.rows]
+        return (
+            any(block.keyword in ("CONTACT", "GAP") for block in self.model.blocks)
+            or any(len(row) < 2 or not self.has_vanished(row[0], row[1]) for row in ties)
+            or any(not self.has_vanished(slave, master) for slave, master, _ in self.pairs)
         )
 
     def has_vanished(self, slave: str, master: str) -> bool:

@@ -34,6 +34,7 @@ from signorini_fx.addons.decks.keywords import (
     WRITTEN,
     Grade,
 )
+from signorini_fx.addons.decks.load_areas import find_load_areas
 from signorini_fx.addons.decks.loads import read_body_forces, read_boundary, read_forces, read_surface_loads
 from signorini_fx.addons.decks.material import read_constants, read_section
 from signorini_fx.addons.decks.nodal import read_constraints, read_equations
@@ -46,6 +47,8 @@ from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
+# How a contact pair is discretised, which a scene chooses itself.
+_KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "PGLINMORTAR", "MASSLESS")
 # What a step does, unless it is static.
 _PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
 
@@ -65,6 +68,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
         say = deck.lose if name in deck.model.surfaces else deck.note
         say(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")
     _find_rigid(file, deck)
+    find_load_areas(deck)
     for block in deck.model.blocks:
         if block.keyword == "PRE-TENSIONSECTION":
             with _placed(file, block):
@@ -310,6 +314,9 @@ def _check_pair(deck: Deck, parameters: Mapping[str, str]) -> None:
     Raises:
         ValueError: it is not.
     """
+    kind = parameters.get("TYPE", "NODE TO SURFACE")
+    if kind.upper().replace(" ", "") not in _KINDS_OF_PAIRS:
+        raise ValueError(f"TYPE={kind}: NODE TO SURFACE, SURFACE TO SURFACE or MORTAR is expected")
     interaction, adjustment = parameters.get("INTERACTION", "").upper(), parameters.get("ADJUST")
     blocks = (block for block in deck.model.blocks if block.keyword == "SURFACEINTERACTION")
     if interaction and interaction not in {block.parameters.get("NAME", "").upper() for block in blocks}:

@@ -183,20 +183,21 @@ def _loads(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, list[st
         components = {key: share * largest for key, share in zip(load.keys, load.direction, strict=False) if share}
         if load.table == "rotation":  # its factors multiply the force
             components = {"speed": math.sqrt(largest)}
-        where = (load.table, load.target, load.lines, () if set(factors) <= {1.0} else factors, held)
+        where = (load.table, load.target, load.lines, load.within, () if set(factors) <= {1.0} else factors, held)
         # Two loads with the same component are two entries, which add up.
         entry = next(n for n in count() if not components.keys() & merged.get((*where, n), {}).keys())
         merged.setdefault((*where, entry), {}).update(components)
         origins.setdefault((*where, entry), []).append(load.block)
     tables, weights = [], 0
     for key, components in merged.items():
-        table, target, extra_lines, course, holds, _ = key
+        table, target, extra_lines, within, course, holds, _ = key
         weights += table == "body_force"
         if table == "body_force" and weights > 1:
             deck.lose(None, "several body forces: a scene has one, the first is taken")
             continue
         lines = [_origins(origins[key]), *([f"boundary = {quoted(target)}"] if target else []), *extra_lines]
-        lines += [f"{axis} = {value!r}" for axis, value in components.items()]
+        for axis, value in components.items():
+            lines.append(f"{axis} = {quoted(f'{value!r} if {within} else 0.0') if within else repr(value)}")
         lines += [f"factors = {list(course)}"] if course else []
         lines += [f"holds = [{', '.join('true' if value else 'false' for value in holds)}]"] if holds else []
         tables.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", lines))

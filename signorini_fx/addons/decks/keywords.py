@@ -66,6 +66,7 @@ NOT_YET_NONLINEAR = "not possible yet"
 FIRST_LINE = "constants that depend on temperature: the first line is taken"
 SECTOR = "forces on a sector of 2 degrees, as CalculiX prints them"
 NOT_WRITTEN = "not written"
+LOAD_AREA = "shells without thickness: only the area of their pressure"
 # Of the tables that output is asked for, those that are written, by their words: U, RF of *NODE PRINT and so on.
 WRITTEN = {
     **{"NODEPRINT": (".dat", ("U", "RF")), "CONTACTPRINT": (".dat", ("CDIS", "CSTR"))},
@@ -107,6 +108,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, CHANGED_WITHIN, "ELASTIC", "EXPANSION", "FRICTION", "SURFACE BEHAVIOR", case="within a step"),
     *_rules(Grade.LOST, CHANGED_WITHIN, "HYPERELASTIC", "PLASTIC", case="within a step"),
     *_rules(Grade.NOTED, _STRESSED, "SHELL SECTION", "MEMBRANE SECTION", case="of a plane mesh"),
+    *_rules(Grade.NOTED, LOAD_AREA, "SHELL SECTION", case="thin as nothing, on a side"),
     *_rules(Grade.LOST, "which are no part of the body", "BEAM SECTION"),
     *_rules(
         Grade.LOST, "which are no part of the body", "SHELL SECTION", "MEMBRANE SECTION", case="of no part of the mesh"

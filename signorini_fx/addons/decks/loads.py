@@ -12,6 +12,7 @@ import numpy as np
 from signorini_fx.addons.decks.bolts import drive, hold
 from signorini_fx.addons.decks.content import Deck, DeckLoad, give_to_ends, plain_name
 from signorini_fx.addons.decks.couplings import spread
+from signorini_fx.addons.decks.load_areas import read_area_loads
 from signorini_fx.addons.decks.nodal import direction, ground
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import (
     ROTATIONS,
@@ -241,8 +242,9 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             _set_load(deck, load, factor * group.values[0])
             inside += deck.inside(where)
     _say_inside(deck, block, inside)
+    on_areas = read_area_loads(deck, block, factor)
     whole, done = _on_the_whole_body(deck, block), set[tuple[str, ...]]()
-    for row in block.rows:
+    for row in (row for number, row in enumerate(block.rows) if number not in on_areas):
         if (at := _kind_of_body_force(row)) is None:
             deck.lose(block, f"load {', '.join(row)}")
             continue

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckSection, frame
-from signorini_fx.addons.decks.keywords import FIRST_LINE
+from signorini_fx.addons.decks.keywords import FIRST_LINE, LOAD_AREA
 from signorini_fx.addons.decks.nonlinear_material import nonlinear_law, obstacle_of
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
@@ -26,6 +26,9 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
     word = _SECTIONS.get(block.keyword)
     name = deck.model.sections.get(block.number, block.parameters["ELSET"])
     region = None if name is None else deck.region(name)
+    if word == "shells" and (members := deck.shells.get((name or "").upper())) and set(members) <= deck.areas.keys():
+        deck.note(block, LOAD_AREA)
+        return
     if word is not None and (deck.mesh.dim == 3 or region is None or word == "beams"):
         deck.lose(block, f"{word}, which are no part of the body")
         return

@@ -36,17 +36,23 @@ def has_affine_parts(mesh: dmesh.Mesh, *, in_body: bool) -> bool:
     """
     plane = mesh.topology.dim == 2 and not in_body
     straight = plane or mesh.topology.cell_name() in ("triangle", "tetrahedron")
-    return (straight and compat.geometry_degree(mesh) == 1) or parallelepipeds(mesh)
+    return (straight and compat.geometry_degree(mesh) == 1) or _has_affine_cells(mesh)
 
 
 def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in the plane;
     collective.
-
-    A rank looks at its cells again only if somebody has moved their nodes.
     """
     if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron") or compat.geometry_degree(mesh) > 1:
         return False
+    return _has_affine_cells(mesh)
+
+
+def _has_affine_cells(mesh: dmesh.Mesh) -> bool:
+    """Whether all cells of all ranks have affine maps, also those with nodes between their corners; collective.
+
+    A rank looks at its cells again only if somebody has moved their nodes.
+    """
     entry = _affine_meshes.get(mesh)
     if entry is None or not np.array_equal(entry[0], mesh.geometry.x):
         entry = _affine_meshes[mesh] = mesh.geometry.x.copy(), _affine(mesh)
@@ -57,13 +63,14 @@ def _affine(mesh: dmesh.Mesh) -> bool:
     """The same of the cells of this rank."""
     dim = mesh.topology.dim
     cells, x = compat.geometry_cells(mesh), mesh.geometry.x[:, :dim]
+    element = compat.geometry_element(mesh)
     first = x[cells[:, 0]]
-    edges = [x[cells[:, 2**k]] - first for k in range(dim)]  # vertices in the order of basix: along x[0] first
-    shortest = np.min([np.einsum("ci,ci->c", edge, edge) for edge in edges], axis=0)
+    simplex = mesh.topology.cell_name() in ("interval", "triangle", "tetrahedron")
+    # Vertices are in the order of basix, of cells that are no simplices along x[0] first.
+    edges = np.stack([x[cells[:, k + 1 if simplex else 2**k]] - first for k in range(dim)], axis=1)
+    shortest = np.min(np.einsum("cki,cki->ck", edges, edges), axis=1)
     affine = True
-    for vertex in range(3, 2**dim):
-        along = [edges[k] for k in range(dim) if vertex >> k & 1]
-        if len(along) > 1:
-            away = x[cells[:, vertex]] - first - sum(along)
-            affine &= bool((np.einsum("ci,ci->c", away, away) <= AFFINE_CELL**2 * shortest).all())
+    for node, place in enumerate(element.points):
+        away = x[cells[:, node]] - first - place @ edges
+        affine &= bool((np.einsum("ci,ci->c", away, away) <= AFFINE_CELL**2 * shortest).all())
     return affine

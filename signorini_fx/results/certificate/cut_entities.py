@@ -14,7 +14,7 @@ import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx.mesh import Mesh, entities_to_geometry
-from scipy.spatial import Delaunay, QhullError
+from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.quadrature import has_affine_parts
@@ -117,8 +117,21 @@ def _parts(corners: Array, along: Array, jumps: Sequence[Expression]) -> list[Ar
                     continue
                 a, b = here[across].T[..., None]
                 between = part[across[:, 0]] + a / (a - b) * (part[across[:, 1]] - part[across[:, 0]])
-                parts += [np.concatenate((part[side], between)) for side in (here >= 0, here <= 0)]
+                sides = [np.concatenate((part[side], between)) for side in (here >= 0, here <= 0)]
+                parts += [side[_extreme(side)] for side in sides]
     return parts
+
+
+def _extreme(vertices: Array) -> Indices:
+    """Which points, shape (v, t), are corners of their convex hull; all, if it is flat: others lie between them, and
+    would make parts without an area, whose points are on a jump.
+    """
+    if vertices.shape[1] == 1:
+        return np.array([vertices.argmin(), vertices.argmax()], dtype=np.int32)
+    try:
+        return np.asarray(ConvexHull(vertices).vertices, dtype=np.int32)
+    except QhullError:
+        return np.arange(len(vertices), dtype=np.int32)
 
 
 def _rule(vertices: Array, degree: int) -> tuple[Array, Array]:
@@ -134,5 +147,8 @@ def _rule(vertices: Array, degree: int) -> tuple[Array, Array]:
     # All of its points are inside.
     points, weights = basix.make_quadrature(_SIMPLICES[size], degree, rule=basix.QuadratureType.gauss_jacobi)
     edges = simplices[:, 1:] - simplices[:, :1]
+    sizes = np.abs(np.linalg.det(edges))
+    there = sizes > NO_PART * sizes.sum()
+    simplices, edges = simplices[there], edges[there]
     at = simplices[:, :1] + points @ edges
     return at.reshape(-1, size), (np.abs(np.linalg.det(edges))[:, None] * weights).ravel()

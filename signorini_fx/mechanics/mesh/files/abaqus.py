@@ -32,6 +32,8 @@ from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 _SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|CAX|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
 _LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
 _KIND = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+# Sides of shells and beams, which a body does not have.
+_OTHER_FACE = re.compile(r"SPOS|SNEG|EDGE\d*|END\d")
 _SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
 # Points, springs, dampers, couplings and networks of fluid: nothing of the body.
 POINTS = re.compile("MASS|ROTARYI|HEATCAP")  # these have no stiffness
@@ -278,6 +280,8 @@ class _Reader:
                 self._members += len(members)
                 if self._members > _MOST_MEMBERS:
                     raise ValueError(f"the surfaces up to {name!r} have more than {_MOST_MEMBERS:,} faces together")
+            elif kind == "ELEMENT" and len(row) > 1 and row[1] and not _OTHER_FACE.fullmatch(row[1].upper()):
+                raise ValueError(f"surface {name!r}: a face S1, S2 ... is expected, not {row[1]!r}")
 
     def result(self) -> RawMesh:
         """Everything with the numbering of arrays; members of sets that are nothing of the body are passed over."""
