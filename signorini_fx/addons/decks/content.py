@@ -18,7 +18,7 @@ from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.mesh.files.abaqus import DeckModel
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import dimension
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.point_values import same_places
@@ -500,11 +500,12 @@ def give_to_ends(mesh: MeshArrays, values: Floats) -> None:
         mesh: of the file.
         values: of its nodes, shape (n,) or (n, k); changed in place.
     """
-    first = len(mesh.points) - len(mesh.ends)
-    for node, ends in enumerate(plain(mesh.ends), start=first):
-        own = [end for end in ends if end >= 0]
-        values[own] += values[node] / len(own)
-        values[node] = 0.0
+    divides = slice(len(mesh.points) - len(mesh.ends), None)
+    counts = (mesh.ends >= 0).sum(axis=1)
+    shares = (values[divides].T / counts).T
+    for ends in mesh.ends.T:
+        np.add.at(values, ends[ends >= 0], shares[ends >= 0])
+    values[divides] = 0.0
 
 
 def _by_capitals(names: Iterable[str]) -> dict[str, str]:
