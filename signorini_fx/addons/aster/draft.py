@@ -18,7 +18,6 @@ from signorini_fx.addons.decks.deck import read_deck
 from signorini_fx.addons.decks.draft import Draft, draft_of
 from signorini_fx.addons.decks.nodal import link_nodes
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.formats import read_file
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ def draft_result(
         raise MeshError(f"{file}: {error}") from None
     _write(beside, deck_text.text)
     try:
-        deck = read_deck(beside, read_file(beside))
+        deck = read_deck(beside)
         deck.slaves = True
         for zone in study.zones:
             name = interaction_of(zone)

@@ -44,7 +44,7 @@ from signorini_fx.addons.decks.ties import link_sectors
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus import NO_BODY, POINTS, read_model, removes_elements
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, parameter, real, real_or_none
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, from_raw
 
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
 # How a contact pair is discretised, which a scene chooses itself.
@@ -53,17 +53,20 @@ _KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "
 _PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
 
 
-def read_deck(file: Path, mesh: MeshArrays) -> Deck:
+def read_deck(file: Path, mesh: MeshArrays | None = None) -> Deck:
     """What acts on the body of an input file.
 
     Args:
         file: the input file.
-        mesh: what was read from it.
+        mesh: what was read from it; None: it is read here, once.
 
     Raises:
-        MeshError: a number is none, or a line has too few of them.
+        MeshError: a number is none, or a line has too few of them; without a mesh, see ``read_file``.
     """
-    deck = Deck(mesh, read_model(file))
+    if mesh is None and not file.is_file():
+        raise MeshError(f"{file}: no such file")
+    model = read_model(file)
+    deck = Deck(from_raw(model.raw, str(file)) if mesh is None else mesh, model)
     for name, missing in deck.model.undefined.items():
         say = deck.lose if name in deck.model.surfaces else deck.note
         say(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")

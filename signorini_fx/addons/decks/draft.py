@@ -49,16 +49,16 @@ class Draft:
     origins: dict[str, str]
 
 
-def draft(file: Path, mesh: MeshArrays, target: Path) -> Draft:
+def draft(file: Path, mesh: MeshArrays | None, target: Path) -> Draft:
     """The scene that an input file describes.
 
     Args:
         file: the input file.
-        mesh: what was read from it.
+        mesh: what was read from it; None: it is read here, which takes half of the time.
         target: where the scene will be, from which it refers to the file.
 
     Raises:
-        MeshError: a number is none, or a line has too few of them; there is no material.
+        MeshError: a number is none, or a line has too few of them; there is no material; see ``read_deck``.
     """
     return draft_of(read_deck(file, mesh), file, target, file.name)
 

@@ -40,7 +40,6 @@ from signorini_fx.errors import MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.abaqus import read_model
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.scene import Scene
@@ -70,7 +69,7 @@ class DeckRun:
         try:
             if (block := _other_procedure(self.deck)) is not None:
                 return replace(case, state=OTHER_KIND, why=f"{block.origin}: {OTHER_PROCEDURE}")
-            drafted = draft(self.deck, read_file(self.deck), target)
+            drafted = draft(self.deck, None, target)
         except SignoriniError as error:
             return replace(case, why=self._without_folder(str(error)))
         lost = list(drafted.lost)

@@ -35,7 +35,6 @@ from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed, dimension
 from signorini_fx.mechanics.mesh.files.cutting import shape_of
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
@@ -72,7 +71,7 @@ def judged_problem(problem: object) -> tuple[JudgedProblem, list[str]]:
 
 
 def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
-    deck = read_deck(file, read_file(file))
+    deck = read_deck(file)
     mesh = _mesh_of_deck(deck)
     points, unclear = adjusted_points(deck, mesh)
     moved = not np.array_equal(points, mesh.points)

@@ -19,7 +19,6 @@ from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION
 from signorini_fx.scenes.cli.options import changes
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
     from signorini_fx.results.solution import Solution
     from signorini_fx.scenes.scene import Scene
 
@@ -211,12 +210,7 @@ def _with_origin(path: str, message: str, deck: Path, origins: Mapping[str, str]
 
 def _draft_of_run(deck: Path, target: Path) -> Any:
     """The draft of a deck, which is written unless it is there already."""
-    from signorini_fx.mechanics.mesh.files.formats import read_file
-
-    if deck.suffix.lower() == _COMMANDS:
-        drafted = add_on("draft_commands")(deck, target)
-    else:
-        drafted = _drafted(deck, read_file(deck), target)
+    drafted = add_on("draft_commands")(deck, target) if deck.suffix.lower() == _COMMANDS else _drafted(deck, target)
     _write_draft(drafted.files, keep=True)
     return drafted
 
@@ -438,9 +432,9 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
                 raise OutputError(f"{target}: already exists: give another name, or remove it")
         if options.source.suffix.lower() == _COMMANDS:
             return _draft_of_commands(options.source, options.target)
-        mesh = read_file(options.source, size=options.size)
         if options.target.suffix.lower() == ".toml":
-            return _scene_draft(options.source, mesh, options.target)
+            return _written_draft(_drafted(options.source, options.target, options.size), options.target)
+        mesh = read_file(options.source, size=options.size)
         write_file(mesh, options.target)
         return render(mesh_info(mesh), str(options.target))
     info = mesh_info(read_file(options.file, size=options.size))
@@ -453,13 +447,9 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
 
 
-def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> tuple[str, int]:
-    """Write the draft of a scene from an Abaqus deck; what it has and what it has not, and the exit code."""
-    return _written_draft(_drafted(source, mesh, target), target)
-
-
 def _draft_of_commands(source: Path, target: Path) -> tuple[str, int]:
-    """The same from a command file of code_aster, with an input file that has the mesh.
+    """Write the draft of a scene from a command file of code_aster, with an input file that has the mesh; what it has
+    and what it has not, and the exit code.
 
     Raises:
         OutputError: the target is no scene.
@@ -480,14 +470,18 @@ def _written_draft(drafted: Any, target: Path) -> tuple[str, int]:
     return "\n".join(lines), EXIT_INCOMPLETE if drafted.lost else EXIT_OK
 
 
-def _drafted(source: Path, mesh: MeshArrays, target: Path) -> Any:
-    """The draft of a deck, with ``text``, ``lost``, ``noted`` and ``files``."""
+def _drafted(source: Path, target: Path, size: float | None = None) -> Any:
+    """The draft of a deck, with ``text``, ``lost``, ``noted`` and ``files``; ``size``: of the cells of a drawing."""
+    from signorini_fx.mechanics.mesh.files.formats import read_file
+
+    if source.suffix.lower() != ".inp" or size is not None:
+        read_file(source, size=size)  # what is wrong with it comes first
     if source.suffix.lower() != ".inp":
         raise OutputError(
             f"{target}: a scene is drafted from an Abaqus input file, .inp, or from a command file of code_aster, "
             f".comm, and not from {source.name}"
         )
-    return add_on("draft")(source, mesh, target)
+    return add_on("draft")(source, None, target)
 
 
 def _write_draft(files: Mapping[Path, str], *, keep: bool = False) -> None:

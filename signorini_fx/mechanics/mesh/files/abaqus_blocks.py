@@ -86,7 +86,9 @@ def blocks(lines: Iterable[tuple[int, str, str]]) -> Iterator[DeckBlock]:
             name, parameters = heading(line)
             block = DeckBlock(name.replace(" ", ""), parameters, number, name=name, file=file)
         elif block is not None:
-            words = [part.strip().strip('"') for part in line.rstrip(", \t").split(",")]
+            words = [part.strip() for part in line.rstrip(", \t").split(",")]
+            if '"' in line:
+                words = [word.strip('"') for word in words]
             block.rows.append(words if any(words) else [])
     if block is not None:
         yield block
@@ -100,7 +102,10 @@ def real(word: str) -> float:
     """
     if not word:
         return 0.0
-    number = float(re.sub("[dD]", "E", word))
+    try:
+        number = float(word)
+    except ValueError:
+        number = float(re.sub("[dD]", "E", word))
     if not math.isfinite(number):
         raise ValueError(f"a finite number is expected, got {word!r}")
     return number
