@@ -1,9 +1,10 @@
-"""Two hyperelastic bodies of the plane in one mesh that slide on each other, one held and one driven."""
+"""Two hyperelastic bodies in one mesh that slide on each other, one held and one driven."""
 
 import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import neo_hooke
 from two_bodies import assembled, facets, facets_of_cells, grid, per_cell
 
@@ -18,13 +19,13 @@ class SlidingBodies:
     Args:
         kind: of the cells.
         bodies: cells and points of each.
-        touching: markers of the sides of both, of points of shape (2, n), before the scene is turned.
+        touching: markers of the sides of both, of points of shape (d, n), before the scene is turned.
         held: markers of what is held of the first, and driven of the second.
         ratio: of the stiffness of the second body to that of the first.
         slave: number of the body with the contact points.
-        angle: by which the whole scene is turned about the origin.
+        angle: by which the whole scene is turned about the origin, in space about (1, 2, 3).
         smooth: marker of a plane x[0] = constant that is held across itself, and then both ends are, too, instead of
-            all components of theirs; None: there is none.
+            all components of theirs, in space also of a plane x[1] = constant; None: there is none.
         half: whether x[0] = 0 is held across itself, and ends whole.
         revolved: whether the bodies are of revolution about x[0] = 0, and forces those of whole rings.
         degree: of the displacement.
@@ -47,13 +48,14 @@ class SlidingBodies:
         **settings,
     ):
         self.half = half
-        self.turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        dim = bodies[0][1].shape[1]
+        self.turn = turn_of(angle, dim)
         back = self.turn.T
         count = len(bodies[0][0])
         numbers = np.arange(count), np.arange(count, count + len(bodies[1][0]))
         comm, turned = settings.pop("comm", MPI.COMM_SELF), [(cells, x @ back) for cells, x in bodies]
         mesh = self.mesh = assembled(kind, *turned, comm=comm)
-        space = fem.functionspace(mesh, ("Lagrange", degree, (2,)))
+        space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
         u = self.u = fem.Function(space)
         of_body = self.of_body = per_cell(mesh, lambda x: 0.0)
         local = np.arange(len(of_body.x.array), dtype=np.int32)
@@ -68,17 +70,19 @@ class SlidingBodies:
             for marker, cells in zip(touching, numbers, strict=True)
         ]
         ends = [facets(mesh, lambda x, marker=marker: marker(back @ x)) for marker in held]
-        self.nodes = [fem.locate_dofs_topological(space, 1, end) for end in ends]
-        self.drive = fem.Constant(mesh, np.zeros(2))
-        values = np.zeros(2), self.drive
+        self.nodes = [fem.locate_dofs_topological(space, dim - 1, end) for end in ends]
+        self.drive = fem.Constant(mesh, np.zeros(dim))
+        values = np.zeros(dim), self.drive
         self.bcs = [fem.dirichletbc(value, nodes, space) for value, nodes in zip(values, self.nodes, strict=True)]
         self.driven = None
         if smooth is not None:  # both ends and a plane are held along one axis
             self.driven, still = fem.Constant(mesh, 0.0), fem.Constant(mesh, 0.0)
-            listed = [*ends, facets(mesh, lambda x: smooth(back @ x))]
+            planes = [smooth] if dim == 2 else [smooth, lambda x: smooth(x[[1, 0, 2]])]
+            listed = [*ends, *(facets(mesh, lambda x, plane=plane: plane(back @ x)) for plane in planes)]
+            axes = (dim - 1, dim - 1, *range(dim - 1))
             self.bcs = [
-                fem.dirichletbc(value, fem.locate_dofs_topological(space.sub(axis), 1, end), space.sub(axis))
-                for value, axis, end in zip((still, self.driven, still), (1, 1, 0), listed, strict=True)
+                fem.dirichletbc(value, fem.locate_dofs_topological(space.sub(axis), dim - 1, end), space.sub(axis))
+                for value, axis, end in zip((still, self.driven, *[still] * (dim - 1)), axes, listed, strict=True)
             ]
         if half:
             middle = fem.locate_dofs_topological(space.sub(0), 1, facets(mesh, lambda x: np.isclose(x[0], 0.0)))
@@ -89,15 +93,22 @@ class SlidingBodies:
         self.problem = NonlinearContactProblem(self.form, u, bcs=self.bcs, contact=self.pair, **settings)
         self.iterations = []
 
-    def move(self, x, y):
+    def move(self, *way):
         """Drive the second body, in the axes before the scene is turned, and end a step; the force on the slave."""
-        self.drive.value[:] = self.turn @ np.array([x, y])
+        self.drive.value[:] = self.turn @ np.array(way)
         if self.driven is not None:
-            self.driven.value = y
+            self.driven.value = way[-1]
         self.problem.solve()
         self.problem.advance()
         self.iterations.append(self.problem.iterations)
         return self.turn.T @ sum(self.problem.state.forces)
+
+
+def turn_of(angle, dim):
+    """A rotation by this angle, in space about (1, 2, 3)."""
+    if dim == 2:
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return Rotation.from_rotvec(angle * np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)).as_matrix()
 
 
 def blocks(kind="quadrilateral", lower=(12, 3), upper=(5, 4), width=2.0, **settings):
@@ -229,7 +240,7 @@ def as_linear_bodies(scene):
     space = scene.u.function_space
     trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
     a = ufl.replace(ufl.derivative(scene.form, scene.u, trial), {scene.u: fem.Function(space)})
-    nothing = ufl.inner(fem.Constant(scene.mesh, np.zeros(2)), test) * ufl.dx
+    nothing = ufl.inner(fem.Constant(scene.mesh, np.zeros(len(scene.u))), test) * ufl.dx
     linear = ContactProblem(a, nothing, bcs=scene.bcs, contact=scene.pair, algorithm="alm")
     linear.solve()
     return linear
@@ -241,9 +252,42 @@ def out_of_balance(scene):
     """
     state, (pair,) = scene.problem.state, scene.problem.linear.pairs.values()
     rows = pair.coupling
-    weights = rows.weight * state.pressure, rows.weight * state.shear[:, 0]
-    forces = (rows.normal_rows.T @ weights[0] + rows.tangent_rows.T @ weights[1]).reshape(-1, 2)
+    shear = np.einsum("ndj,nj->nd", state.boundary.tangents, state.shear)
+    along = np.einsum("ndk,nd->nk", rows.frames.tangents, shear)
+    weights = rows.weight * state.pressure, (rows.weight[:, None] * along).ravel()
+    forces = (rows.normal_rows.T @ weights[0] + rows.tangent_rows.T @ weights[1]).reshape(-1, shear.shape[1])
     places = np.concatenate((rows.slave.x, rows.master.x))
     size = np.abs(forces).sum()
-    moment = abs(places[:, 0] @ forces[:, 1] - places[:, 1] @ forces[:, 0])
+    pairs = [(k, j) for j in range(places.shape[1]) for k in range(j)]
+    moment = max(abs(places[:, k] @ forces[:, j] - places[:, j] @ forces[:, k]) for k, j in pairs)
     return np.abs(forces.sum(axis=0)).max() / size, moment / size
+
+
+def stacked(kind="hexahedron", lower=(4, 3, 2), upper=(3, 4, 2), width=1.0, **settings):
+    """The unit cube above z = 0, driven at its top, on a block of this width and the height 1."""
+    low, high = (1 - width) / 2, (1 + width) / 2
+    bodies = grid(kind, lower, [low, low, -1.0], [high, high, 0.0]), grid(kind, upper, [0.0] * 3, [1.0] * 3)
+    level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -1.0, 1.0)]
+    return SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], **settings)
+
+
+def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, gap=0.0, **settings):
+    """A block [0, 2] x [0, 1.4] x [0, 0.6], and above its part around (0.6, 0.7) a square of the side 1 with a
+    paraboloid of this height at its corners below, driven at its top.
+    """
+
+    def away(x):
+        return 2 * ((x[0] - 0.6) ** 2 + (x[1] - 0.7) ** 2)
+
+    def bent(x):
+        return np.column_stack((x[:, :2], x[:, 2] + gap + height * (0.7 - x[:, 2]) / 0.4 * away(x.T)))
+
+    ends = [0.1, 0.2, 0.3], [1.1, 1.2, 0.7]
+    bodies = grid(kind, lower, [0.0, 0.0, -0.3], [2.0, 1.4, 0.3]), grid(kind, upper, *ends, bent)
+
+    def below(x):
+        return np.isclose(x[2], 0.3 + gap + height * away(x))
+
+    touching = [lambda x: np.isclose(x[2], 0.3), below]
+    held = [lambda x: np.isclose(x[2], -0.3), lambda x: np.isclose(x[2], 0.7 + gap)]
+    return SlidingBodies(kind, bodies, touching, held, **settings)

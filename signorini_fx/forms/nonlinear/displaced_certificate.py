@@ -24,7 +24,8 @@ from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
-from signorini_fx.results.certificate.sliding_claim import sliding_claim
+from signorini_fx.results.certificate.sliding_claim import SlidingClaim, sliding_claim
+from signorini_fx.results.certificate.sliding_claim_in_space import sliding_claim_in_space
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 
 Array = npt.NDArray[np.float64]
@@ -58,12 +59,16 @@ def mechanics_at(
         data[number] = replace(data[number], gap=nodal_gap, shape=distances)
     previous = linear.previous_step
     ends = u, None if previous is None else previous.displacement
-    claims = {}
+    claims = dict[int, SlidingClaim]()
     for number, pair in linear.pairs.items():
         sides = pair.sides
-        side = sides.slave.surface, sides.points, sides.unable, sides.reach
-        facets = linear.forms.facets[number], linear.forms.masters[number]
-        claims[number] = sliding_claim(space, side, facets, ends, data[number].shape.factor)
+        points = sides.points, sides.unable, sides.reach
+        facets, factor = (linear.forms.facets[number], linear.forms.masters[number]), data[number].shape.factor
+        if dim == 2:
+            claims[number] = sliding_claim(space, (sides.slave.surface, *points), facets, ends, factor)
+        else:
+            surfaces = sides.slave.surface, sides.master.surface
+            claims[number] = sliding_claim_in_space(space, surfaces, points, facets, ends, factor)
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)

@@ -25,7 +25,7 @@ from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.forms.given_forms import given_forms
-from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness
+from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness, spins_of
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, curvature_of, left_by_turning
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
 from signorini_fx.forms.nonlinear.residual import Residual
@@ -289,7 +289,8 @@ class LinearisedProblem(FormSolver):
         if begun.data.slip_origin is not None:
             origin += begun.data.slip_origin
         for number, pair in self.pairs.items():
-            origin[self.boundary.part == number] = pair.slip_origin
+            rows = self.boundary.part == number
+            origin[rows] = np.einsum("nij,ni->nj", self.boundary.tangents[rows], pair.slip_origin)
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
@@ -355,7 +356,7 @@ class LinearisedProblem(FormSolver):
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         """See ``FormSolver``."""
-        return self._spin_of(boundary)
+        return spins_of(self.pairs, boundary, self._spin_of(boundary))
 
     def _judged(self, outcome: Outcome) -> None:
         """None: the solution of the nonlinear problem gets one."""

@@ -25,7 +25,7 @@ class MovingPair:
 
     Attributes:
         sides: both, undeformed.
-        displacement: of the nodes of both, length, shape (m, 2).
+        displacement: of the nodes of both, length, shape (m, d).
         coupling: the map there.
         settled: the displacement at the end of the last step.
         begun: which nodes the points met there.
@@ -42,7 +42,7 @@ class MovingPair:
     near: bool = field(init=False)
 
     def __post_init__(self) -> None:
-        self.displacement = np.zeros((self.sides.nodes.size, 2))
+        self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))
         self.coupling = self.sides.at(self.displacement)
         self.settle()
 
@@ -53,7 +53,7 @@ class MovingPair:
             PairingError: a facet sees two sheets of the other side.
         """
         owned = u.function_space.dofmap.index_map.size_local
-        displacement = self.sides.gathered(u.x.array.reshape(-1, 2)[:owned])
+        displacement = self.sides.gathered(u.x.array.reshape(-1, self.displacement.shape[1])[:owned])
         if not np.array_equal(displacement, self.displacement):
             self.near = self.coupling.slides(displacement - self.displacement) <= NEAR_PARTNER
             self.coupling = self.sides.at(displacement)
@@ -84,7 +84,8 @@ class MovingPair:
     def stiffness(self, state: ContactState) -> JointStiffness:
         """What the tractions of a state add to the tangent; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
-        return self.sides.stiffness(self.coupling, state.pressure[rows], state.shear[rows, 0], near=self.near)
+        shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
+        return self.sides.stiffness(self.coupling, state.pressure[rows], shear, near=self.near)
 
     def holding(self, state: ContactState, sticks: npt.NDArray[np.bool_]) -> JointStiffness:
         """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""
@@ -104,10 +105,41 @@ class MovingPair:
         return f"contact[{self.sides.index}], at ({', '.join(f'{component:.4g}' for component in place)})"
 
     @property
+    def spin(self) -> Array:
+        """The rotation of the frames of the points of this rank since the step has begun, shape (n, d, d)."""
+        now, then = (
+            np.concatenate((_normals_of(frames.tangents)[:, :, None], frames.tangents), axis=2)
+            for frames in (self.coupling.frames, self.begun)
+        )
+        return np.asarray(np.einsum("nik,njk->nij", now, then))[self.sides.mine]
+
+    @property
     def fingerprint(self) -> list[Array]:
         """What the contact points depend on."""
         coupling = self.coupling
         return [coupling.normal_rows.data, coupling.tangent_rows.data, coupling.weight, coupling.gap]
+
+
+def _normals_of(tangents: Array) -> Array:
+    """The normals that make frames of tangents in space, shape (n, 3)."""
+    return np.asarray(np.cross(tangents[:, :, 0], tangents[:, :, 1]))
+
+
+def spins_of(pairs: Mapping[int, MovingPair], boundary: ContactBoundary, spin: Array | None) -> Array | None:
+    """The rotations of all contact points since the last step, shape (n, d, d); None: by none that counts.
+
+    Args:
+        pairs: by the numbers of their contacts.
+        boundary: all contact points.
+        spin: of points on shapes; None: by none that counts.
+    """
+    dimension = boundary.x.shape[1]
+    if dimension == 2 or not pairs:
+        return spin
+    rotation = np.tile(np.eye(dimension), (boundary.size, 1, 1)) if spin is None else spin
+    for number, pair in pairs.items():
+        rotation[boundary.part == number] = pair.spin
+    return rotation
 
 
 def joint_stiffness(pairs: Mapping[int, MovingPair], state: ContactState) -> tuple[JointStiffness, ...]:

@@ -85,7 +85,7 @@ class NonlinearContactProblem(ProblemOfForms):
     relative to it; gaps and directions without a shape are those of the undeformed boundary.  Pressures, shears and
     bounds of friction are per area of the undeformed boundary.  Friction depends on the path: ``advance`` ends a step.
 
-    The sides of a ``Pair`` slide on each other: in the plane, with degree 1, its points see the other side at displaced
+    The sides of a ``Pair`` slide on each other, in space with degree 1: its points see the other side at displaced
     places, half-way between the normals of both, and slip along it over any number of facets.
 
     Args:

@@ -1,8 +1,9 @@
-"""Whether two bodies of the plane lie inside each other, or have passed through each other: what contact at the points
-of a pair cannot see.
+"""Whether two bodies lie inside each other, or have passed through each other: what contact at the points of a pair
+cannot see.
 
 The nodes of each side are looked for in the cells of other pieces of the mesh than their own.  In contact they may be
-there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of the nearest facet of the other side.  Two bodies
+there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of the nearest facet of the other side.  In space
+cells of degree 1 are made of tetrahedra, and facets of triangles.  Two bodies
 have passed through each other if they lie inside each other on the straight way between two displacements.
 """
 
@@ -20,11 +21,15 @@ from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.pieces import find_pieces
 from signorini_fx.mechanics.body.shapes_inside import BodyCells, InsideBody
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
+from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE
 
 Array = npt.NDArray[np.float64]
 
-# The nodes of a cell along its outline, by how many it has.
+# Parts of a cell in space, and of a facet, by how many nodes it has.
+_TETRAHEDRA = {4: [[0, 1, 2, 3]], 8: [[0, k, m, 7] for k, m in ((1, 3), (3, 2), (2, 6), (6, 4), (4, 5), (5, 1))]}
+_TRIANGLES = {3: [[0, 1, 2]], 4: [[0, 1, 2], [1, 3, 2]]}
+# The nodes of a cell of the plane along its outline, by how many it has.
 _AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6, 3, 7, 2, 5]}
 
 
@@ -86,13 +91,7 @@ class PairedBodies:
             inner = nodes[within[nodes]]
             if not inner.size:
                 continue
-            nodes_along = surface.nodes[:, np.argsort(surface.functions.places[:, 0])]
-            chords = np.stack((nodes_along[:, :-1], nodes_along[:, 1:]), axis=2).reshape(-1, 2)
-            start, end = at[first + chords].transpose(1, 0, 2)
-            along = end - start
-            size = np.linalg.norm(along, axis=1)
-            share = np.clip(np.einsum("nfk,fk->nf", at[inner, None] - start, along) / size**2, 0.0, 1.0)
-            apart = np.linalg.norm(at[inner, None] - start - share[..., None] * along, axis=2)
+            apart, size = (_from_chords if surface.dimension == 2 else _from_triangles)(surface, at[first:], at[inner])
             nearest = apart.argmin(axis=1)
             depth = apart[np.arange(inner.size), nearest]
             for k in np.flatnonzero(depth > SHAPE_INSIDE * size[nearest]):
@@ -101,21 +100,77 @@ class PairedBodies:
         return deepest
 
     def _within(self, places: Array, at: Array) -> npt.NDArray[np.bool_]:
-        """Which points, shape (m, 2), are in a cell of this rank of another piece than their own."""
+        """Which points, shape (m, d), are in a cell of this rank of another piece than their own."""
         within = np.zeros(len(at), dtype=bool)
         nodes = self.cells.nodes
         if not len(nodes):
             return within
-        corners = places[nodes[:, _AROUND[nodes.shape[1]]]]
+        dim, piece = places.shape[1], self.piece
+        if dim == 2:
+            corners = places[nodes[:, _AROUND[nodes.shape[1]]]]
+        else:
+            parts = np.array(_TETRAHEDRA[nodes.shape[1]])
+            corners, piece = places[nodes[:, parts].reshape(-1, 4)], np.repeat(piece, len(parts))
         middles = corners.mean(axis=1)
         reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
         near = cKDTree(at).query_ball_point(middles, reach)
-        cell = np.repeat(np.arange(len(nodes)), [len(points) for points in near])
+        cell = np.repeat(np.arange(len(corners)), [len(points) for points in near])
         point = np.array([number for points in near for number in points], dtype=np.int64)
-        others = self.piece[cell] != self.of_node[point]
+        others = piece[cell] != self.of_node[point]
         cell, point = cell[others], point[others]
+        if dim == 3:
+            within[point[_in_tetrahedra(corners[cell], at[point])]] = True
+            return within
         edges = np.roll(corners[cell], -1, axis=1) - corners[cell]
         away = at[point, None] - corners[cell]
         turns = edges[..., 0] * away[..., 1] - edges[..., 1] * away[..., 0]
         within[point[(turns >= 0).all(axis=1) | (turns <= 0).all(axis=1)]] = True
         return within
+
+
+def _in_tetrahedra(corners: Array, x: Array) -> npt.NDArray[np.bool_]:
+    """Which points, shape (k, 3), are in their tetrahedra, with corners of shape (k, 4, 3)."""
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    flat = np.linalg.det(edges) == 0.0
+    shares = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), edges), (x - corners[:, 0])[..., None])[..., 0]
+    return np.asarray(~flat & (shares >= 0).all(axis=1) & (shares.sum(axis=1) <= 1))
+
+
+def _from_chords(surface: PairSurface, places: Array, x: Array) -> tuple[Array, Array]:
+    """Distances of points, shape (n, 2), from the chords of a side of the plane, shape (n, f), and their lengths, shape
+    (f,); ``places``: of its nodes.
+    """
+    nodes_along = surface.nodes[:, np.argsort(surface.functions.places[:, 0])]
+    chords = np.stack((nodes_along[:, :-1], nodes_along[:, 1:]), axis=2).reshape(-1, 2)
+    start, end = places[chords].transpose(1, 0, 2)
+    return _from_lines(start, end, x), np.linalg.norm(end - start, axis=1)
+
+
+def _from_lines(start: Array, end: Array, x: Array) -> Array:
+    """Distances of points, shape (n, d), from lines between two ends, shape (f, d) each: shape (n, f)."""
+    along = end - start
+    share = np.clip(np.einsum("nfk,fk->nf", x[:, None] - start, along) / np.sum(along**2, axis=1), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(x[:, None] - start - share[..., None] * along, axis=2))
+
+
+def _from_triangles(surface: PairSurface, places: Array, x: Array) -> tuple[Array, Array]:
+    """Distances of points, shape (n, 3), from the triangles of a side in space, shape (n, f), and their sizes, shape
+    (f,); ``places``: of its nodes.
+    """
+    parts = np.array(_TRIANGLES[surface.nodes.shape[1]])
+    corners = places[surface.nodes[:, parts].reshape(-1, 3)]
+    ends = corners, np.roll(corners, -1, axis=1)
+    apart = np.min([_from_lines(start, end, x) for start, end in zip(*np.swapaxes(ends, 1, 2), strict=True)], axis=0)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(first, second)
+    square = np.sum(normal**2, axis=1)
+    away = x[:, None] - corners[:, 0]
+    shares = np.stack(
+        (
+            np.sum(np.cross(away, second) * normal, axis=2) / square,
+            np.sum(np.cross(first, away) * normal, axis=2) / square,
+        )
+    )
+    over = (shares >= 0).all(axis=0) & (shares.sum(axis=0) <= 1)
+    height = np.abs(np.einsum("nfk,fk->nf", away, normal)) / np.sqrt(square)
+    return np.where(over, height, apart), square**0.25

@@ -1,4 +1,4 @@
-"""The contact points of two sides of the plane that slide on each other: at the displacement of now, see
+"""The contact points of two sides that slide on each other: at the displacement of now, see
 ``pairs.sliding``.
 """
 
@@ -19,7 +19,7 @@ from signorini_fx.mechanics.body.averages import Averages, from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.body.paired_points import FacingSides, PairedSide
-from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, slide
+from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, slide
 from signorini_fx.tuned import PARTNERS_REACH
 
 Array = npt.NDArray[np.float64]
@@ -37,7 +37,7 @@ class SlidingSides:
         points: its nodes that have a point, numbers of the side, shape (n,).
         unable: its nodes that cannot carry one, shape (N,).
         reach: distance beyond which facets are no partners, length.
-        fixed: which components are prescribed at the nodes of both sides, shape (m, 2).
+        fixed: which components are prescribed at the nodes of both sides, shape (m, d).
         facets: of the slave, owned, local numbers.
         index: of the pair among the contacts.
     """
@@ -71,7 +71,7 @@ class SlidingSides:
             reach: distance beyond which facets are no partners, length; None: a default.
             facets: of the slave and of the master, owned, local numbers.
             index: of the pair among the contacts.
-            fixed: which components are prescribed at the owned nodes, shape (owned nodes, 2).
+            fixed: which components are prescribed at the owned nodes, shape (owned nodes, d).
             at_rest: which of them to zero, likewise.
             taken: facets of other contacts, whose nodes carry no points of this one.
             factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
@@ -116,7 +116,7 @@ class SlidingSides:
         return from_owners(owned, self.nodes, self.comm)
 
     def at(self, displacement: Array) -> SlidingCoupling:
-        """The map at a displacement of the nodes of both sides, shape (m, 2).
+        """The map at a displacement of the nodes of both sides, shape (m, d).
 
         Raises:
             PairingError: a facet sees two sheets of the other side.
@@ -133,32 +133,33 @@ class SlidingSides:
 
     @property
     def _across(self) -> Array:
-        """Projectors onto the directions across planes of symmetry at the points, shape (n, 2, 2)."""
+        """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
         planes = self.slave.surface.across
         assert planes is not None
         return np.asarray(planes[self.points])
 
-    def _slides(self, coupling: SlidingCoupling) -> Array:
-        """1, or 0 at points in a plane of symmetry, which do not slide across it, shape (n,)."""
-        tangent = coupling.frames.tangent
-        return np.asarray(1.0 - np.einsum("ni,nij,nj->n", tangent, self._across, tangent))
+    def _sliding(self, coupling: SlidingCoupling) -> Array:
+        """Tangents without what they have across planes of symmetry, as nothing slides there, shape (n, d, d - 1)."""
+        tangents = coupling.frames.tangents
+        return np.asarray(tangents - np.einsum("nij,njk->nik", self._across, tangents))
+
+    def _tangent_rows(self, coupling: SlidingCoupling) -> sp.csr_array:
+        """Those of the coupling for what can slide."""
+        tangents = coupling.frames.tangents
+        return sp.csr_array(along_vectors(tangents) @ along_vectors(self._sliding(coupling)).T @ coupling.tangent_rows)
 
     def boundary(self, coupling: SlidingCoupling) -> ContactBoundary:
         """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
         across it.
         """
-        mine, count = self.mine, self.mine.size
+        mine, count, dim = self.mine, self.mine.size, self.slave.surface.dimension
         across, normal = self._across[mine], coupling.normal[mine]
-        tangent = coupling.frames.tangent[mine]
         moved = sp.csr_array(sp.hstack((coupling.frames.slave, -coupling.frames.master)))[mine]
-        translating = sp.csr_array(sp.kron(moved, sp.eye_array(2)))
-        turning = sp.csr_array(translating.shape)
-        along = sp.diags_array(self._slides(coupling)) @ coupling.tangent_rows
-        for vectors, rows in ((normal, coupling.normal_rows[mine]), (tangent, sp.csr_array(along)[mine])):
-            at = np.arange(2 * count + 1)
-            entries = vectors.ravel(), np.repeat(np.arange(count), 2), at
-            outward = sp.csr_array(entries, shape=(2 * count, count))
-            turning = turning + outward @ (rows - outward.T @ translating)
+        translating = sp.csr_array(sp.kron(moved, sp.eye_array(dim)))
+        rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
+        inward = along_vectors(normal[:, :, None]), along_vectors(self._sliding(coupling)[mine])
+        along = inward[0].T @ coupling.normal_rows[mine] + inward[1].T @ coupling.tangent_rows[rows_of_tangents]
+        turning = along - translating
         x = np.concatenate((self.slave.surface.x, self.master.surface.x))
         averages = Averages(moved, self.nodes, x, self.fixed, sp.csr_array(turning), coupling.centre[mine])
         partnered = coupling.frames.partnered
@@ -166,7 +167,7 @@ class SlidingSides:
         free = averages.any_of(~self.fixed) & counted[mine, None]
         free &= np.einsum("nii->ni", across) < 0.5
         names, bare = self.slave.nodes[self.points[mine]], self.slave.nodes[self.slave.surface.without_area]
-        translation = np.tile(np.eye(2), (len(self.slave.nodes), 1))  # of the slave alone
+        translation = np.tile(np.eye(dim), (len(self.slave.nodes), 1))  # of the slave alone
         pushing = np.asarray(coupling.normal_rows[:, : len(translation)] @ translation)[mine]
         return ContactBoundary(
             comm=self.comm,
@@ -188,35 +189,46 @@ class SlidingSides:
 
         Args:
             coupling: the map at a displacement.
-            displacement: of the nodes of both sides, shape (m, 2).
+            displacement: of the nodes of both sides, shape (m, d).
         """
         gap = np.where(coupling.frames.partnered, coupling.gap, self.reach)
         return np.asarray(gap + coupling.normal_rows @ displacement.ravel())[self.mine]
 
     def slip_origin(self, coupling: SlidingCoupling, begun: Frames, displacement: Array) -> Array:
-        """Where slips of the points of this rank are counted from, for the whole displacement, length, shape (n, 1)."""
-        origin = coupling.tangent_rows @ displacement.ravel() - coupling.slip(begun)
-        return np.asarray(self._slides(coupling) * origin)[self.mine, None]
+        """Where slips of the points of this rank are counted from, for the whole displacement, length, shape (n, d)."""
+        slip = coupling.slip(begun)
+        origin = (coupling.tangent_rows @ displacement.ravel()).reshape(slip.shape) - slip
+        return np.asarray(np.einsum("ndk,nk->nd", self._sliding(coupling), origin))[self.mine]
 
     def at_points(self, values: Array) -> Array:
-        """Values at the points of this rank, shape (n,), at those of all ranks; collective."""
-        owned = np.zeros((self.space.dofmap.index_map.size_local, 1))
-        owned[self.local_points(), 0] = values
-        return from_owners(owned, self.slave.nodes[self.points], self.comm)[:, 0]
+        """Values at the points of this rank, shape (n, ...), at those of all ranks; collective."""
+        columns = values.reshape(len(values), int(np.prod(values.shape[1:])))
+        owned = np.zeros((self.space.dofmap.index_map.size_local, columns.shape[1]))
+        owned[self.local_points()] = columns
+        gathered = from_owners(owned, self.slave.nodes[self.points], self.comm)
+        return gathered.reshape(len(gathered), *values.shape[1:])
 
     def stiffness(self, coupling: SlidingCoupling, pressure: Array, shear: Array, *, near: bool) -> JointStiffness:
-        """What tractions at the points of this rank add to the tangent, see ``SlidingCoupling``; collective."""
-        tractions = self.at_points(pressure), self.at_points(shear)
-        return JointStiffness(self.nodes, coupling.stiffness(*tractions, near=near))
+        """What tractions at the points of this rank add to the tangent, see ``SlidingCoupling``; collective.
+
+        Args:
+            coupling: the map.
+            pressure: stress, shape (n,).
+            shear: as vectors, shape (n, d).
+            near: see ``SlidingCoupling``.
+        """
+        along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
+        return JointStiffness(self.nodes, coupling.stiffness(self.at_points(pressure), along, near=near))
 
     def holding(
         self, coupling: SlidingCoupling, touching: npt.NDArray[np.bool_], sticking: npt.NDArray[np.bool_]
     ) -> JointStiffness:
         """Products of the rows of relative displacements that contact holds at the points of this rank; collective."""
-        total = sp.csr_array((2 * self.nodes.size, 2 * self.nodes.size))
-        along = sp.diags_array(self._slides(coupling)) @ coupling.tangent_rows
-        for rows, flags in ((coupling.normal_rows, touching), (along, sticking)):
-            chosen = sp.csr_array(rows)[np.flatnonzero(self.at_points(flags.astype(np.float64)) > 0)]
+        size = self.slave.surface.dimension * self.nodes.size
+        total = sp.csr_array((size, size))
+        for rows, flags in ((coupling.normal_rows, touching), (self._tangent_rows(coupling), sticking)):
+            of_point = np.repeat(self.at_points(flags.astype(np.float64)) > 0, rows.shape[0] // self.points.size)
+            chosen = sp.csr_array(rows)[np.flatnonzero(of_point)]
             total = total + chosen.T @ chosen
         return JointStiffness(self.nodes, sp.csr_array(total))
 

@@ -2,7 +2,7 @@
 
 Each linear part of a slave facet has a plane through its centroid, across the direction of projection there.  Both
 parts are projected onto it, the polygon that they share is found by clipping, and a fan of triangles around its centre
-carries the quadrature.  Points are mapped back into both facets; weights are areas of the true slave surface.
+carries the quadrature.  Points are mapped back into both facets; weights are areas of the undeformed slave surface.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def space_overlap(
     if directions is not None:
         along, turning = _along(slave, slave_parts, directions)
     slave_numbers, master_numbers = candidates(slave_parts.patches, master_parts.patches, reach, turning)
-    centre, axes = slave_parts.patches.centre[slave_numbers], _axes(along[slave_numbers])
+    centre, axes = slave_parts.patches.centre[slave_numbers], axes_across(along[slave_numbers])
     flat, flat_master = (
         np.einsum("mcd,mkd->mck", corners - centre[:, None], axes)
         for corners in (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers])
@@ -101,7 +101,7 @@ def space_overlap(
     slave_numbers, master_numbers = slave_numbers[pair], master_numbers[pair]
     at, projected = _back(flat[pair], slave_parts.reference[slave_numbers], p)
     over, _ = _back(flat_master[pair], master_parts.reference[master_numbers], p)
-    true = np.linalg.norm(slave.normals(slave_parts.facet[slave_numbers], at), axis=2)
+    true = slave.sizes(slave_parts.facet[slave_numbers], at)
     if max(entry.degree for entry in functions) > 1:
         p = np.einsum(
             "mqd,mkd->mqk", slave.positions(slave_parts.facet[slave_numbers], at) - centre[pair][:, None], axes[pair]
@@ -170,7 +170,7 @@ def _projected(side: PairSurface, facets: Indices, at: Array, p: Array, centre: 
     return at
 
 
-def _axes(normal: Array) -> Array:
+def axes_across(normal: Array) -> Array:
     """Two unit vectors across each normal, shape (m, 2, 3), a right-handed frame with it."""
     least = np.abs(normal).argmin(axis=1)
     first = np.cross(normal, np.eye(3)[least])

@@ -1,4 +1,4 @@
-"""The map of a pair in the plane whose bodies slide and turn: at the deformed sides, with what changes it.
+"""The map of a pair whose bodies slide and turn: at the deformed sides, with what changes it.
 
 A point i of the slave sees the master along directions N that are half-way between the normals of both sides,
 
@@ -13,13 +13,15 @@ with nu the normal of the facet of the master, N^ the direction across N, and dN
 slave.  The rows dgap_i of the map are zero on every joint rigid motion, so that pressures on both sides, their
 transpose, balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals
 of the slave are held: what these change of the gap is of second order where sides touch.  The map of friction is that
-of ``mortar_coupling``, with half of the rotations of both sides.
+of ``mortar_coupling``, with half of the rotations of both sides.  In space xi are two numbers, and all points of a
+facet of the slave have one direction, see ``sliding_space``; here is what the plane has of its own, and what both have.
 
 Slips are chords.  With the functions D, M of the beginning of a step, marked by 0,
 
-    slip_i = t_i . (D0 x_s - M0 x_m) - t0_i . (D0 x0_s - M0 x0_m),
+    slip_i = T_i^T (D0 x_s - M0 x_m) - T0_i^T (D0 x0_s - M0 x0_m),
 
-which no joint motion changes, and which goes over any number of facets.
+which no joint motion changes, and which goes over any number of facets.  In space the first of the tangents T_i is
+along an edge of the slave at the node of the point, so that they turn with it about the normal, too.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ from mpi4py import MPI
 from signorini_fx.mechanics.pairs.dual_functions import carried, dual_coefficients
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, sparse_sums, turning_of
 from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, first_neighbours, turned_normals
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import NO_PART
 
@@ -48,14 +51,14 @@ class Frames:
     Attributes:
         slave: D, sparse, shape (n, nodes of the slave).
         master: M, sparse, shape (n, nodes of the master).
-        tangent: t_i, of length one, shape (n, 2).
-        way: t_i . (D x_s - M x_m), length, shape (n,).
+        tangents: T_i, orthonormal, one per column, shape (n, d, d - 1).
+        way: T_i^T (D x_s - M x_m), length, shape (n, d - 1).
         partnered: whether the point sees the other side, shape (n,).
     """
 
     slave: sp.csr_array
     master: sp.csr_array
-    tangent: Array
+    tangents: Array
     way: Array
     partnered: npt.NDArray[np.bool_]
 
@@ -70,14 +73,14 @@ class SlidingCoupling:
         slave, master: both sides as they are deformed.
         nodes: of the slave, shape (n,).
         weight: w_i, undeformed area, shape (n,).
-        normal: n_i, from the slave to the master, of length one, shape (n, 2).
+        normal: n_i, from the slave to the master, of length one, shape (n, d).
         gap: length, shape (n,); infinite without a partner.
         frames: of the points.
         covered: share of the area of each node that sees the master, shape (n,).
         normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
-            (n, 2 m).
-        tangent_rows: the relative displacement along t_i, likewise.
-        centre: where forces act, length, shape (n, 2).
+            (n, d m).
+        tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
+        centre: where forces act, length, shape (n, d).
         pieces: what the second derivatives of the gap are made of; None: no point has a partner.
     """
 
@@ -92,14 +95,13 @@ class SlidingCoupling:
     normal_rows: sp.csr_array
     tangent_rows: sp.csr_array
     centre: Array
-    pieces: _Pieces | None = field(repr=False)
+    pieces: _Pieces | _TurningPieces | None = field(repr=False)
 
     def slip(self, begun: Frames) -> Array:
-        """How far the points have slid since a step has begun, length, shape (n,); of a point that had no partner then
-        with the functions that it has now, see ``started``.
+        """How far the points have slid since a step has begun, along T_i, length, shape (n, d - 1); of a point that had
+        no partner then with the functions that it has now, see ``started``.
         """
-        way = np.einsum("nk,nk->n", self.frames.tangent, begun.slave @ self.slave.x - begun.master @ self.master.x)
-        return np.asarray(way - begun.way)
+        return _way(self.frames.tangents, begun.slave @ self.slave.x - begun.master @ self.master.x) - begun.way
 
     def started(self, begun: Frames, slave: Array, master: Array) -> Frames:
         """The frames at the beginning of a step, and for points that had no partner then, those of now there.
@@ -113,40 +115,41 @@ class SlidingCoupling:
         new = sp.diags_array((~begun.partnered).astype(np.float64))
         sharing = sp.csr_array(old @ begun.slave + new @ self.frames.slave)
         opposite = sp.csr_array(old @ begun.master + new @ self.frames.master)
-        way = np.einsum("nk,nk->n", self.frames.tangent, sharing @ slave - opposite @ master)
+        met = begun.partnered[:, None]
         return Frames(
             sharing,
             opposite,
-            np.where(begun.partnered[:, None], begun.tangent, self.frames.tangent),
-            np.where(begun.partnered, begun.way, way),
+            np.where(met[..., None], begun.tangents, self.frames.tangents),
+            np.where(met, begun.way, _way(self.frames.tangents, sharing @ slave - opposite @ master)),
             begun.partnered | self.frames.partnered,
         )
 
     def slides(self, displacement: Array) -> float:
-        """How far a displacement of the nodes of both sides, shape (m, 2), moves points along the other side, in facets
+        """How far a displacement of the nodes of both sides, shape (m, d), moves points along the other side, in facets
         of that.
         """
-        partnered = self.frames.partnered
-        far = np.abs(self.tangent_rows @ displacement.ravel())[partnered].max(initial=0.0)
+        along = (self.tangent_rows @ displacement.ravel()).reshape(self.nodes.size, -1)
+        far = np.linalg.norm(along, axis=1)[self.frames.partnered].max(initial=0.0)
         ends = self.master.x[self.master.nodes]
         return float(far / np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
 
     def stiffness(self, pressure: Array, shear: Array, *, near: bool) -> sp.csr_array:
         """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
-        symmetric, sparse, shape (2 m, 2 m).
+        symmetric, sparse, shape (d m, d m).
 
         The stiffness of pressures is the second derivative of the gaps.  Shears turn with the normals, which is made
         symmetric by its transpose: that acts along the normals alone, where sides in contact do not move.
 
         Args:
             pressure: lambda of the points, stress, shape (n,).
-            shear: mu along t_i, likewise.
+            shear: mu along T_i, shape (n, d - 1).
             near: whether points hardly slide any more: then the normals of the master turn at its vertices, where
                 points see these, else evenly along its facets.
         """
         if self.pieces is None:
             return sp.csr_array(self.normal_rows.shape[1:] * 2)
-        return self.pieces.stiffness(self.weight * pressure, self.weight * shear, self.normal_rows, near=near)
+        shearing = (self.weight[:, None] * shear).ravel()
+        return self.pieces.stiffness(self.weight * pressure, shearing, self.normal_rows, near=near)
 
 
 @dataclass(frozen=True)
@@ -180,7 +183,7 @@ class _Pieces:
     curved: Array
 
     def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array, *, near: bool) -> sp.csr_array:
-        """See ``SlidingCoupling.stiffness``, with forces at the points, shape (n,)."""
+        """See ``SlidingCoupling.stiffness``, with forces at the points, shape (n,) each."""
         forces = sp.diags_array(self.shares.T @ pressing)
         bends = self.along.T @ forces @ self.shift - self.change.T @ forces @ self.turn
         turns = self.turning.T @ sp.diags_array(shearing) @ normal_rows
@@ -194,10 +197,48 @@ class _Pieces:
         return sp.csr_array(half + half.T + corners)
 
 
+@dataclass(frozen=True)
+class _TurningPieces:
+    """Of a pair in space.
+
+    Attributes:
+        pieces: what pressures are made of.
+        sides: slave and master.
+        overlap: of both.
+        points: D, M and T_i.
+    """
+
+    pieces: SpacePieces
+    sides: tuple[PairSurface, PairSurface]
+    overlap: Overlap
+    points: tuple[sp.csr_array, sp.csr_array, Array]
+
+    def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array, *, near: bool) -> sp.csr_array:
+        """See ``SlidingCoupling.stiffness``, with forces at the points, shapes (n,) and (2 n,)."""
+        pressed = self.pieces.stiffness(pressing, near=near)
+        if not shearing.any():
+            return pressed
+        both = sp.kron(sp.eye_array(pressing.size), np.ones((2, 1)))
+        turns = self._turning.T @ sp.diags_array(shearing) @ both @ normal_rows
+        return sp.csr_array(pressed - turns - turns.T)
+
+    @property
+    def _turning(self) -> sp.csr_array:
+        """What displacements of both sides turn n_i along T_i, sparse, shape (2 n, 3 m)."""
+        (slave, master), (sharing, opposite, tangents) = self.sides, self.points
+        size = np.linalg.norm(sharing @ slave.directions - opposite @ master.directions, axis=1)
+        parts = [
+            sp.kron(matrix, sp.eye_array(3)) @ turned_normals(side)
+            for matrix, side in zip((sharing, -opposite), self.sides, strict=True)
+        ]
+        passing = self.pieces.passing(master.directions[master.nodes[self.overlap.master]])
+        return sp.csr_array(along_vectors(tangents / size[:, None, None]) @ (sp.hstack(parts) - passing))
+
+
 def slide(
     slave: PairSurface, master: PairSurface, points: Indices, unable: npt.NDArray[np.bool_], reach: float
 ) -> SlidingCoupling:
-    """The map of two deformed sides in the plane.
+    """The map of two deformed sides, in space of degree 1.
 
     Args:
         slave: the side with the points, see ``PairSurface.displaced``.
@@ -216,7 +257,8 @@ def slide(
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
-    count, sizes = points.size, (len(slave.x), len(master.x))
+    count, sizes, dim = points.size, (len(slave.x), len(master.x)), slave.dimension
+    identity = sp.eye_array(dim)
     placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(count, at.size)))
     lonely = np.flatnonzero(~partnered)
     itself = sp.csr_array(sp.coo_array((np.ones(lonely.size), (lonely, points[lonely])), shape=(count, sizes[0])))
@@ -228,22 +270,28 @@ def slide(
     sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
     normals, distance = _directed(slave, master, sharing, opposite), opposite @ master.x - sharing @ slave.x
     distance[lonely] = 0.0
-    tangents = np.column_stack((-normals[:, 1], normals[:, 0]))
+    tangents = tangents_of_points(slave, points, normals)
     turnings = [
-        sp.kron(placing, sp.eye_array(2)) @ turning_of(sp.csr_array(shares @ arm), side.x, 0.5 * distance[at])
+        sp.kron(placing, identity) @ turning_of(sp.csr_array(shares @ arm), side.x, 0.5 * distance[at])
         for arm, side in zip(arms, (slave, master), strict=True)
     ]
     relative = sp.csr_array(
-        sp.hstack((sp.kron(sharing, sp.eye_array(2)) + turnings[0], sp.kron(-opposite, sp.eye_array(2)) + turnings[1]))
+        sp.hstack((sp.kron(sharing, identity) + turnings[0], sp.kron(-opposite, identity) + turnings[1]))
     )
-    normal_rows, tangent_rows = (_along(vectors) @ relative for vectors in (normals, tangents))
-    gap, pieces = np.full(count, np.inf), None
+    normal_rows, tangent_rows = (along_vectors(vectors) @ relative for vectors in (normals[:, :, None], tangents))
+    gap = np.full(count, np.inf)
+    pieces: _Pieces | _TurningPieces | None = None
     if at.size:
-        pieces, distance_along = _pieces(slave, master, tested, directions, (mean, sharing, opposite, normals))
-        gap[at] = (pieces.shares @ distance_along)[at]
-        keep = sp.diags_array((~partnered).astype(np.float64))
-        normal_rows = keep @ normal_rows - pieces.shares @ pieces.change
-    way = np.einsum("nk,nk->n", tangents, sharing @ slave.x - opposite @ master.x)
+        if dim == 2:
+            pieces, distance_along = _pieces(slave, master, tested, directions, (mean, sharing, opposite, normals))
+            gaps, change = pieces.shares @ distance_along, pieces.shares @ pieces.change
+        else:
+            in_space = SpacePieces.of(slave, master, tested, directions, mean)
+            pieces = _TurningPieces(in_space, (slave, master), tested.overlap, (sharing, opposite, tangents))
+            gaps, change = in_space.gap, in_space.rows
+        gap[at] = gaps[at]
+        normal_rows = sp.diags_array((~partnered).astype(np.float64)) @ normal_rows - change
+    way = _way(tangents, sharing @ slave.x - opposite @ master.x)
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
     rows = sp.csr_array(normal_rows), sp.csr_array(tangent_rows)
@@ -272,15 +320,34 @@ def _integrals(
 
 
 def _directed(slave: PairSurface, master: PairSurface, sharing: sp.csr_array, opposite: sp.csr_array) -> Array:
-    """Mean normals of both sides at the points, of length one, shape (n, 2)."""
+    """Mean normals of both sides at the points, of length one, shape (n, d)."""
     normals = sharing @ slave.directions - opposite @ master.directions
     return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
-def _along(vectors: Array) -> sp.csr_array:
-    """The matrix that multiplies vectors at points, shape (n, 2), with these."""
-    count = len(vectors)
-    return sp.csr_array((vectors.ravel(), np.arange(2 * count), 2 * np.arange(count + 1)), shape=(count, 2 * count))
+def along_vectors(vectors: Array) -> sp.csr_array:
+    """The matrix that multiplies vectors at points with k others, one per column, shape (n, d, k): sparse, shape
+    (n k, n d).
+    """
+    count, dim, columns = vectors.shape
+    numbers = np.arange(count + 1)
+    shape = (count * columns, count * dim)
+    return sp.csr_array(sp.bsr_array((vectors.transpose(0, 2, 1), numbers[:-1], numbers), shape=shape))
+
+
+def _way(tangents: Array, vectors: Array) -> Array:
+    """The components of vectors, shape (n, d), along tangents, shape (n, d - 1)."""
+    return np.asarray(np.einsum("ndk,nd->nk", tangents, vectors))
+
+
+def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:
+    """T_i of points at some nodes, shape (n, d, d - 1): in space the first one is along an edge of the slave."""
+    if slave.dimension == 2:
+        return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]
+    along = slave.x[first_neighbours(slave)[points]] - slave.x[points]
+    first = along - np.einsum("nd,nd->n", along, normals)[:, None] * normals
+    first = first / np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack((first, np.cross(normals, first)), axis=2)
 
 
 def _turned(side: PairSurface) -> sp.csr_array:

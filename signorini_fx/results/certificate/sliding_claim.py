@@ -168,9 +168,9 @@ class Rays:
 
     Attributes:
         facet: of the slave, shape (r,).
-        at: place on it, in [0, 1], shape (r,).
+        at: place on it, in [0, 1], shape (r,), in space (r, 2).
         over: the facet of the master, shape (r,).
-        place: on that, in [0, 1], shape (r,).
+        place: on that, likewise.
         distance: along the ray, length, shape (r,).
         area: undeformed, times the measure of the slave, shape (r,).
     """
@@ -274,18 +274,18 @@ def _rays(slave: Chain, x: Array, ways: Array, master: Chain, y: Array, reach: f
 
 
 @dataclass(frozen=True)
-class _Seen:
+class SeenSides:
     """What points see at one displacement.
 
     Attributes:
         x, y: positions of the nodes of slave and master.
-        ways: directions of the rays at the nodes of the slave, shape (N, 2).
+        ways: directions of the rays at the nodes of the slave, shape (N, d).
         rays: see ``Rays``.
-        functions: of the points at the rays times their areas, shape (n, r).
+        functions: of the points at the rays times their areas, an array or scipy sparse, shape (n, r).
         weight: area, shape (n,).
         sharing: D, shape (n, N).
         opposite: M, shape (n, M).
-        normal: of the points, shape (n, 2).
+        normal: of the points, shape (n, d).
         partnered: which points see the other side, shape (n,).
         gap: length, shape (n,).
     """
@@ -294,7 +294,7 @@ class _Seen:
     y: Array
     ways: Array
     rays: Rays
-    functions: Array
+    functions: Any
     weight: Array
     sharing: Array
     opposite: Array
@@ -353,12 +353,12 @@ class SlidingClaim:
         return np.asarray(self.chains[0].nodes[self.carriers[self._mine]] - self.space.dofmap.index_map.local_range[0])
 
     @cached_property
-    def present(self) -> _Seen:
+    def present(self) -> SeenSides:
         """What the points see at the displacement of now."""
         return self._seen(self.ends[0])
 
     @cached_property
-    def _begun(self) -> _Seen:
+    def _begun(self) -> SeenSides:
         return self._seen(self.ends[1])
 
     @property
@@ -482,7 +482,7 @@ class SlidingClaim:
 
     # --- at one displacement ---
 
-    def _seen(self, values: Array) -> _Seen:
+    def _seen(self, values: Array) -> SeenSides:
         (slave, master), surface = self.chains, self.surface
         count = slave.nodes.size
         x, y = slave.x + values[:count], master.x + values[count:]
@@ -522,7 +522,7 @@ class SlidingClaim:
         normal = sharing @ own_normals - opposite @ other_normals
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         gap = np.where(partnered, mean @ rays.distance, self.reach)
-        return _Seen(x, y, ways, rays, functions, weight, sharing, opposite, normal, partnered, gap)
+        return SeenSides(x, y, ways, rays, functions, weight, sharing, opposite, normal, partnered, gap)
 
     def _functions(self, rays: Rays) -> Array:
         """The dual functions of the nodes of the slave at rays times their areas, shape (N, r)."""
