@@ -85,7 +85,7 @@ class SlidingBodies:
                 for value, axis, end in zip((still, self.driven, *[still] * (dim - 1)), axes, listed, strict=True)
             ]
         if half:
-            middle = fem.locate_dofs_topological(space.sub(0), 1, facets(mesh, lambda x: np.isclose(x[0], 0.0)))
+            middle = fem.locate_dofs_topological(space.sub(0), dim - 1, facets(mesh, lambda x: np.isclose(x[0], 0.0)))
             self.bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), middle, space.sub(0)))
         options = {"measure": around} if revolved else {}
         options |= {key: settings.pop(key) for key in OF_PAIR if key in settings} | settings.pop("pair", {})
@@ -271,6 +271,27 @@ def stacked(kind="hexahedron", lower=(4, 3, 2), upper=(3, 4, 2), width=1.0, **se
     return SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], **settings)
 
 
+def bulge(kind="hexahedron", height=2e-4, lower=(8, 8, 4), upper=(6, 5, 3), **settings):
+    """The unit cube with a paraboloid of this height below, driven at its top, on a block of the width 2: contact grows
+    from the middle.
+    """
+
+    def away(x):
+        return (2 * x[0] - 1) ** 2 + (2 * x[1] - 1) ** 2
+
+    def bent(x):
+        return np.column_stack((x[:, :2], x[:, 2] + height * (1 - x[:, 2]) * away(x.T)))
+
+    bodies = (
+        grid(kind, lower, [-0.5, -0.5, -1.0], [1.5, 1.5, 0.0]),
+        grid(kind, upper, [0.0, 0.0, 0.0], [1.0, 1.0, 1.0], bent),
+    )
+    level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -1.0, 1.0)]
+    return SlidingBodies(
+        kind, bodies, [level[0], lambda x: np.isclose(x[2], height * away(x), atol=1e-12)], level[1:], **settings
+    )
+
+
 def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, gap=0.0, **settings):
     """A block [0, 2] x [0, 1.4] x [0, 0.6], and above its part around (0.6, 0.7) a square of the side 1 with a
     paraboloid of this height at its corners below, driven at its top.
@@ -291,3 +312,24 @@ def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, gap
     touching = [lambda x: np.isclose(x[2], 0.3), below]
     held = [lambda x: np.isclose(x[2], -0.3), lambda x: np.isclose(x[2], 0.7 + gap)]
     return SlidingBodies(kind, bodies, touching, held, **settings)
+
+
+def rounded(kind="hexahedron", height=0.2, half=False, **settings):
+    """A block of the width 2 below z = 0, and a smaller one with a paraboloid below, both around (0, 0), driven at its
+    top; ``half``: where x > 0 alone.
+    """
+
+    def away(x):
+        return x[0] ** 2 + x[1] ** 2
+
+    def bent(x):
+        return np.column_stack((x[:, :2], x[:, 2] + height * (0.5 - x[:, 2]) * 2 * away(x.T)))
+
+    parts = 1 if half else 2
+    bodies = (
+        grid(kind, (4 * parts, 7, 2), [-parts + 1.0, -1.0, -0.6], [1.0, 1.0, 0.0]),
+        grid(kind, (2 * parts, 5, 1), [0.6 - 0.6 * parts, -0.6, 0.0], [0.6, 0.6, 0.5], bent),
+    )
+    touching = [lambda x: np.isclose(x[2], 0.0), lambda x: np.isclose(x[2], height * away(x), atol=1e-12)]
+    held = [lambda x: np.isclose(x[2], -0.6), lambda x: np.isclose(x[2], 0.5)]
+    return SlidingBodies(kind, bodies, touching, held, half=half, **settings)

@@ -37,7 +37,7 @@ Numbers = npt.NDArray[np.int64]
 _STEP = 1e-30
 # Points along each side of a square, from which those of a triangle are made: on triangles products of two linear
 # functions are integrated, on quadrilaterals what is rational.
-_POINTS = {3: 3, 4: 7}
+_POINTS = {3: 3, 4: 5}
 
 
 def _unit(vectors: Any) -> Any:
@@ -387,7 +387,7 @@ class SpaceSlidingClaim(SlidingClaim):
         )
         lonely = np.flatnonzero(~partnered)
         sharing[lonely, self.carriers[lonely]] = 1.0
-        normal = _unit(sharing @ own_normals - opposite @ other_normals)
+        normal = side.in_planes(sharing @ own_normals - opposite @ other_normals, self.carriers)
         gap = np.where(partnered, mean @ rays.distance, self.reach)
         return SeenSides(x, y, ways, rays, functions, weight, sharing, opposite, normal, partnered, gap)
 

@@ -1,0 +1,301 @@
+"""Two nonlinear bodies in space that slide on each other: closed forms, invariances, limits, and the certificate."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_bodies import stress_of_block
+from support.sliding_bodies import (
+    SlidingBodies,
+    as_linear_bodies,
+    bulge,
+    grid,
+    out_of_balance,
+    pillow,
+    rounded,
+    stacked,
+)
+
+from signorini_fx import ConvergenceError, Coulomb, Status
+from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.mechanics.pairs import sliding
+from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.results.certificate.promised_law import Law, Tractions
+
+COARSE = {"kind": "tetrahedron", "lower": (8, 6, 1), "upper": (4, 4, 1), "ratio": 10.0}
+PRESSED = ((0, 0, -0.05), (0, 0, -0.1))
+
+
+def slid(scene, ways):
+    """The forces of a scene after each of some ways."""
+    forces = np.array([scene.move(*way) for way in ways])
+    assert scene.problem.certificate.holds
+    return forces
+
+
+@pytest.mark.parametrize(
+    ("kind", "slave"),
+    [
+        ("hexahedron", 0),
+        ("tetrahedron", 1),
+        pytest.param("hexahedron", 1, marks=pytest.mark.slow),
+        pytest.param("tetrahedron", 0, marks=pytest.mark.slow),
+    ],
+)
+def test_patch(kind, slave):
+    """Two blocks whose meshes do not match, compressed by two fifths between smooth plates: uniform, in closed form."""
+    scene = stacked(kind, slave=slave, smooth=lambda x: np.isclose(x[0], 0.0))
+    for depth in (0.1, 0.4):
+        scene.move(0.0, 0.0, -2 * depth)
+        state = scene.problem.state
+        (pair,) = scene.problem.linear.pairs.values()
+        into = -pair.coupling.gap
+        # The regularised law lets both bodies overlap by a pressure over gamma.
+        assert into == pytest.approx(into[0], rel=1e-6)
+        assert 0 < into[0] < 1e-4
+        assert state.pressure == pytest.approx(-stress_of_block(1 - depth + into[0] / 2, 2), rel=1e-9)
+        x = scene.u.function_space.tabulate_dof_coordinates()
+        moved = scene.u.x.array.reshape(-1, 3)[:, :2]
+        widened = moved[x[:, :2].sum(axis=1).argmax(), 0]
+        assert moved == pytest.approx(widened * x[:, :2], abs=1e-9)
+        assert scene.problem.iterations <= 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
+def test_frames_do_not_matter(kind):
+    """A punch that is pressed and slides, and the same turned as a whole: equal forces; friction is F times them, along
+    what slides, and forces and moments of both bodies balance.
+    """
+    ways = (*PRESSED, (0.15, 0.05, -0.1))
+    law = {**COARSE, "kind": kind, "friction": Coulomb(0.3), "algorithm": "alm"}
+    scenes = [pillow(angle=angle, **law) for angle in (0.0, 0.7)]
+    first, second = (slid(scene, ways) for scene in scenes)
+    assert second == pytest.approx(first, abs=1e-9 * np.abs(first).max())
+    assert first[-1, :2] @ [3.0, 1.0] > 0.2 * abs(first[-1, 2])
+    for scene in scenes:
+        assert max(scene.iterations) <= 8
+        state = scene.problem.state
+        closed = state.in_contact
+        assert np.count_nonzero(closed) > 2
+        shear = np.linalg.norm(state.shear, axis=1)
+        assert shear[closed] == pytest.approx(0.3 * state.pressure[closed], rel=1e-6)
+        force, moment = out_of_balance(scene)
+        assert force < 1e-13
+        assert moment < 1e-13
+
+
+@pytest.mark.slow
+def test_a_block_turns_with_all_that_is_below():
+    """Stuck by friction both turn by a right angle in two steps: no traction changes but by the rotation."""
+    scene = stacked(lower=(3, 2, 1), upper=(2, 3, 1), friction=Coulomb(0.9), algorithm="alm")
+    x = [scene.u.function_space.tabulate_dof_coordinates()[nodes] for nodes in scene.nodes]
+    held, driven = (fem.Function(scene.u.function_space) for _ in range(2))
+    for bc, values in zip(range(2), (held, driven), strict=True):
+        scene.problem.bcs[bc] = fem.dirichletbc(values, scene.nodes[bc])
+    normal = []
+    for angle in (0.0, 0.25 * np.pi, 0.5 * np.pi):
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+        for values, nodes, places, depth in zip((held, driven), scene.nodes, x, (0.0, -0.1), strict=True):
+            values.x.array.reshape(-1, 3)[nodes] = places @ turn.T - places + [0.0, 0.0, depth]
+        scene.problem.solve()
+        scene.problem.advance()
+        state = scene.problem.state
+        shear = np.einsum("nik,nk->ni", state.boundary.tangents, state.shear) @ turn
+        normal.append((state.pressure.copy(), shear))
+    for pressure, shear in normal[1:]:
+        assert pressure == pytest.approx(normal[0][0], rel=1e-6)
+        assert shear == pytest.approx(normal[0][1], abs=1e-6 * normal[0][0].max())
+
+
+@pytest.mark.parametrize("kind", ["tetrahedron", pytest.param("hexahedron", marks=pytest.mark.slow)])
+def test_a_block_over_a_larger_one(kind):
+    """A soft block by three facets of a stiff one in two steps, of at most eight iterations each: the force is F N
+    along the way, to one per cent, as the stiff one gives way a little, and both bodies balance.
+    """
+    law = {"friction": Coulomb(0.3), "ratio": 0.01, "slave": 1}
+    scene = stacked(kind, lower=(8, 4, 1), upper=(3, 3, 1), width=2.0, **law)
+    forces = slid(scene, [(-0.1, 0.0, -0.05), (0.3, 0.2, -0.05), (0.5, 0.3, -0.05)])
+    assert max(scene.iterations) <= 8
+    assert np.linalg.norm(forces[-1, :2]) == pytest.approx(0.3 * abs(forces[-1, 2]), rel=0.01)
+    assert -forces[-1, :2] @ [2.0, 1.0] == pytest.approx(np.sqrt(5.0) * np.linalg.norm(forces[-1, :2]), rel=0.01)
+    assert max(out_of_balance(scene)) < 1e-13
+
+
+@pytest.mark.slow
+def test_what_sticks():
+    """Driven along by less than friction holds: no point slides, and meshes that match or not give the same force."""
+    forces = []
+    for upper in ((3, 4, 2), (4, 4, 2)):
+        scene = stacked(lower=(4, 4, 2), upper=upper, friction=Coulomb(0.9), algorithm="alm")
+        forces.append(slid(scene, [(0.0, 0.0, -0.1), (0.02, 0.01, -0.1)])[-1])
+        state = scene.problem.state
+        assert (np.linalg.norm(state.shear, axis=1) < 0.9 * state.pressure).all()
+    assert np.linalg.norm(forces[0][:2]) > 0.02 * abs(forces[0][2])
+    assert forces[0] == pytest.approx(forces[1], abs=0.02 * np.abs(forces[1]).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
+@pytest.mark.parametrize("slave", [0, 1])
+def test_linear_limit(kind, slave):
+    """At small loads pairs of linear bodies, on the same mesh: displacements of 1e-4 of the size leave a difference
+    of some strains.
+    """
+    scene = bulge(kind, friction=Coulomb(0.3), slave=slave, algorithm="alm")
+    force = scene.move(2e-5, 1e-5, -1e-4)
+    linear = as_linear_bodies(scene)
+    expected = sum(linear.state.forces)
+    assert 0 < np.count_nonzero(linear.state.in_contact) < linear.state.in_contact.size
+    assert force == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
+    far = np.abs(linear.u.x.array).max()
+    assert scene.u.x.array == pytest.approx(linear.u.x.array, abs=2e-3 * far)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slave", [0, 1])
+def test_half_of_a_scene(slave):
+    """What is the same on both sides of a plane has half of the force on one of them, pressed and drawn along it."""
+    ways, forces = ((0.0, 0.0, -0.05), (0.0, 0.1, -0.05)), []
+    for half in (False, True):
+        law = {"half": half, "friction": Coulomb(0.3), "algorithm": "alm", "slave": slave, "ratio": 3.0}
+        forces.append(slid(rounded(**law), ways))
+    largest = np.abs(forces[0]).max()
+    assert forces[0][:, 0] == pytest.approx(0.0, abs=1e-5 * largest)
+    assert np.abs(forces[0][1, 1]) > 0.2 * largest
+    assert 2 * forces[1][:, 1:] == pytest.approx(forces[0][:, 1:], abs=1e-4 * largest)
+
+
+@pytest.mark.mpi
+def test_on_ranks():
+    """The same on any number of ranks, with stick and slip."""
+    forces = [
+        slid(pillow(friction=Coulomb(0.3), comm=comm, **COARSE), ((0, 0, -0.1), (0.1, 0.05, -0.1)))
+        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
+    ]
+    assert np.abs(forces[0][-1]).min() > 0.01 * np.abs(forces[0][-1]).max()
+    assert forces[0] == pytest.approx(forces[1], abs=1e-7 * np.abs(forces[1]).max())
+
+
+def test_the_certificate_sees_what_is_wrong():
+    """Pressures, shears, displacements and the beginning of the step that are not those of the solution."""
+    scene = pillow(friction=Coulomb(0.3), **COARSE)
+    slid(scene, PRESSED)
+    scene.drive.value[:] = (0.03, 0.02, -0.1)
+    scene.problem.solve()
+    problem, u = scene.problem, scene.u
+    form = fem.form(scene.form)
+
+    def judged(changed=lambda tractions: tractions, before=lambda step: step, law=lambda law: law):
+        linear = problem.linear
+        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear, problem.contact, {})
+        promised = law(Law(*linear.task.promised(linear.outcome)))
+        tractions = changed(Tractions.of(problem.state))
+        return certified(u, mechanics, {}, tractions, promised, before(linear.previous_step))
+
+    assert judged().holds
+
+    def larger(tractions):
+        pressure = tractions.pressure.copy()
+        pressure[pressure.argmax()] *= 1.0001
+        return replace(tractions, pressure=pressure)
+
+    assert judged(larger).equilibrium > 1e-5
+    assert not judged(lambda tractions: replace(tractions, shear=-tractions.shear)).holds
+    assert not judged(lambda tractions: replace(tractions, shear=0.0 * tractions.shear)).holds
+    values = u.x.array.copy()
+    nodes = fem.locate_dofs_topological(u.function_space, 2, scene.sides[1])
+    u.x.array.reshape(-1, 3)[nodes] += [0.0, 0.0, -1e-4]
+    assert judged().entered > 1e-5
+    u.x.array.reshape(-1, 3)[nodes] += [0.0, 0.0, 2e-4]
+    assert judged().pressure_at_distance > 1e-5
+    u.x.array[:] = values
+    assert judged().holds
+
+    def elsewhere(step):
+        displacement = step.displacement.copy()
+        displacement.x.array.reshape(-1, 3)[nodes] += [0.1, 0.0, 0.0]
+        return replace(step, displacement=displacement)
+
+    assert not judged(before=elsewhere).holds
+
+
+def normals_of_one_side(monkeypatch):
+    """Tangents are those of the slave alone."""
+    monkeypatch.setattr(sliding, "_directed", lambda slave, master, sharing, opposite: sharing @ slave.directions)
+
+
+def directions_of_one_side(monkeypatch):
+    """Points see the other side along the normals of their own."""
+    normals = "signorini_fx.mechanics.pairs.mortar_coupling._mean_normals"
+    monkeypatch.setattr(normals, lambda slave, *others: slave.nodal_normals)
+
+
+def hats(monkeypatch):
+    """Pressures have the functions of the displacement, not their duals."""
+    duals = "signorini_fx.mechanics.pairs.mortar_coupling.dual_coefficients"
+    monkeypatch.setattr(duals, lambda side, overlap: np.tile(np.eye(3), (len(side.nodes), 1, 1)))
+
+
+def deformed_areas(monkeypatch):
+    """Tractions are per area of the deformed side."""
+    monkeypatch.setattr(PairSurface, "sizes", lambda self, *at: np.linalg.norm(self.normals(*at), axis=2))
+
+
+def directions_that_do_not_turn(monkeypatch):
+    """Moments of both bodies do not balance where both are apart."""
+    turned = sliding.SpacePieces.of.__func__
+
+    def of(cls, *arguments):
+        pieces = turned(cls, *arguments)
+        share = pieces.share.copy()
+        share[..., -1] = 0.0
+        return replace(pieces, share=share)
+
+    monkeypatch.setattr(sliding.SpacePieces, "of", classmethod(of))
+
+
+def slips_from_elsewhere(monkeypatch):
+    """A thousandth is added to all slips."""
+    slip = sliding.SlidingCoupling.slip
+    monkeypatch.setattr(sliding.SlidingCoupling, "slip", lambda self, begun: slip(self, begun) + 1e-3)
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        directions_of_one_side,
+        *(
+            pytest.param(way, marks=pytest.mark.slow)
+            for way in (hats, normals_of_one_side, deformed_areas, directions_that_do_not_turn, slips_from_elsewhere)
+        ),
+    ],
+)
+def test_the_certificate_sees_a_wrong_map(monkeypatch, spoil):
+    """Normals, functions, areas, moments and slips of the solver that are not those of the sides."""
+    spoil(monkeypatch)
+    scene = pillow(friction=Coulomb(0.3), **COARSE)
+    with pytest.raises(ConvergenceError) as raised:
+        slid(scene, ((0.02, 0.0, -0.1), (0.1, 0.05, -0.1)))
+    assert scene.problem.status is Status.NOT_CERTIFIED, str(raised.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
+def test_bodies_inside_each_other(kind):
+    """A small body that one step drives through a larger one; and the end of a side."""
+    plate, bar = ((6, 6, 2), [0.0, 0.0, 0.0], [1.0, 1.0, 0.4]), ((1, 1, 1), [0.4, 0.4, 0.45], [0.6, 0.6, 0.6])
+    small = grid(kind, *plate), grid(kind, *bar)
+    touching = [lambda x: np.isclose(x[2], 0.4), lambda x: np.isclose(x[2], 0.45)]
+    held = [lambda x: np.isclose(x[2], 0.0), lambda x: np.isclose(x[2], 0.6)]
+    scene = SlidingBodies(kind, small, touching, held, ratio=10.0, reach=0.04)
+    with pytest.raises(ConvergenceError, match=r"bodies inside each other \(contact\[0\]: "):
+        scene.move(0.0, 0.0, -0.2)
+    assert scene.problem.status is Status.PASSED
+    scene = stacked(kind, lower=(6, 3, 1), upper=(3, 2, 1), width=2.0, slave=1)
+    slid(scene, [(0.0, 0.0, -0.05)])
+    with pytest.raises(ConvergenceError, match=r"contact reaches the end of the other side \(contact\[0\], at"):
+        slid(scene, [(0.3, 0.0, -0.05), (0.6, 0.0, -0.05), (0.9, 0.0, -0.05)])
+    assert scene.problem.status is Status.AT_END
