@@ -20,8 +20,8 @@ Slips are chords.  With the functions D, M of the beginning of a step, marked by
 
     slip_i = T_i^T (D0 x_s - M0 x_m) - T0_i^T (D0 x0_s - M0 x0_m),
 
-which no joint motion changes, and which goes over any number of facets.  In space the first of the tangents T_i is
-along an edge of the slave at the node of the point, so that they turn with it about the normal, too.
+which no joint motion changes, and which goes over any number of facets.  In space the tangents T_i
+turn with the facets of the slave around the node of the point, about the normal, too.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from mpi4py import MPI
 from signorini_fx.mechanics.pairs.dual_functions import carried, dual_coefficients
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, sparse_sums, turning_of
 from signorini_fx.mechanics.pairs.overlap import Overlap
-from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, first_neighbours, turned_normals
+from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import NO_PART
 
@@ -343,12 +343,19 @@ def _way(tangents: Array, vectors: Array) -> Array:
 
 
 def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:
-    """T_i of points at some nodes, shape (n, d, d - 1): in space the first one is along an edge of the slave."""
+    """T_i of points at some nodes, shape (n, d, d - 1): in space they turn with the slave around the node."""
     if slave.dimension == 2:
         return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]
-    along = slave.x[first_neighbours(slave)[points]] - slave.x[points]
-    first = along - np.einsum("nd,nd->n", along, normals)[:, None] * normals
-    first = first / np.linalg.norm(first, axis=1, keepdims=True)
+    start = slave if slave.undeformed is None else slave.displaced(np.zeros_like(slave.x))
+    before = start.nodal_normals[points]
+    least = np.eye(3)[np.abs(before).argmin(axis=1)]
+    first = np.cross(before, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    rotation = rotations_at_nodes(slave, points)
+    before, first = (np.einsum("nij,nj->ni", rotation, vectors) for vectors in (before, first))
+    # The least rotation that takes the normal to that of the point.
+    both, along = before + normals, np.einsum("ni,ni->n", normals, first)
+    first = first - (along / (1.0 + np.einsum("ni,ni->n", before, normals)))[:, None] * both
     return np.stack((first, np.cross(normals, first)), axis=2)
 
 

@@ -20,7 +20,6 @@ displacements.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -435,14 +434,17 @@ def turned_normals(side: PairSurface) -> sp.csr_array:
     return sp.csr_array(projector @ moments)
 
 
-def first_neighbours(side: PairSurface) -> Indices:
-    """Of each node another one on a facet with it, the first that facets name, shape (N,); itself on no facet."""
-    neighbours = np.arange(len(side.x))
-    for own, other in _pairs(side.nodes.shape[1]):
-        neighbours[side.nodes[::-1, own]] = side.nodes[::-1, other]
-    return neighbours
-
-
-def _pairs(count: int) -> Iterator[tuple[int, int]]:
-    """Columns of a table of nodes, and another one for each."""
-    return ((k, (k + 1) % count) for k in range(count))
+def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
+    """How far the facets around some nodes have turned since the side was undeformed, by least squares with areas,
+    shape (n, 3, 3).
+    """
+    if side.undeformed is None:
+        return np.tile(np.eye(3), (len(nodes), 1, 1))
+    around = sp.csr_array(_around(side)[nodes])
+    row = np.repeat(np.arange(len(nodes)), np.diff(around.indptr))
+    then, now = (x[around.indices] - x[nodes[row]] for x in (side.undeformed, side.x))
+    products = np.zeros((len(nodes), 3, 3))
+    np.add.at(products, row, around.data[:, None, None] * now[:, :, None] * then[:, None])
+    left, _, right = np.linalg.svd(products)
+    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]  # no reflection
+    return np.asarray(left @ right)

@@ -1,10 +1,11 @@
 """The second opinion on two sides in space that slide on each other, at displaced points, by code of its own.
 
-Of the solver it takes who carries a point, which facets there are, which nodes lie in planes of symmetry, and along
-which edges tangents are.  What it does otherwise:
+Of the solver it takes who carries a point, which facets there are, and which nodes lie in planes of symmetry.  What it
+does otherwise:
 - the polygon that two facets share is made of corners of the one inside the other, and of where their edges cross,
 - places on quadrilaterals are roots of quadratic equations, and each triangle of a polygon has a square of points,
-- derivatives of distances are taken by complex steps, and the rotation around a node is that of least squares,
+- derivatives of distances are taken by complex steps, and the rotation around a node is that of a pseudo-inverse, or of
+  a quaternion,
 - slips are evaluated from the displacements of both ends of the step.
 """
 
@@ -19,13 +20,13 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
+from scipy.spatial.transform import Rotation
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.pairs.dual_functions import carried, extended
-from signorini_fx.mechanics.pairs.sliding_space import first_neighbours
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim
 from signorini_fx.tuned import FACING_SIDES, NO_PART
@@ -289,11 +290,35 @@ class SpaceSlidingClaim(SlidingClaim):
         return np.asarray(slip - seen.gap[self._mine, None] * self.present.normal[self._mine])
 
     def _tangents(self, seen: SeenSides) -> Array:
-        """Those of the points, the first of which is along an edge of the slave, shape (p, 3, 2)."""
-        neighbours = first_neighbours(self.surface)[self.carriers]
-        along = seen.x[neighbours] - seen.x[self.carriers]
-        first = _unit(along - np.sum(along * seen.normal, axis=1)[:, None] * seen.normal)
-        return np.stack((first, np.cross(seen.normal, first)), axis=2)
+        """Those of the points, which turn with the facets of the slave around their nodes, and with the least rotation
+        from the normal of these, shape (p, 3, 2).
+        """
+        slave = self._sheets[0]
+        outward = self.surface.in_planes(slave.normals(slave.x), np.arange(len(slave.x)))
+        tangents = np.zeros((self.carriers.size, 3, 2))
+        for point, node in enumerate(self.carriers):
+            around, normal = self._around[node], outward[node]
+            rings = [x[around.indices] - x[node] for x in (seen.x, slave.x)]
+            turned, _ = Rotation.align_vectors(*rings, weights=around.data)
+            first = _unit(np.cross(normal, np.eye(3)[np.abs(normal).argmax() - 1]))
+            normal, both = turned.apply(normal), turned.apply(np.stack((first, np.cross(normal, first))))
+            axis = np.cross(normal, seen.normal[point])
+            size = np.linalg.norm(axis)
+            if size > 0:
+                angle = np.arctan2(size, normal @ seen.normal[point])
+                both = Rotation.from_rotvec(axis / size * angle).apply(both)
+            tangents[point] = both.T
+        return tangents
+
+    @cached_property
+    def _around(self) -> list[Any]:
+        """The areas of the facets around each node that are around others, too: those and itself, scipy sparse rows."""
+        slave = self._sheets[0]
+        areas: Any = sp.lil_array((slave.nodes.size, slave.nodes.size))
+        for nodes, area in zip(slave.facets, slave.areas, strict=True):
+            areas[np.ix_(nodes, nodes)] += area * np.ones((slave.width, slave.width))
+        rows = sp.csr_array(areas)
+        return [rows[[node]] for node in range(slave.nodes.size)]
 
     def forces(self, traction: Array, owned: int) -> tuple[Numbers, Array, Array]:
         """See ``Claim``; collective."""
@@ -456,15 +481,10 @@ class SpaceSlidingClaim(SlidingClaim):
         squares with areas, shapes (k,) and (3, 3 k).
         """
         seen, slave = self.present, self._sheets[0]
-        count = slave.nodes.size
-        areas: Any = sp.lil_array((count, count))
-        for nodes, area in zip(slave.facets, slave.areas, strict=True):
-            areas[np.ix_(nodes, nodes)] += area * np.ones((slave.width, slave.width))
-        areas = sp.csr_array(areas)
         rotations = {}
         for node in np.unique(slave.facets[np.unique(seen.rays.facet)]):
-            entries = slice(*areas.indptr[node : node + 2])
-            ring, root = areas.indices[entries].astype(np.int64), np.sqrt(areas.data[entries])
+            around = self._around[node]
+            ring, root = around.indices.astype(np.int64), np.sqrt(around.data)
             arms = seen.x[ring] - seen.x[node]
             moved = np.zeros((ring.size, 3, 6))
             moved[:, :, :3] = np.eye(3)
