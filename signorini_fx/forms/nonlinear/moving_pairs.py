@@ -107,11 +107,11 @@ class MovingPair:
     @property
     def spin(self) -> Array:
         """The rotation of the frames of the points of this rank since the step has begun, shape (n, d, d)."""
-        now, then = (
+        frames, start = (
             np.concatenate((_normals_of(frames.tangents)[:, :, None], frames.tangents), axis=2)
             for frames in (self.coupling.frames, self.begun)
         )
-        return np.asarray(np.einsum("nik,njk->nij", now, then))[self.sides.mine]
+        return np.asarray(np.einsum("nik,njk->nij", frames, start))[self.sides.mine]
 
     @property
     def fingerprint(self) -> list[Array]:

@@ -218,8 +218,8 @@ class _TurningPieces:
         pressed = self.pieces.stiffness(pressing, near=near)
         if not shearing.any():
             return pressed
-        both = sp.kron(sp.eye_array(pressing.size), np.ones((2, 1)))
-        turns = self._turning.T @ sp.diags_array(shearing) @ both @ normal_rows
+        doubling = sp.kron(sp.eye_array(pressing.size), np.ones((2, 1)))
+        turns = self._turning.T @ sp.diags_array(shearing) @ doubling @ normal_rows
         return sp.csr_array(pressed - turns - turns.T)
 
     @property
@@ -347,15 +347,15 @@ def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> A
     if slave.dimension == 2:
         return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]
     start = slave if slave.undeformed is None else slave.displaced(np.zeros_like(slave.x))
-    before = start.nodal_normals[points]
-    least = np.eye(3)[np.abs(before).argmin(axis=1)]
-    first = np.cross(before, least)
+    outward = start.nodal_normals[points]
+    least = np.eye(3)[np.abs(outward).argmin(axis=1)]
+    first = np.cross(outward, least)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     rotation = rotations_at_nodes(slave, points)
-    before, first = (np.einsum("nij,nj->ni", rotation, vectors) for vectors in (before, first))
+    outward, first = (np.einsum("nij,nj->ni", rotation, vectors) for vectors in (outward, first))
     # The least rotation that takes the normal to that of the point.
-    both, along = before + normals, np.einsum("ni,ni->n", normals, first)
-    first = first - (along / (1.0 + np.einsum("ni,ni->n", before, normals)))[:, None] * both
+    bisector, along = outward + normals, np.einsum("ni,ni->n", normals, first)
+    first = first - (along / (1.0 + np.einsum("ni,ni->n", outward, normals)))[:, None] * bisector
     return np.stack((first, np.cross(normals, first)), axis=2)
 
 

@@ -95,7 +95,7 @@ class SpacePieces:
         overlap, facets = tested.overlap, len(slave.nodes)
         ways, turning = _facet_directions(slave, directions)
         nodes = len(slave.x), len(master.x)
-        total, own = nodes[0] + nodes[1], slave.nodes.shape[1]
+        total, width = nodes[0] + nodes[1], slave.nodes.shape[1]
         number = np.unique(overlap.slave)
         of_facet = np.full(facets, -1)
         of_facet[number] = np.arange(number.size)
@@ -111,7 +111,7 @@ class SpacePieces:
         slope_over = master.functions.slopes(overlap.over)
         share = np.concatenate((-shape, shape_over, -distance[..., None]), axis=2)
         slope = np.zeros((2, *share.shape))
-        slope[..., own:-1] = slope_over
+        slope[..., width:-1] = slope_over
         corners = master.corners[overlap.master]
         along = np.einsum("apqk,pkd->apqd", slope_over, corners)
         normal = np.cross(along[0], along[1])
@@ -150,16 +150,17 @@ class SpacePieces:
         """What the places that shift change of the normal of the master, at the points, sparse, shape (3 n, 3 m);
         ``normals``: at the nodes of the master facet of each piece, shape (p, l, 3).
         """
-        own, (pieces, count, tests) = self.points.shape[1], self.weighted.shape
+        width, (pieces, count, tests) = self.points.shape[1], self.weighted.shape
         total = np.zeros((pieces, 3 * tests, 3 * self.blocks.shape[1]))
         for a in range(2):
-            bend = self.slope[a][..., own:-1] @ normals
+            bend = self.slope[a][..., width:-1] @ normals
             turned = (self.weighted[..., None] * bend[:, :, None]).reshape(pieces, count, -1)
             total -= np.matmul(turned.swapaxes(1, 2), _rows(self.share, self.dual[a]))
         entries = total.reshape(pieces, tests, 3, -1, 3)
         components = [self._at_points(entries[:, :, axis]) for axis in range(3)]
-        each = sp.eye_array(len(components[0].indptr) - 1)
-        return sp.csr_array(sum(sp.kron(each, np.eye(3)[:, [axis]]) @ matrix for axis, matrix in enumerate(components)))
+        identity = sp.eye_array(len(components[0].indptr) - 1)
+        outward = [sp.kron(identity, axis[:, None]) for axis in np.eye(3)]
+        return sp.csr_array(sum(axis @ matrix for axis, matrix in zip(outward, components, strict=True)))
 
     def stiffness(self, pressing: Array, *, near: bool) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (3 m, 3 m); for
@@ -175,8 +176,8 @@ class SpacePieces:
         at = (3 * self.blocks[touched][..., None] + np.arange(3)).reshape(touched.size, size)
         rows, columns = np.repeat(at, size, axis=1), np.tile(at, (1, size))
         count = self.spread.shape[0]
-        whole = sp.csr_array(sp.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count)))
-        total = self.spread.T @ whole @ self.spread
+        joint = sp.csr_array(sp.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count)))
+        total = self.spread.T @ joint @ self.spread
         if near:
             kinks = self.edges.T @ (self.mean.T @ pressing)
             total = total - self.passing_edges.T @ sp.diags_array(kinks) @ self.passing_edges
@@ -250,8 +251,8 @@ class _Edges:
         low, high = edges.min(axis=1), edges.max(axis=1)
         order = np.lexsort((high, low, facet))
         keys = np.column_stack((facet, low, high))[order]
-        same = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
-        first, second = order[same], order[same + 1]
+        shared = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
+        first, second = order[shared], order[shared + 1]
         facet, ends = facet[first], np.column_stack((low[first], high[first]))
         way = ways[facet]
         corners = slave.x[_around_facet(slave)[facet]]
@@ -260,16 +261,16 @@ class _Edges:
         flat, line = (np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, master.x[ends]))
         start, along = line[:, 0], line[:, 1] - line[:, 0]
         enters, leaves = _within(flat, start, along)
-        kept = np.flatnonzero(leaves - enters > NO_PART)
-        facet, ends = facet[kept], ends[kept]
-        way, middle, axes, start, along = (values[kept] for values in (way, middle, axes, start, along))
-        enters, leaves, pairs = enters[kept], leaves[kept], (partner[first[kept]], partner[second[kept]])
+        crossed = np.flatnonzero(leaves - enters > NO_PART)
+        facet, ends = facet[crossed], ends[crossed]
+        way, middle, axes, start, along = (values[crossed] for values in (way, middle, axes, start, along))
+        enters, leaves, pairs = enters[crossed], leaves[crossed], (partner[first[crossed]], partner[second[crossed]])
         places, weights = np.polynomial.legendre.leggauss(_ON_EDGE)
         count = places.size
         at_edge = (enters[:, None] + (leaves - enters)[:, None] * (places + 1) / 2).ravel()
-        rows = np.repeat(np.arange(kept.size), count)
+        rows = np.repeat(np.arange(crossed.size), count)
         length = np.linalg.norm(along, axis=1)
-        lengths = ((leaves - enters) * length / 2)[rows] * np.tile(weights, kept.size)
+        lengths = ((leaves - enters) * length / 2)[rows] * np.tile(weights, crossed.size)
         across = np.einsum("mk,mkd->md", np.column_stack((along[:, 1], -along[:, 0])) / length[:, None], axes)
         # Which of both facets is behind the edge as seen along n: from the middles of both.
         middles = [master.corners[numbers].mean(axis=1) for numbers in pairs]
@@ -292,7 +293,7 @@ class _Edges:
         jump = np.where(swapped[rows], steep[0] - steep[1], steep[1] - steep[0])
         shape, of_edge = slave.functions.values(at), np.column_stack((1 - at_edge, at_edge))
         nodes = np.column_stack((slave.nodes[facet][rows], len(slave.x) + ends[rows]))
-        own = np.einsum("vk,vkd->vd", shape, slave.corners[facet][rows])
+        under = np.einsum("vk,vkd->vd", shape, slave.corners[facet][rows])
         over = np.einsum("vk,vkd->vd", of_edge, master.x[ends][rows])
         numbers = np.broadcast_to(np.arange(len(at))[:, None], functions.shape)
         entries = (functions * jump[:, None]).ravel(), (slave.points[facet[rows]].ravel(), numbers.ravel())
@@ -301,7 +302,7 @@ class _Edges:
             facet[rows],
             nodes,
             np.column_stack((-shape, of_edge)),
-            np.einsum("vd,vd->v", over - own, way[rows]),
+            np.einsum("vd,vd->v", over - under, way[rows]),
             across[rows],
         )
 
@@ -442,9 +443,9 @@ def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
         return np.tile(np.eye(3), (len(nodes), 1, 1))
     around = sp.csr_array(_around(side)[nodes])
     row = np.repeat(np.arange(len(nodes)), np.diff(around.indptr))
-    then, now = (x[around.indices] - x[nodes[row]] for x in (side.undeformed, side.x))
+    undeformed_arms, arms = (x[around.indices] - x[nodes[row]] for x in (side.undeformed, side.x))
     products = np.zeros((len(nodes), 3, 3))
-    np.add.at(products, row, around.data[:, None, None] * now[:, :, None] * then[:, None])
-    left, _, right = np.linalg.svd(products)
-    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]  # no reflection
-    return np.asarray(left @ right)
+    np.add.at(products, row, around.data[:, None, None] * arms[:, :, None] * undeformed_arms[:, None])
+    left_vectors, _, right_vectors = np.linalg.svd(products)
+    left_vectors[:, :, 2] *= np.linalg.det(left_vectors @ right_vectors)[:, None]  # no reflection
+    return np.asarray(left_vectors @ right_vectors)

@@ -57,9 +57,9 @@ def _hats(at: Any, count: int) -> Any:
 def _slopes(at: Any, count: int) -> Any:
     """Their derivatives, shape (2, ..., count)."""
     s, t = at[..., 0], at[..., 1]
-    one = np.ones_like(s)
+    ones = np.ones_like(s)
     if count == 3:
-        return np.stack((np.stack((-one, one, 0 * s), axis=-1), np.stack((-one, 0 * s, one), axis=-1)))
+        return np.stack((np.stack((-ones, ones, 0 * s), axis=-1), np.stack((-ones, 0 * s, ones), axis=-1)))
     return np.stack((np.stack((t - 1, 1 - t, t, -t), axis=-1), np.stack((s - 1, -s, s, 1 - s), axis=-1)))
 
 
@@ -143,9 +143,9 @@ class Sheet(Chain):
 def _common(first: Array, second: Array) -> Array | None:
     """The polygon that two convex ones share, corners counterclockwise, shape (v, 2); None: they share none."""
     corners = []
-    for polygon, other in ((first, second), (second, first)):
-        edges = np.roll(other, -1, axis=0) - other
-        away = polygon[:, None] - other
+    for polygon, window in ((first, second), (second, first)):
+        edges = np.roll(window, -1, axis=0) - window
+        away = polygon[:, None] - window
         inside = (edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0] >= 0).all(axis=1)
         corners.append(polygon[inside])
     start, along = first[:, None], (np.roll(first, -1, axis=0) - first)[:, None]
@@ -154,14 +154,14 @@ def _common(first: Array, second: Array) -> Array | None:
     away = begin - start
     with np.errstate(divide="ignore", invalid="ignore"):
         at = (away[..., 0] * across[..., 1] - away[..., 1] * across[..., 0]) / turn
-        there = (away[..., 0] * along[..., 1] - away[..., 1] * along[..., 0]) / turn
-        crosses = (turn != 0) & (at >= 0) & (at <= 1) & (there >= 0) & (there <= 1)
+        at_second = (away[..., 0] * along[..., 1] - away[..., 1] * along[..., 0]) / turn
+        crosses = (turn != 0) & (at >= 0) & (at <= 1) & (at_second >= 0) & (at_second <= 1)
         corners.append((start + at[..., None] * along)[crosses])
-    every = np.concatenate(corners)
-    if len(every) < 3:
+    points = np.concatenate(corners)
+    if len(points) < 3:
         return None
-    arms = every - every.mean(axis=0)
-    return np.asarray(every[np.argsort(np.arctan2(arms[:, 1], arms[:, 0]))])
+    arms = points - points.mean(axis=0)
+    return np.asarray(points[np.argsort(np.arctan2(arms[:, 1], arms[:, 0]))])
 
 
 def _inverse(corners: Array, p: Array) -> Array:
@@ -179,11 +179,11 @@ def _inverse(corners: Array, p: Array) -> Array:
     root = np.sqrt(np.maximum(linear**2 - 4 * square * constant, 0.0))
     half = -(linear + np.where(linear >= 0, root, -root)) / 2
     with np.errstate(divide="ignore", invalid="ignore"):
-        both = np.stack((constant / half, half / square))
-    both = np.where(np.isfinite(both), both, np.inf)
-    t = np.take_along_axis(both, np.abs(both - 0.5).argmin(axis=0)[None], axis=0)[0]
-    along, there = first + t[:, None] * twist, away + t[:, None] * last
-    return np.column_stack((-np.sum(there * along, axis=1) / np.sum(along**2, axis=1), t))
+        roots = np.stack((constant / half, half / square))
+    roots = np.where(np.isfinite(roots), roots, np.inf)
+    t = np.take_along_axis(roots, np.abs(roots - 0.5).argmin(axis=0)[None], axis=0)[0]
+    along, offset = first + t[:, None] * twist, away + t[:, None] * last
+    return np.column_stack((-np.sum(offset * along, axis=1) / np.sum(along**2, axis=1), t))
 
 
 def _rays(slave: Sheet, x: Array, ways: Array, master: Sheet, y: Array, reach: float) -> Rays:
@@ -196,15 +196,15 @@ def _rays(slave: Sheet, x: Array, ways: Array, master: Sheet, y: Array, reach: f
     columns = list(_seen_from_facets(slave, x, ways, opposite, facing @ outward.T < FACING_SIDES, (points, weights)))
     if not columns:
         return Rays.none()
-    facet, at, over, place, area = (np.concatenate(column) for column in zip(*columns, strict=True))
-    apart = np.einsum("rk,rkd->rd", _hats(place, master.width), opposite[over])
+    facet, at, over, places, area = (np.concatenate(column) for column in zip(*columns, strict=True))
+    apart = np.einsum("rk,rkd->rd", _hats(places, master.width), opposite[over])
     apart = apart - np.einsum("rk,rkd->rd", _hats(at, slave.width), x[slave.facets[facet]])
     _, pair = np.unique(facet * len(master.facets) + over, return_inverse=True)
     pair = pair.ravel()
     means = np.stack([np.bincount(pair, area * part) for part in apart.T], axis=1) / np.bincount(pair, area)[:, None]
     near = np.flatnonzero(np.linalg.norm(means[pair], axis=1) <= reach)
     distance = np.sum(apart * ways[facet], axis=1)
-    return Rays(facet[near], at[near], over[near], place[near], distance[near], area[near])
+    return Rays(facet[near], at[near], over[near], places[near], distance[near], area[near])
 
 
 def _seen_from_facets(
@@ -217,13 +217,13 @@ def _seen_from_facets(
         middle = corners.mean(axis=0)
         first = _unit(np.cross(way, np.eye(3)[np.abs(way).argmin()]))
         axes = np.stack((first, np.cross(way, first)))
-        flat, others = (corners - middle) @ axes.T, (opposite - middle) @ axes.T
-        near = faces[:, number] & (others.min(axis=1) <= flat.max(axis=0)).all(axis=1)
-        near &= (others.max(axis=1) >= flat.min(axis=0)).all(axis=1)
+        flat, flat_master = (corners - middle) @ axes.T, (opposite - middle) @ axes.T
+        near = faces[:, number] & (flat_master.min(axis=1) <= flat.max(axis=0)).all(axis=1)
+        near &= (flat_master.max(axis=1) >= flat.min(axis=0)).all(axis=1)
         size = np.ptp(flat, axis=0).max() ** 2
         triangles, partners = [], []
         for k in np.flatnonzero(near):
-            polygon = _common(flat, others[k][::-1])
+            polygon = _common(flat, flat_master[k][::-1])
             if polygon is None:
                 continue
             ends = polygon[1:-1], polygon[2:]
@@ -235,9 +235,9 @@ def _seen_from_facets(
         fans, over = np.concatenate(triangles), np.concatenate(partners)
         arms = fans[:, 1] - fans[:, 0], fans[:, 2] - fans[:, 0]
         double = arms[0][:, 0] * arms[1][:, 1] - arms[0][:, 1] * arms[1][:, 0]
-        kept = np.flatnonzero(double > NO_PART * size)
-        fans, over, double = fans[kept], over[kept], double[kept]
-        p = (fans[:, :1] + points[:, :1] * arms[0][kept, None] + points[:, 1:] * arms[1][kept, None]).reshape(-1, 2)
+        large = np.flatnonzero(double > NO_PART * size)
+        fans, over, double = fans[large], over[large], double[large]
+        p = (fans[:, :1] + points[:, :1] * arms[0][large, None] + points[:, 1:] * arms[1][large, None]).reshape(-1, 2)
         over = np.repeat(over, len(points))
         at = _inverse(np.broadcast_to(flat, (len(p), *flat.shape)), p)
         slopes = _slopes(at, slave.width)
@@ -247,7 +247,7 @@ def _seen_from_facets(
         undeformed = np.linalg.norm(np.cross(stretched[0], stretched[1]), axis=1)
         area = (double[:, None] * weights).ravel() * undeformed / ratio
         area = area * (_hats(at, slave.width) @ slave.measure[nodes])
-        yield np.full(over.size, number), at, over, _inverse(others[over], p), area
+        yield np.full(over.size, number), at, over, _inverse(flat_master[over], p), area
 
 
 @dataclass(frozen=True)
@@ -281,11 +281,11 @@ class SpaceSlidingClaim(SlidingClaim):
         seen = (self.present, self._begun)[end_number] if end_number is not None else self._seen(values)
         begun, at = self._begun, self._begun.partnered[:, None]
         sharing, opposite = np.where(at, begun.sharing, seen.sharing), np.where(at, begun.opposite, seen.opposite)
-        now = self._tangents(seen)
-        start = np.where(at[..., None], self._tangents(begun), now)
-        way = np.einsum("ndk,nd->nk", now, sharing @ seen.x - opposite @ seen.y)
+        tangents = self._tangents(seen)
+        start = np.where(at[..., None], self._tangents(begun), tangents)
+        way = np.einsum("ndk,nd->nk", tangents, sharing @ seen.x - opposite @ seen.y)
         way -= np.einsum("ndk,nd->nk", start, sharing @ begun.x - opposite @ begun.y)
-        slip = np.where(seen.partnered[:, None], np.einsum("ndk,nk->nd", now, way), 0.0)[self._mine]
+        slip = np.where(seen.partnered[:, None], np.einsum("ndk,nk->nd", tangents, way), 0.0)[self._mine]
         slip -= np.einsum("nij,nj->ni", self.across, slip)
         return np.asarray(slip - seen.gap[self._mine, None] * self.present.normal[self._mine])
 
@@ -301,13 +301,13 @@ class SpaceSlidingClaim(SlidingClaim):
             rings = [x[around.indices] - x[node] for x in (seen.x, slave.x)]
             turned, _ = Rotation.align_vectors(*rings, weights=around.data)
             first = _unit(np.cross(normal, np.eye(3)[np.abs(normal).argmax() - 1]))
-            normal, both = turned.apply(normal), turned.apply(np.stack((first, np.cross(normal, first))))
+            normal, turned_pair = turned.apply(normal), turned.apply(np.stack((first, np.cross(normal, first))))
             axis = np.cross(normal, seen.normal[point])
             size = np.linalg.norm(axis)
             if size > 0:
                 angle = np.arctan2(size, normal @ seen.normal[point])
-                both = Rotation.from_rotvec(axis / size * angle).apply(both)
-            tangents[point] = both.T
+                turned_pair = Rotation.from_rotvec(axis / size * angle).apply(turned_pair)
+            tangents[point] = turned_pair.T
         return tangents
 
     @cached_property
@@ -330,10 +330,10 @@ class SpaceSlidingClaim(SlidingClaim):
         pressure = np.where(seen.partnered, np.sum(gathered * seen.normal, axis=1), 0.0)
         drag = seen.weight[:, None] * (gathered - np.sum(gathered * seen.normal, axis=1)[:, None] * seen.normal)
         forces = np.zeros((names.size, 3))
-        own, other, turn = self._derivatives
+        by_slave, by_master, turn = self._derivatives
         pushing = -(seen.functions.T @ pressure)[:, None]
-        np.add.at(forces, slave.facets[seen.rays.facet], pushing[..., None] * own)
-        np.add.at(forces, count + master.facets[seen.rays.over], pushing[..., None] * other)
+        np.add.at(forces, slave.facets[seen.rays.facet], pushing[..., None] * by_slave)
+        np.add.at(forces, count + master.facets[seen.rays.over], pushing[..., None] * by_master)
         couples = np.zeros((count, 3))
         middle = _hats(np.full(2, 1 / 3 if slave.width == 3 else 1 / 2), slave.width)
         for column, share in zip(slave.facets[seen.rays.facet].T, middle, strict=True):
@@ -348,8 +348,8 @@ class SpaceSlidingClaim(SlidingClaim):
         # What turns directions acts on the neighbours of points, too.
         area[:count] = np.maximum(area[:count], 0.5 * (forces[:count].any(axis=1)) * self.surface.area)
         first, last = self.space.dofmap.index_map.local_range
-        here = np.flatnonzero((names >= first) & (names < last) & (area > 0))
-        return names[here] - first, forces[here], area[here]
+        local = np.flatnonzero((names >= first) & (names < last) & (area > 0))
+        return names[local] - first, forces[local], area[local]
 
     def error(self) -> float:
         """See ``SlidingClaim``."""
@@ -359,11 +359,12 @@ class SpaceSlidingClaim(SlidingClaim):
         errors = [
             float(np.max(np.abs(matrix[seen.partnered].sum(axis=1) - 1.0))) for matrix in (seen.sharing, seen.opposite)
         ]
-        own, other, turn = self._derivatives
+        by_slave, by_master, turn = self._derivatives
         places = seen.x[slave.facets[seen.rays.facet]], seen.y[master.facets[seen.rays.over]]
         middle, size = seen.x.mean(axis=0), float(np.ptp(seen.x, axis=0).max())
-        errors.append(float(np.max(np.abs(own.sum(axis=1) + other.sum(axis=1)))))
-        moments = np.cross(places[0] - middle, own).sum(axis=1) + np.cross(places[1] - middle, other).sum(axis=1)
+        errors.append(float(np.max(np.abs(by_slave.sum(axis=1) + by_master.sum(axis=1)))))
+        moments = np.cross(places[0] - middle, by_slave).sum(axis=1)
+        moments += np.cross(places[1] - middle, by_master).sum(axis=1)
         shares = _hats(np.full(2, 1 / 3 if slave.width == 3 else 1 / 2), slave.width)
         sums = np.einsum("k,rkd->rd", shares, seen.ways[slave.facets[seen.rays.facet]])
         errors.append(float(np.max(np.abs(moments + np.cross(sums, turn)))) / size)
@@ -407,8 +408,8 @@ class SpaceSlidingClaim(SlidingClaim):
         partnered[at], weight[at] = True, (shares @ sums)
         mean = sp.csr_array(sp.diags_array(1.0 / weight) @ functions)
         sharing, opposite = (
-            (mean @ _hats_at(sheet, facet, place)).toarray()
-            for sheet, facet, place in ((slave, rays.facet, rays.at), (master, rays.over, rays.place))
+            (mean @ _hats_at(sheet, facet, places)).toarray()
+            for sheet, facet, places in ((slave, rays.facet, rays.at), (master, rays.over, rays.place))
         )
         lonely = np.flatnonzero(~partnered)
         sharing[lonely, self.carriers[lonely]] = 1.0
@@ -457,11 +458,11 @@ class SpaceSlidingClaim(SlidingClaim):
         hats, over = _hats(rays.at, slave.width), _hats(rays.place, master.width)
         slopes = _slopes(rays.place, master.width)
 
-        def distance(own: Any, other: Any, sums: Any) -> Any:
+        def distance(corners: Any, opposite: Any, sums: Any) -> Any:
             way = _unit(sums[:, 0])
-            along = np.einsum("ark,rkd->ard", slopes, other)
+            along = np.einsum("ark,rkd->ard", slopes, opposite)
             normal = np.cross(along[0], along[1])
-            apart = np.einsum("rk,rkd->rd", over, other) - np.einsum("rk,rkd->rd", hats, own)
+            apart = np.einsum("rk,rkd->rd", over, opposite) - np.einsum("rk,rkd->rd", hats, corners)
             # One step of Newton's method from the place has the derivative of the distance.
             return np.sum(apart * normal, axis=1) / np.sum(way * normal, axis=1)
 
@@ -505,9 +506,9 @@ class SpaceSlidingClaim(SlidingClaim):
             (master, seen.rays.over, seen.y, count),
         ):
             met = np.zeros((count, sheet.nodes.size))
-            for own in slave.facets[seen.rays.facet].T:
-                for other in sheet.facets[facets].T:
-                    np.add.at(met, (own, other), seen.rays.area)
+            for slave_column in slave.facets[seen.rays.facet].T:
+                for column in sheet.facets[facets].T:
+                    np.add.at(met, (slave_column, column), seen.rays.area)
             acting = np.flatnonzero(couples[seen.partnered].any(axis=1))
             of_points = of_point @ met
             for k in acting:
@@ -557,8 +558,8 @@ def sliding_claim_in_space(
         ends: displacements now and at the beginning of the step; None: none.
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
     """
-    both = Sheet.of(space, facets[0], factor), Sheet.of(space, facets[1])
-    names = np.concatenate([chain.nodes for chain in both])
+    sheets = Sheet.of(space, facets[0], factor), Sheet.of(space, facets[1])
+    names = np.concatenate([chain.nodes for chain in sheets])
     owned = space.dofmap.index_map.size_local
     values = [
         np.zeros((names.size, 3))
@@ -566,6 +567,6 @@ def sliding_claim_in_space(
         else from_owners(function.x.array.reshape(-1, 3)[:owned], names, space.mesh.comm)
         for function in ends
     ]
-    surface = replace(sides[0], measure=None if factor is None else both[0].measure)
+    surface = replace(sides[0], measure=None if factor is None else sheets[0].measure)
     at = values[0], values[1]
-    return SpaceSlidingClaim(space, surface, both, *points, *facets, at, other_surface=sides[1])
+    return SpaceSlidingClaim(space, surface, sheets, *points, *facets, at, other_surface=sides[1])
