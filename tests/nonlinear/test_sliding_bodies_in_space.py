@@ -1,10 +1,12 @@
 """Two nonlinear bodies in space that slide on each other: closed forms, invariances, limits, and the certificate."""
 
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from dolfinx import fem
+from dolfinx import fem, la
 from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import (
@@ -166,6 +168,44 @@ def test_half_of_a_scene(slave):
     assert forces[0][:, 0] == pytest.approx(0.0, abs=1e-5 * largest)
     assert np.abs(forces[0][1, 1]) > 0.2 * largest
     assert 2 * forces[1][:, 1:] == pytest.approx(forces[0][:, 1:], abs=1e-4 * largest)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
+def test_force_is_even_over_edges_between_facets(kind):
+    """In steps of a quarter of a facet over two facets, without friction, no force jumps by more than one per cent of
+    the largest one, and what is along the way is that of a smooth block to one per cent: none.
+    """
+    scene = pillow(kind, lower=(16, 11, 3), upper=(10, 10, 2), height=0.3, ratio=10.0)
+    slid(scene, [(0, 0, -0.06), (0, 0, -0.12)])
+    forces = slid(scene, [(k / 32, k / 64, -0.12) for k in range(9)])
+    largest = np.abs(forces).max()
+    assert max(scene.iterations) <= 8
+    assert np.abs(np.diff(forces, axis=0)).max() < 0.01 * largest
+    assert np.abs(forces[:, :2]).max() < 0.01 * largest
+    for component in forces.T:
+        fitted = np.polyval(np.polyfit(np.arange(9), component, 2), np.arange(9))
+        assert np.abs(component - fitted).max() < 0.01 * largest
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_punch_along_an_arc(monkeypatch):
+    """The demo: the force is F times the pressure along the end of the way, and that of the supports."""
+    monkeypatch.setenv("CELLS", "2")
+    found = runpy.run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "punch_along_an_arc.py"))
+    problem, space = found["problem"], found["V"]
+    assert problem.certificate.holds
+    force, way = sum(problem.state.forces), np.array([0.5, np.sqrt(0.75)])
+    along = np.linalg.norm(force[:2])
+    assert along == pytest.approx(0.3 * abs(force[2]), rel=0.05)
+    assert force[:2] @ way == pytest.approx(along, rel=0.01)
+    held = fem.locate_dofs_topological(space, 2, found["ends"][0][1])
+    reactions = fem.assemble_vector(fem.form(found["F"]))
+    reactions.scatter_reverse(la.InsertMode.add)
+    owned = held[held < space.dofmap.index_map.size_local]
+    reaction = found["mesh"].comm.allreduce(reactions.array.reshape(-1, 3)[owned].sum(axis=0))
+    assert reaction == pytest.approx(-force, abs=1e-6 * np.abs(force).max())
 
 
 @pytest.mark.mpi
