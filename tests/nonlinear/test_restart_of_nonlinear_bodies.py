@@ -13,7 +13,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import held, rectangle, residual
 from support.nonlinear_scenes import indented, material
-from support.sliding_bodies import roller
+from support.sliding_bodies import pillow, roller
 
 from signorini_fx import (
     Coulomb,
@@ -192,14 +192,18 @@ def test_steps_that_were_halved(tmp_path, degree):
 
 
 @pytest.mark.slow
-def test_two_bodies(tmp_path):
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_two_bodies(tmp_path, dimension):
     """They go on to slide over the facets where they were."""
 
     def made():
-        bodies = roller(ratio=10.0, cells=(16, 4), around=10, friction=Coulomb(0.3))
+        if dimension == 2:
+            bodies = roller(ratio=10.0, cells=(16, 4), around=10, friction=Coulomb(0.3))
+        else:
+            bodies = pillow("tetrahedron", lower=(8, 6, 1), upper=(4, 4, 1), ratio=10.0, friction=Coulomb(0.3))
 
         def at(time):
-            bodies.drive.value[:] = 0.2 * max(time - 1, 0), -0.1 * min(time, 1)
+            bodies.drive.value[0], bodies.drive.value[-1] = 0.2 * max(time - 1, 0), -0.1 * min(time, 1)
 
         return bodies.problem, at
 
@@ -208,7 +212,7 @@ def test_two_bodies(tmp_path):
             raise Killed
 
     def end(problem):
-        return np.concatenate((problem.u.x.array, problem.state.pressure, problem.state.shear[:, 0]))
+        return np.concatenate((problem.u.x.array, problem.state.pressure, problem.state.shear.ravel()))
 
     times = (0.5, 1.0, 1.5, 2.0, 2.5)
     whole, at = made()

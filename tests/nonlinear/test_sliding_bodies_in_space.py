@@ -199,7 +199,7 @@ def test_punch_along_an_arc(monkeypatch):
     force, way = sum(problem.state.forces), np.array([0.5, np.sqrt(0.75)])
     along = np.linalg.norm(force[:2])
     assert along == pytest.approx(0.3 * abs(force[2]), rel=0.05)
-    assert force[:2] @ way == pytest.approx(along, rel=0.01)
+    assert force[:2] @ way == pytest.approx(along, rel=0.02)
     held = fem.locate_dofs_topological(space, 2, found["ends"][0][1])
     reactions = fem.assemble_vector(fem.form(found["F"]))
     reactions.scatter_reverse(la.InsertMode.add)
