@@ -6,21 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ufl
 from dolfinx import fem, la
 from mpi4py import MPI
-from support.nonlinear_bodies import stress_of_block
-from support.sliding_bodies import (
-    SlidingBodies,
-    as_linear_bodies,
-    bulge,
-    grid,
-    out_of_balance,
-    pillow,
-    rounded,
-    stacked,
-)
+from support.nonlinear_bodies import neo_hooke, stress_of_block
+from support.sliding_bodies import SlidingBodies, as_linear_bodies, bulge, out_of_balance, pillow, rounded, stacked
+from two_bodies import assembled, facets, facets_of_cells, grid
 
-from signorini_fx import ConvergenceError, Coulomb, Status
+from signorini_fx import ConvergenceError, Coulomb, NonlinearContactProblem, Pair, Status
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.mechanics.pairs import sliding
 from signorini_fx.mechanics.pairs.surface import PairSurface
@@ -87,6 +80,56 @@ def test_frames_do_not_matter(kind):
         force, moment = out_of_balance(scene)
         assert force < 1e-13
         assert moment < 1e-13
+
+
+@pytest.mark.slow
+def test_units():
+    """In micrometres or kilometres the forces are those in metres."""
+    forces = [slid(pillow(unit=unit, friction=Coulomb(0.3), **COARSE), PRESSED) for unit in (1e-6, 1.0, 1e3)]
+    for in_another in (forces[0], forces[2]):
+        assert in_another == pytest.approx(forces[1], abs=1e-7 * np.abs(forces[1]).max())
+
+
+@pytest.mark.slow
+def test_three_bodies():
+    """A block between two larger ones: it slides on the upper one, which has less friction, and hardly on the lower."""
+    kind, side = "tetrahedron", {}
+    boxes = (
+        ((4, 4, 1), [-0.3, -0.3, -1.0], [1.3, 1.3, 0.0]),
+        ((3, 3, 1), [0.0, 0.0, 0.0], [1.0, 1.0, 0.5]),
+        ((4, 3, 1), [-0.3, -0.3, 0.5], [1.3, 1.3, 1.2]),
+    )
+    bodies = [grid(kind, *box) for box in boxes]
+    mesh, starts = assembled(kind, *bodies), np.cumsum([0, *(len(cells) for cells, _ in bodies)])
+    for height, body in ((0.0, 0), (0.0, 1), (0.5, 1), (0.5, 2)):
+        cells = np.arange(starts[body], starts[body + 1])
+        side[height, body] = facets_of_cells(mesh, lambda x, z=height: np.isclose(x[2], z), cells)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    u, way = fem.Function(space), fem.Constant(mesh, np.zeros(3))
+    form = ufl.derivative(neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space))
+    ends = [facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (-1.0, 1.2)]
+    bcs = [
+        fem.dirichletbc(value, fem.locate_dofs_topological(space, 2, end), space)
+        for value, end in zip((np.zeros(3), way), ends, strict=True)
+    ]
+    pairs = [
+        Pair(side[height, 1], side[height, body], friction=Coulomb(friction))
+        for height, body, friction in ((0.0, 0, 0.6), (0.5, 2, 0.2))
+    ]
+    problem = NonlinearContactProblem(form, u, bcs=bcs, contact=pairs)
+    for driven in ((0.0, 0.0, -0.1), (0.1, 0.05, -0.1), (0.3, 0.1, -0.1)):
+        way.value[:] = driven
+        problem.solve()
+        problem.advance()
+        assert problem.certificate.holds
+        assert problem.iterations <= 8
+    state = problem.state
+    shear = np.linalg.norm(state.shear, axis=1)
+    on_upper = state.boundary.part == 1
+    assert shear[on_upper] == pytest.approx(0.2 * state.pressure[on_upper], rel=1e-6)
+    assert np.median((shear / state.pressure)[~on_upper]) < 0.4
+    forces = [(state.boundary.weight * state.pressure)[part].sum() for part in (on_upper, ~on_upper)]
+    assert forces[0] == pytest.approx(forces[1], rel=0.02)
 
 
 @pytest.mark.slow
@@ -173,7 +216,7 @@ def test_half_of_a_scene(slave):
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
 def test_force_is_even_over_edges_between_facets(kind):
-    """In steps of a quarter of a facet over two facets, without friction, no force jumps by more than one per cent of
+    """In steps of a quarter of a facet over two facets, without friction, no force jumps by more than 1.5 per cent of
     the largest one, and what is along the way is that of a smooth block to one per cent: none.
     """
     scene = pillow(kind, lower=(16, 11, 3), upper=(10, 10, 2), height=0.3, ratio=10.0)
@@ -181,7 +224,7 @@ def test_force_is_even_over_edges_between_facets(kind):
     forces = slid(scene, [(k / 32, k / 64, -0.12) for k in range(9)])
     largest = np.abs(forces).max()
     assert max(scene.iterations) <= 8
-    assert np.abs(np.diff(forces, axis=0)).max() < 0.01 * largest
+    assert np.abs(np.diff(forces, axis=0)).max() < 0.015 * largest
     assert np.abs(forces[:, :2]).max() < 0.01 * largest
     for component in forces.T:
         fitted = np.polyval(np.polyfit(np.arange(9), component, 2), np.arange(9))

@@ -29,6 +29,7 @@ class SlidingBodies:
         half: whether x[0] = 0 is held across itself, and ends whole.
         revolved: whether the bodies are of revolution about x[0] = 0, and forces those of whole rings.
         degree: of the displacement.
+        unit: of length, by which all places and ways are multiplied.
         settings: of the pair and of the problem, and the ranks, ``comm``.
     """
 
@@ -45,15 +46,16 @@ class SlidingBodies:
         half=False,
         revolved=False,
         degree=1,
+        unit=1.0,
         **settings,
     ):
         self.half = half
         dim = bodies[0][1].shape[1]
-        self.turn = turn_of(angle, dim)
-        back = self.turn.T
+        self.turn = unit * turn_of(angle, dim)
+        back = self.turn.T / unit**2
         count = len(bodies[0][0])
         numbers = np.arange(count), np.arange(count, count + len(bodies[1][0]))
-        comm, turned = settings.pop("comm", MPI.COMM_SELF), [(cells, x @ back) for cells, x in bodies]
+        comm, turned = settings.pop("comm", MPI.COMM_SELF), [(cells, x @ self.turn.T) for cells, x in bodies]
         mesh = self.mesh = assembled(kind, *turned, comm=comm)
         space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
         u = self.u = fem.Function(space)
@@ -94,14 +96,17 @@ class SlidingBodies:
         self.iterations = []
 
     def move(self, *way):
-        """Drive the second body, in the axes before the scene is turned, and end a step; the force on the slave."""
+        """Drive the second body, in the axes before the scene is turned, and end a step; the force on the slave, over
+        the unit of area, in the plane of length.
+        """
         self.drive.value[:] = self.turn @ np.array(way)
         if self.driven is not None:
-            self.driven.value = way[-1]
+            self.driven.value = np.linalg.norm(self.turn[0]) * way[-1]
         self.problem.solve()
         self.problem.advance()
         self.iterations.append(self.problem.iterations)
-        return self.turn.T @ sum(self.problem.state.forces)
+        unit = np.linalg.norm(self.turn[0])
+        return self.turn.T @ sum(self.problem.state.forces) / unit ** len(way)
 
 
 def turn_of(angle, dim):
