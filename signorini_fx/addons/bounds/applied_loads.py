@@ -127,6 +127,17 @@ class PlaneLoads:
         inside = np.einsum("ncd,ncd->", self.body, y[t.corners]) + np.einsum("ncd,ncd->", self._bubbles, above)
         return float(t.area @ np.einsum("ebd,ebd->e", self._on_edges, on_edges) + inside)
 
+    def size_of_work(self, y: Array, middle: Array) -> float:
+        """The sizes of what is summed up to that work, energy per thickness.
+
+        In the moments of an edge or a triangle cancels what linear functions, or constants, miss there.
+        """
+        t, along = self._t, self._parts(y, middle)[0]
+        on_edges = t.area * np.abs(self._on_edges).sum(axis=(1, 2)) + np.sqrt(t.area * self._missed_on_edges)
+        inside = np.abs(self.body).sum(axis=(1, 2)) + np.sqrt(t.volume * self.missed_inside)
+        largest = np.abs(along).max(axis=(1, 2))
+        return float(on_edges @ largest + inside @ largest[t.facets_of].max(axis=1))
+
     def unknown_work(self, y: Array, middle: Array) -> float:
         """How far that work is not known by quadrature, energy per thickness."""
         t, on_edges, above = self._t, *self._parts(y, middle)

@@ -41,6 +41,7 @@ from signorini_fx.addons.bounds.least_withdrawal import least_withdrawal
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.addons.bounds.problem import FacetsInContact, PlainProblem, turn
 from signorini_fx.addons.bounds.round_foundations import RoundFacets
+from signorini_fx.addons.bounds.round_off import of_strains
 from signorini_fx.addons.bounds.separated_bodies import Shut, separate
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
@@ -88,6 +89,7 @@ class Enclosure:
         duality: gap of the functionals with the strain of the computed displacement, energies, shape (n,).
         stress: in equilibrium.
         data: squares of the bounds of what the stress does not hold of the loads, shape (n,).
+        rounded: those of the round-off of the strains of both displacements, energies, shape (n,).
         energy: squares of the energy norm of the computed displacement, shape (n,).
         t: the cells.
         inside: the cells of the pieces that are looked at, each of which is a body of its own, shape (n,).
@@ -97,6 +99,7 @@ class Enclosure:
     duality: Array
     stress: EquilibratedStress
     data: Array
+    rounded: Array
     energy: Array
     t: Simplices
     inside: npt.NDArray[np.bool_]
@@ -117,7 +120,8 @@ class Enclosure:
     @cached_property
     def round_off(self) -> float:
         """Bound of the work of what sums leave, per unit of the energy norm."""
-        return float(np.sqrt(self.stress.squares[self.inside].sum())) + ROUND_OFF * self.size
+        sums = float(np.sqrt(self.stress.squares[self.inside].sum())) + ROUND_OFF * self.size
+        return sums + float(np.sqrt(self.rounded[self.inside].sum()))
 
     @cached_property
     def difference(self) -> Array:
@@ -213,7 +217,9 @@ class Bounded(PlainProblem):
                 again = self._outside(computed, float(between.sum()))
                 v = min(v, again, key=lambda entry: entry.squares.sum())
         inside = np.ones(len(t.corners), dtype=bool)
-        return Enclosure(v, v.contact + between, stress, self._missed, size, t, inside)
+        rounded = of_strains(t, self.y, self.middle), of_strains(t, v.y, v.middle)
+        rounded_squares = (2 * np.sqrt(rounded[0]) + np.sqrt(rounded[1])) ** 2
+        return Enclosure(v, v.contact + between, stress, self._missed, rounded_squares, size, t, inside)
 
     def _between(self, computed: Array, stress: EquilibratedStress) -> Array:
         """Squares of the distance of a stress from that of the computed displacement, energies, shape (n,)."""

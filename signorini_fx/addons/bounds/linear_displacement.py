@@ -109,18 +109,15 @@ def smallest_energy(t: Simplices, constraints: PrescribedComponents, load: Array
     start[constrained] = np.einsum(
         "nik,nk->ni", vectors, np.where(fixed[constrained], along / np.where(fixed[constrained], sizes, 1.0), 0.0)
     )
-    missed = np.abs((start[constraints.vertex] * constraints.direction).sum(axis=1) - constraints.value).max(
-        initial=0.0
-    )
     matrix = stiffness(t)
     force = (np.zeros((count, d)) if load is None else load) - (matrix @ start.ravel()).reshape(-1, d)
     basis = free_basis(turn, fixed)
-    if not basis.shape[1]:
-        return start, float(missed)
-    upper = sp.triu(basis.T @ matrix @ basis, format="csr")
-    upper.sort_indices()
-    correction = basis @ Factor(upper).solve(basis.T @ force.ravel())
-    return start + correction.reshape(-1, d), float(missed)
+    if basis.shape[1]:
+        upper = sp.triu(basis.T @ matrix @ basis, format="csr")
+        upper.sort_indices()
+        start += (basis @ Factor(upper).solve(basis.T @ force.ravel())).reshape(-1, d)
+    missed = (start[constraints.vertex] * constraints.direction).sum(axis=1) - constraints.value
+    return start, float(np.abs(missed).max(initial=0.0))
 
 
 def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:

@@ -23,18 +23,24 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.addons.bounds.applied_loads import PlaneLoads
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_error import ROUND_OFF
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.addons.bounds.equilibrated_stress import Loads
 from signorini_fx.addons.bounds.error_bound import Bounded
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
-from signorini_fx.addons.bounds.stress_products import from_strain, product, square
+from signorini_fx.addons.bounds.round_off import of_boundary_values, of_strains, of_sum
+from signorini_fx.addons.bounds.simplices import TWICE
+from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.statements import Interval, Refused
 from signorini_fx.tuned import SAME_LENGTH
+
+# Products that a cell adds to a sum, at most: those of three components on the thirds at their corners.
+_TERMS = 27
 
 
 def mean_displacement(
@@ -120,12 +126,16 @@ class _Quantity(Bounded):
         load = np.zeros((len(t.x), 2))
         for k in (0, 1):
             np.add.at(load, t.edges[:, k], t.area[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
-        w = smallest_energy(t, self._closed(np.zeros((len(t.edges), 2)), pieces), load)[0]
+        constraints = self._closed(np.zeros((len(t.edges), 2)), pieces)
+        w, missed = smallest_energy(t, constraints, load)
         y, middle = self.enclosure.v.y, self.enclosure.v.middle
         share = t.area[edges] / t.area[edges].sum()
         mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
-        residual, size, unknown = self._residual(w)
-        low, high = self._within(stress.stress - from_strain(t, self._strain(w)), stress.missing, size, pieces)
+        residual, unknown = self._residual(w)
+        difference = stress.stress - from_strain(t, self._strain(w))
+        tiny = self._round_off(w, difference, constraints, missed, pieces)
+        tiny += of_sum(2 * edges.size) * float(np.abs(direction).sum()) * self._far
+        low, high = self._within(difference, stress.missing, tiny, w, pieces)
         return Interval(mean + residual + low - unknown, mean + residual + high + unknown, self.grounds)
 
     def force(self, boundary: str, direction: Array) -> Interval:
@@ -161,8 +171,11 @@ class _Quantity(Bounded):
             unloaded = Loads(np.zeros((len(t.corners), 3, 2)), no_traction)
             stress = self.equilibration.stress(unloaded, np.stack((value, value), axis=1))
             difference, missing = difference - stress.stress, stress.missing
-        residual, size, unknown = self._residual(z)
-        low, high = self._within(difference, missing, size, pieces)
+        residual, unknown = self._residual(z)
+        exact = not constraints.value.any() and (np.count_nonzero(constraints.direction, axis=1) == 1).all()
+        prescribed = 0.0 if exact else float(np.abs(direction).max())
+        tiny = self._round_off(z, difference, constraints, missed, pieces, prescribed)
+        low, high = self._within(difference, missing, tiny, z, pieces)
         return Interval(low - residual - unknown, high - residual + unknown, self.grounds)
 
     def _closed(self, value: Array, pieces: Ints) -> PrescribedComponents:
@@ -192,28 +205,72 @@ class _Quantity(Bounded):
         """Of a displacement that is linear on triangles, at corners, shape (n, 3, 3)."""
         return self.t.strain_at_corners(w, w[self.t.edges].mean(axis=1))
 
-    def _residual(self, w: Array) -> tuple[float, float, float]:
-        """The work L(w) - a(v, w), the size of what is summed up, and how far L(w) is not known by quadrature."""
+    def _residual(self, w: Array) -> tuple[float, float]:
+        """The work L(w) - a(v, w), and how far L(w) is not known by quadrature."""
         t = self.t
         # The strain of w is constant: the mean of that of v is enough.
         mean_stress = t.stress(self.enclosure.v.strain.mean(axis=1)[:, None])[:, 0]
-        parts = t.volume * (mean_stress * self._strain(w)[:, 0] * [1.0, 1.0, 2.0]).sum(axis=1)
+        inside = t.volume @ (mean_stress * self._strain(w)[:, 0] * TWICE[2]).sum(axis=1)
         middle = w[t.edges].mean(axis=1)
-        outside, unknown = self.loads.work(w, middle), self.loads.unknown_work(w, middle)
-        return float(outside - parts.sum()), float(abs(outside) + np.abs(parts).sum()), unknown
+        return float(self.loads.work(w, middle) - inside), self.loads.unknown_work(w, middle)
 
-    def _within(self, stress: Array, missing: float, size: float, pieces: Ints) -> tuple[float, float]:
+    def _within(self, stress: Array, missing: float, tiny: float, w: Array, pieces: Ints) -> tuple[float, float]:
         """Bounds of the integral of a stress times eps(u - v).
 
         Args:
             stress: on the thirds at their corners, shape (n, 3, 3, 3).
             missing: what of it is not in equilibrium, ``Equilibrated.missing``.
-            size: of other sums that are added.
+            tiny: round-off of this and of other sums that are added.
+            w: the displacement that it is made of.
             pieces: where the stress is.
         """
         t, enclosure = self.t, self.enclosure.of(self._joined(pieces))
         centre = float(product(t, stress, enclosure.difference).sum()) / 2
+        # Plus the round-off of its strain.
         norm = float(np.sqrt(square(t, stress).sum()))
-        half = enclosure.radius * norm + enclosure.distance * missing
-        half += ROUND_OFF * len(t.corners) ** 0.5 * (size + norm * (enclosure.radius + enclosure.size))
+        norm += float(np.sqrt(of_strains(t, w, w[t.edges].mean(axis=1))[enclosure.inside].sum()))
+        half = enclosure.radius * norm + enclosure.distance * missing + tiny
         return centre - half, centre + half
+
+    def _round_off(
+        self,
+        w: Array,
+        stress: Array,
+        constraints: PrescribedComponents,
+        missed: float,
+        pieces: Ints,
+        prescribed: float = 0.0,
+    ) -> float:
+        """Bound of the round-off of a quantity.
+
+        Strains, sums, and what w misses of the values that are prescribed: w is less by another one, r, that is zero
+        but near these, and forces of supports and contacts do the work a(u, r) - L(r) on it.
+
+        Args:
+            w: the displacement of the dual problem, length, shape (v, 2).
+            stress: see ``_within``.
+            constraints: of w.
+            missed: how far it is from these, length.
+            pieces: whose quantity it is.
+            prescribed: size of what is prescribed in directions that are known up to round-off, length.
+        """
+        t, inside, loads = self.t, self._joined(pieces), self.loads
+        assert isinstance(loads, PlaneLoads)  # in space quantities have no bounds
+        enclosure = self.enclosure.of(inside)
+        v, middle = enclosure.v, w[t.edges].mean(axis=1)
+
+        def norm(squares: Array) -> float:
+            return float(np.sqrt(squares[inside].sum()))
+
+        of_v, of_w = norm(of_strains(t, v.y, v.middle)), norm(of_strains(t, w, middle))
+        size_v, size_w = norm(energy(t, v.strain)), norm(energy(t, self._strain(w)))
+        size, between = norm(square(t, stress)), float(np.sqrt(enclosure.gap))
+        strains = of_v * (size_w + of_w + size / 2) + of_w * (size_v + between / 2)
+        sums = loads.size_of_work(w, middle) + size_v * size_w + size * (between + enclosure.radius)
+        moved = missed + ROUND_OFF * (float(np.abs(w).max(initial=0.0)) + prescribed)
+        vertices = np.intersect1d(constraints.vertex, t.corners[inside])
+        near = np.zeros_like(w)
+        near[vertices] = moved
+        forces = of_boundary_values(t, vertices, np.sqrt(2) * moved) * (enclosure.size + enclosure.distance)
+        forces += loads.size_of_work(near, near[t.edges].mean(axis=1))
+        return strains + of_sum(_TERMS * len(t.corners)) * sums + forces

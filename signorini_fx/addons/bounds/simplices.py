@@ -285,8 +285,11 @@ class Simplices:
             middle: at the middles of the edges, shape (e, d).
         """
         d, g = self.dimension, self.gradients
-        bubble = (middle - y[self.edges].mean(axis=1))[self.edges_of]
-        gradient = np.repeat(np.einsum("nid,nij->ndj", y[self.corners], g)[:, None], d + 1, axis=1)
+        # From the first corner on: how far a cell moves costs its strain no digits.
+        first = y[self.corners[:, :1]]
+        at = y[self.corners] - first
+        bubble = middle[self.edges_of] - first - at[:, EDGES[d]].mean(axis=2)
+        gradient = np.repeat(np.einsum("nid,nij->ndj", at, g)[:, None], d + 1, axis=1)
         if np.any(bubble):
             for k, (a, b) in enumerate(combinations(range(d + 1), 2)):  # 4 l_a l_b
                 gradient[:, a] += 4 * bubble[:, k, :, None] * g[:, b, None]
