@@ -230,14 +230,13 @@ def problems_of_bound(scene):
 @pytest.mark.parametrize(
     ("other", "more"),
     [
-        ("temperature", WITH["initial strain"]),
         ("springs", WITH["springs"]),
         ("gravity", WITH["gravity"]),
         ("preload", WITH["preload"]),
     ],
 )
 def test_the_page_says_what_has_no_bound(other, more):
-    """In the words in which the bound refuses it; temperature was not on it."""
+    """In the words in which the bound refuses it."""
     data = merged(BASE, more)
     contact, material = ({key: v for key, v in data[name].items() if v is not None} for name in ("contact", "material"))
     scene = parse_scene(data | {"contact": contact, "material": material})

@@ -14,31 +14,35 @@ from signorini_fx.addons.bounds.arrays import Array
 from signorini_fx.addons.bounds.round_foundations import is_known, is_round
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, MatrixModuli, Moduli
 from signorini_fx.machine import compat
+from signorini_fx.mechanics.body.moduli import middles
 from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.temperature import TemperatureChange
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.mechanics.statement.features import refused_by
+from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.stated import STRAIGHT_CELLS
 from signorini_fx.quantities.statements import Grounds, Refused
-from signorini_fx.tuned import SAME_ENTRY
+from signorini_fx.tuned import KNOWN_DEGREE_OF_STRAIN, SAME_ENTRY
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
 _KNOWN_EFFECTS = (
     BodyForce,
     SurfaceTraction,
     PrescribedDisplacement,
+    TemperatureChange,
     UnilateralContact,
     BilateralContact,
     BondedContact,
 )
 
 # Of these what expressions compare cuts facets and cells.
-_CUT = ("traction", "body force")
+_CUT = ("traction", "body force", "temperature")
 
 
 # Features of a scene that the proof does not know.
@@ -129,7 +133,7 @@ class BoundPoints:
     def value(self, value: Any) -> Array:
         """Of a number, an expression or a callable, shape (f, q)."""
         if hasattr(value, "ufl_shape"):
-            raise Refused("a load given as a form is not known between points of quadrature")
+            raise Refused("what is given as a form is not known between points of quadrature")
         return sample(value, in_space(self.x.reshape(-1, self.x.shape[2]))).reshape(self.x.shape[:2])
 
     def vector(self, values: tuple[Any, ...]) -> Array:
@@ -137,17 +141,20 @@ class BoundPoints:
         return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
 
 
+def in_region(d: Model, region: str | None, owner: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Which of the cells ``owner`` are in a region; None: all of them are."""
+    return np.ones(len(owner), dtype=bool) if region is None else np.isin(owner, d.tagged.cells(region))
+
+
 def moduli_of(d: Model, owner: npt.NDArray[np.int64]) -> Moduli:
     """Of the cells ``owner``."""
     dim = d.tagged.dimension
-    ordered = np.minimum(ROWS[dim], COLUMNS[dim]), np.maximum(ROWS[dim], COLUMNS[dim])
-    axes = [d.kinematics.pairs.index(pair) for pair in zip(*map(np.ndarray.tolist, ordered), strict=True)]
     if d.moduli is not None:
+        axes = _columns(d)
         stiffness = d.moduli.at_cells[owner][:, axes][:, :, axes]
         softest = np.empty(len(owner))
         for material in d.statement.material:
-            cells = slice(None) if material.region is None else np.isin(owner, d.tagged.cells(material.region))
-            softest[cells] = material.moduli[0]
+            softest[in_region(d, material.region, owner)] = material.moduli[0]
         return MatrixModuli(stiffness * TWICE[dim], np.linalg.inv(stiffness) / TWICE[dim][:, None], softest)
     lame, mu = (values_of(part, owner) for part in d.lame)
     return IsotropicModuli(lame, mu, dim)
@@ -158,6 +165,39 @@ def values_of(part: Any, owner: npt.NDArray[np.int64]) -> Array:
     if isinstance(part, fem.Function):
         return np.asarray(part.x.array[part.function_space.dofmap.list[owner, 0]])
     return np.full(len(owner), float(part.value))
+
+
+def stress_of_free_strain(d: Model, owner: npt.NDArray[np.int64]) -> tuple[Array, Array]:
+    """The stress f in the cells ``owner`` that takes an initial strain back which is one where a material expands alike
+    in all directions, shape (n, 3 or 6); and twice the energy density, of the same strain, that no displacement in the
+    plane changes, stress, shape (n,).
+    """
+    dim = d.tagged.dimension
+    if d.moduli is None:
+        lame, mu = (values_of(part, owner) for part in d.lame)
+        stress = np.zeros((len(owner), len(ROWS[dim])))
+        stress[:, :dim] = (2 * mu + d.statement.material[0].directions * lame)[:, None]
+        return stress, mu * (3 * lame + 2 * mu) / (lame + mu) * d.kinematics.prevented
+    free = d.moduli.of_free_strain
+    values = free.x.array.reshape(-1, *free.ufl_shape)[free.function_space.dofmap.list[owner, 0]]
+    axes = _columns(d)
+    prevented = np.zeros(len(owner))
+    if d.kinematics.prevented:
+        at_cells = d.moduli.at_cells[owner]
+        ratios = at_cells[:, -1:] @ np.linalg.inv(at_cells[:, :-1])
+        share = values[:, -1] - np.einsum("nk,nk->n", ratios[:, 0], values[:, :-1])
+        for material in d.statement.material:
+            inside = in_region(d, material.region, owner)
+            across = material.free_strain_in_space(middles(d.tagged, owner[inside].astype(np.int32)))[:, 2, 2]
+            prevented[inside] = across * share[inside]
+    return values[:, axes], prevented
+
+
+def _columns(d: Model) -> list[int]:
+    """Where the components ``ROWS`` and ``COLUMNS`` are among those of the kinematics."""
+    dim = d.tagged.dimension
+    ordered = np.minimum(ROWS[dim], COLUMNS[dim]), np.maximum(ROWS[dim], COLUMNS[dim])
+    return [d.kinematics.pairs.index(pair) for pair in zip(*map(np.ndarray.tolist, ordered), strict=True)]
 
 
 def _is_bounded(entry: Contact, dimension: int) -> bool:
@@ -212,12 +252,15 @@ def _data(d: Model, place: float) -> Iterator[tuple[str, str, Any, float]]:
         bound = 0.0 if contact.friction.follows_pressure else contact.friction.given_bound
         yield "friction bound", f"friction bound of {contact.boundary!r}", bound, 1
     for _, load in d.statement.listed():
-        if isinstance(load, BodyForce | SurfaceTraction | PrescribedDisplacement):
+        if isinstance(load, BodyForce | SurfaceTraction | PrescribedDisplacement | TemperatureChange):
             _, entry = d.statement.now(load, place)
             name = entry.label if entry.where is None else f"{entry.label} of {entry.where!r}"
             for key, value in entry.given.items():
                 degree = 4 if key == "rotation" else 5  # which is multiplied by a distance
-                yield entry.label, name, value, 1 if entry.where is None and not plane else degree
+                if isinstance(entry, TemperatureChange):
+                    yield entry.label, entry.name, value, KNOWN_DEGREE_OF_STRAIN
+                else:
+                    yield entry.label, name, value, 1 if entry.where is None and not plane else degree
 
 
 def why_estimated(d: Model, place: float = 0.0) -> str:
@@ -227,6 +270,8 @@ def why_estimated(d: Model, place: float = 0.0) -> str:
         if isinstance(value, Expression):
             if kind in _CUT and value.jumps and not value.cuts_exactly:
                 reasons.append(f"the {name} compares functions that are not affine")
+        elif isinstance(value, PointValues):
+            reasons.append(f"the {name} is known at the points of a file alone")
         elif not isinstance(value, float | None):
             reasons.append(f"the {name} is a function of Python")
     return " and ".join(dict.fromkeys(reasons))

@@ -30,11 +30,13 @@ class Loads:
         body: integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d).
         traction: linear tractions at the vertices of each facet of the boundary, zero elsewhere, stress, (f, d, d).
         unknown: bound of the force on each cell that quadrature does not know, shape (n,); 0: none.
+        initial: stress that initial strains take from the body, see ``LocalStress.stress``; None: there are none.
     """
 
     body: Array
     traction: Array
     unknown: Array | float = 0.0
+    initial: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,8 @@ class Equilibration:
     def stress(self, loads: Loads, prescribed: Array) -> EquilibratedStress:
         """The stress of least complementary energy among those of this kind in equilibrium with loads.
 
+        With initial strains it is the one that is closest to that of a displacement with them.
+
         Args:
             loads: what acts on the cells; its resultant on free motions must vanish.
             prescribed: the displacement at the vertices of held facets, as a linear function, length, shape (f, d, d);
@@ -86,6 +90,8 @@ class Equilibration:
         """
         t, places, d = self._t, self._local.places, self._t.dimension
         alone = self._local.alone(loads.body)
+        if loads.initial is not None:
+            alone = alone - self._local.held_back(loads.initial)
         moments = self._system.moments(alone, moments_of(t, loads.traction), prescribed)
         # The means of both sides, where tractions are given of these.
         signed = (t.sign[:, :, None, None] * moments).reshape(-1, d)

@@ -32,11 +32,13 @@ from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
+from signorini_fx.addons.bounds.biquadratic_cells import StrainBeyond
 from signorini_fx.addons.bounds.bounded_error import ROUND_OFF, out, small_rests, work_of_loads
 from signorini_fx.addons.bounds.bounded_scene import LONG_FACETS, refuse_unknown, why_estimated
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein, cubic, times_linear
+from signorini_fx.addons.bounds.initial_stress import InitialStress, elastic_stress
 from signorini_fx.addons.bounds.least_withdrawal import least_withdrawal
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.addons.bounds.problem import FacetsInContact, PlainProblem, turn
@@ -90,9 +92,11 @@ class Enclosure:
         stress: in equilibrium.
         data: squares of the bounds of what the stress does not hold of the loads, shape (n,).
         rounded: those of the round-off of the strains of both displacements, energies, shape (n,).
-        energy: squares of the energy norm of the computed displacement, shape (n,).
+        energy: squares of the energy norm of the computed displacement, without initial strains, shape (n,).
+        unknown: how far these are not known by quadrature of initial strains, energies, shape (n,).
         t: the cells.
         inside: the cells of the pieces that are looked at, each of which is a body of its own, shape (n,).
+        initial: the stress that initial strains take from the body; None: there are none.
     """
 
     v: Admissible
@@ -101,8 +105,10 @@ class Enclosure:
     data: Array
     rounded: Array
     energy: Array
+    unknown: Array
     t: Simplices
     inside: npt.NDArray[np.bool_]
+    initial: InitialStress | None = None
 
     def of(self, inside: npt.NDArray[np.bool_]) -> Enclosure:
         """The same of some pieces.
@@ -121,17 +127,23 @@ class Enclosure:
     def round_off(self) -> float:
         """Bound of the work of what sums leave, per unit of the energy norm."""
         sums = float(np.sqrt(self.stress.squares[self.inside].sum())) + ROUND_OFF * self.size
-        return sums + float(np.sqrt(self.rounded[self.inside].sum()))
+        sums += float(np.sqrt(self.rounded[self.inside].sum()))
+        if (unknown := float(self.unknown[self.inside].sum())) > 0:
+            sums += min(float(np.sqrt(unknown)), unknown / self.size if self.size > 0 else np.inf)
+        return sums
 
     @cached_property
     def difference(self) -> Array:
         """The stress in equilibrium less that of the displacement, see ``LocalStress.stress``."""
-        return self.stress.stress - from_strain(self.t, self.v.strain)
+        return self.stress.stress - elastic_stress(self.t, self.v.strain, self.initial)
 
     @cached_property
     def gap(self) -> float:
         """Of the functionals, twice, an energy."""
-        return float((self.v.contact + square(self.t, self.difference))[self.inside].sum())
+        squares = self.v.contact + square(self.t, self.difference)
+        if self.initial is not None:
+            squares = squares + self.initial.added(self.difference)
+        return float(squares[self.inside].sum())
 
     @property
     def missed(self) -> float:
@@ -203,9 +215,7 @@ class Bounded(PlainProblem):
         t = self.t
         computed = t.strain_at_corners(self.y, self.middle)
         self._balance()
-        stress, size = self._stress(), energy(t, computed)
-        if self.beyond is not None:
-            size = (size + self.beyond.added(from_strain(t, computed))).clip(min=0.0)
+        stress, (size, unknown) = self._stress(), self._energy(computed, self.beyond)
         between = self._between(computed, stress)
         v = self._outside(computed, float(between.sum()))
         # Another stress is worth its cost where pressures work on what is open, or say more than the displacement does.
@@ -217,15 +227,42 @@ class Bounded(PlainProblem):
                 again = self._outside(computed, float(between.sum()))
                 v = min(v, again, key=lambda entry: entry.squares.sum())
         inside = np.ones(len(t.corners), dtype=bool)
-        rounded = of_strains(t, self.y, self.middle), of_strains(t, v.y, v.middle)
-        rounded_squares = (2 * np.sqrt(rounded[0]) + np.sqrt(rounded[1])) ** 2
-        return Enclosure(v, v.contact + between, stress, self._missed, rounded_squares, size, t, inside)
+        rounded = 2 * np.sqrt(of_strains(t, self.y, self.middle)) + np.sqrt(of_strains(t, v.y, v.middle))
+        if self.initial is not None:
+            rounded += ROUND_OFF * np.sqrt(square(t, self.initial.stress))
+        squares = v.contact + between
+        return Enclosure(v, squares, stress, self._missed, rounded**2, size, unknown, t, inside, self.initial)
 
     def _between(self, computed: Array, stress: EquilibratedStress) -> Array:
         """Squares of the distance of a stress from that of the computed displacement, energies, shape (n,)."""
-        difference = from_strain(self.t, computed) - stress.stress
-        between = square(self.t, difference)
-        return between if self.beyond is None else (between + self.beyond.added(difference)).clip(min=0.0)
+        difference = elastic_stress(self.t, computed, self.initial) - stress.stress
+        return np.add(*self._squares(difference, self.beyond))
+
+    def _squares(self, difference: Array, beyond: StrainBeyond | None) -> tuple[Array, Array]:
+        """Squares of the norm of stresses that are linear on the parts of cells, with what a displacement is ``beyond``
+        and initial strains miss, and how far they are not known, energies, shapes (n,).
+
+        Args:
+            difference: at the corners of the parts.
+            beyond: of the displacement; None: nothing.
+        """
+        squares = square(self.t, difference)
+        unknown: Array = np.zeros(len(difference))
+        if beyond is not None:
+            squares = squares + beyond.added(difference)
+        if self.initial is not None:
+            squares = squares + self.initial.missed
+            unknown = 2 * self.initial.unknown_work(difference)
+            if beyond is not None:
+                unknown += 2 * np.sqrt(beyond.squares * self.initial.missed)
+        return squares.clip(min=0.0), unknown
+
+    def _energy(self, strain: Array, beyond: StrainBeyond | None) -> tuple[Array, Array]:
+        """Squares of the energy norm of the strain of a displacement without initial ones, and how far they are not
+        known, see ``_squares``.
+        """
+        squares, unknown = self._squares(elastic_stress(self.t, strain, self.initial), beyond)
+        return squares if self.initial is None else squares + self.initial.prevented, unknown
 
     def _outside(self, computed: Array, between: float) -> Admissible:
         """The displacement without penetration that adds the least of those that are tried.
@@ -271,7 +308,8 @@ class Bounded(PlainProblem):
 
         scale(0.0)
         without, without_contact = self._stress(), self._beside((v.y, v.middle), computed).contact.sum()
-        change, rest = stress.stress - without.stress, from_strain(self.t, computed) - without.stress
+        change = stress.stress - without.stress
+        rest = elastic_stress(self.t, computed, self.initial) - without.stress
         slope, bend = product(self.t, change, rest).sum(), square(self.t, change).sum()
         wanted = slope - (v.contact.sum() - without_contact) / 2
         share = float(np.clip(wanted / bend, 0.0, 1.0)) if bend > 0 else 1.0
@@ -296,9 +334,10 @@ class Bounded(PlainProblem):
         work = None
         if not self.tools and not any(surface.bound.any() for surface in self.contacts):
             above = (float(np.sqrt(enclosure.gap)) + 2 * enclosure.missed) ** 2 / 2
-            functional = energy(t, v.strain).sum() / 2 - self.loads.work(v.y, v.middle)
+            strained, strain_unknown = self._energy(v.strain, None)
+            functional = strained.sum() / 2 - self.loads.work(v.y, v.middle)
             least, greatest = work_of_loads(functional, above, enclosure.size, total, len(t.corners))
-            unknown = self.loads.unknown_work(v.y, v.middle)
+            unknown = self.loads.unknown_work(v.y, v.middle) + float(strain_unknown.sum()) / 2
             work = least - unknown, greatest + unknown
         round_off = enclosure.round_off
         return ErrorBound(float(total), enclosure.size, duality, missed, moved, round_off, squares, self.grounds, work)
@@ -325,7 +364,8 @@ class Bounded(PlainProblem):
         (ends, third), start = _OF_BUBBLE[d], start + _OF_BUBBLE[d][1] * bubble.sum(axis=1, keepdims=True)
         for k, pair in enumerate(EDGES_OF_FACET[d]):
             start[:, pair] += (ends - third) * bubble[:, k, None]
-        return self.equilibration.stress(Loads(acting.body, traction, acting.unknown), start)
+        initial = None if self.initial is None else self.initial.stress
+        return self.equilibration.stress(Loads(acting.body, traction, acting.unknown, initial), start)
 
     def _on_contact(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
         """Integrals of p (d - v_n) + g |v_t| - mu . v_t over the facets, energies, shape (m,)."""

@@ -26,6 +26,7 @@ from signorini_fx.addons.bounds.bounded_scene import (
     refuse_unknown,
 )
 from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, TRIPLE, bernstein, coefficients, times_linear
+from signorini_fx.addons.bounds.initial_stress import initial_stress
 from signorini_fx.addons.bounds.moving_tools import MovingTool, tools_of
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
 from signorini_fx.addons.bounds.round_foundations import RoundFacets, is_round
@@ -232,6 +233,7 @@ class PlainProblem:
             shape (f, d, d).
         supported: those of supports alone.
         loads: what acts on the body.
+        initial: the stress that initial strains take from it; None: there are none.
         tools: foundations that forces move.
         contacts: the contacts of the scene, in its order.
     """
@@ -267,6 +269,7 @@ class PlainProblem:
             if factor != 0
         ]
         self.loads = (PlaneLoads if self._dimension == 2 else LinearLoads)(self.t, self.held, forces)
+        self.initial = initial_stress(d, self.t, self.owner, step)
         self.tools: list[MovingTool] = []
         if contact is not None and (bodies := self._statement.rigid_bodies):
             self.tools = tools_of(bodies, y, contact, self._statement.time_at(step), d.tagged.size)

@@ -29,6 +29,7 @@ from signorini_fx.addons.bounds.bounded_error import ROUND_OFF
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.addons.bounds.equilibrated_stress import Loads
 from signorini_fx.addons.bounds.error_bound import Bounded
+from signorini_fx.addons.bounds.initial_stress import elastic_stress
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.addons.bounds.round_off import of_boundary_values, of_strains, of_sum
 from signorini_fx.addons.bounds.simplices import TWICE
@@ -209,10 +210,13 @@ class _Quantity(Bounded):
         """The work L(w) - a(v, w), and how far L(w) is not known by quadrature."""
         t = self.t
         # The strain of w is constant: the mean of that of v is enough.
-        mean_stress = t.stress(self.enclosure.v.strain.mean(axis=1)[:, None])[:, 0]
+        mean_stress = elastic_stress(t, self.enclosure.v.strain, self.initial).mean(axis=(1, 2))
         inside = t.volume @ (mean_stress * self._strain(w)[:, 0] * TWICE[2]).sum(axis=1)
         middle = w[t.edges].mean(axis=1)
-        return float(self.loads.work(w, middle) - inside), self.loads.unknown_work(w, middle)
+        unknown = self.loads.unknown_work(w, middle)
+        if self.initial is not None:
+            unknown += float(self.initial.unknown_work(from_strain(t, self._strain(w))).sum())
+        return float(self.loads.work(w, middle) - inside), unknown
 
     def _within(self, stress: Array, missing: float, tiny: float, w: Array, pieces: Ints) -> tuple[float, float]:
         """Bounds of the integral of a stress times eps(u - v).
@@ -230,6 +234,8 @@ class _Quantity(Bounded):
         norm = float(np.sqrt(square(t, stress).sum()))
         norm += float(np.sqrt(of_strains(t, w, w[t.edges].mean(axis=1))[enclosure.inside].sum()))
         half = enclosure.radius * norm + enclosure.distance * missing + tiny
+        if self.initial is not None:
+            half += float(self.initial.unknown_work(stress)[enclosure.inside].sum()) / 2
         return centre - half, centre + half
 
     def _round_off(
@@ -266,6 +272,8 @@ class _Quantity(Bounded):
         size_v, size_w = norm(energy(t, v.strain)), norm(energy(t, self._strain(w)))
         size, between = norm(square(t, stress)), float(np.sqrt(enclosure.gap))
         strains = of_v * (size_w + of_w + size / 2) + of_w * (size_v + between / 2)
+        if self.initial is not None:
+            size_v += norm(square(t, self.initial.stress))
         sums = loads.size_of_work(w, middle) + size_v * size_w + size * (between + enclosure.radius)
         moved = missed + ROUND_OFF * (float(np.abs(w).max(initial=0.0)) + prescribed)
         vertices = np.intersect1d(constraints.vertex, t.corners[inside])

@@ -1,0 +1,131 @@
+"""Random scenes with thermal strain, and true errors of their displacements against solutions on finer meshes.
+
+    ./env python3 tests/support/heated_scenes.py plane | space | pair [SEEDS] [FIRST]
+
+prints guaranteed bounds over true errors, and what the finer solutions say against other bounds.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).resolve().parents[2]))
+
+import bounds_of_pairs
+import bounds_on_shapes
+import error_bounds
+import error_bounds_in_space
+from scenes import alone
+
+from signorini_fx.addons.bounds.error_bound import error_bound
+from signorini_fx.errors import SignoriniError
+from signorini_fx.scenes.reading import parse_scene
+
+STUDIES = {"plane": error_bounds, "space": error_bounds_in_space, "shape": error_bounds, "pair": bounds_of_pairs}
+
+
+def temperatures(chance, axes, length):
+    """Functions of the position, polynomials and one that jumps, of the size of a strain."""
+    heat = 1e-3 * float(10 ** chance.uniform(-1, 0.7))
+    up = f"x[{axes - 1}]"
+    return str(
+        chance.choice(
+            [
+                f"{heat}",
+                f"{heat}*x[0]",
+                f"{heat}*(x[0] - {length / 2})**2 + {heat}*{up}",
+                f"{heat}*x[0]*{up}**2 - {heat}*{up}",
+                f"where(x[0] < {0.37 * length}, {heat}, {-heat / 2}*{up})",
+            ]
+        )
+    )
+
+
+def heated(scene, seed):
+    """The scene with a thermal strain, in the plane also in plane stress, and in half of the scenes made of an
+    orthotropic material that expands alike in all directions or not."""
+    chance, tagged = np.random.default_rng([seed, 31]), scene.mesh
+    plane = not hasattr(tagged, "mesh") or tagged.mesh.geometry.dim == 2
+    length = 1.0 if scene.body or not plane else float(scene.mesh.parameters["length"])
+    hypothesis = str(chance.choice(["plane strain", "plane stress"]))
+    material = []
+    for one in scene.material:
+        more = {"expansion": float(chance.choice([1.0, 0.5]))} | ({"hypothesis": hypothesis} if plane else {})
+        material.append(one.model_copy(update=more))
+    if chance.random() < 0.3:
+        young = float(scene.material[0].young)
+        material = [
+            {
+                "orthotropic": {
+                    "young": [young, young / 2, young / 3],
+                    "poisson": [0.2, 0.25, 0.1],
+                    "shear": [young / 4, young / 5, young / 3],
+                    "direction": [1.0, 0.4, 0.0][: 2 if plane else 3],
+                },
+                "expansion": float(chance.choice([1.0, 0.5])),
+                "region": one.region,
+            }
+            | ({"hypothesis": hypothesis} if plane else {})
+            for one in scene.material
+        ]
+    fields = {key: getattr(scene, key) for key in scene.model_fields_set}
+    change = temperatures(chance, 2 if plane else 3, length)
+    return parse_scene(fields | {"material": material, "temperature": [{"change": change}]})
+
+
+def drawn(kind, seed):
+    """A scene of a study: in the plane, on a foundation with a shape, in space, or of two bodies."""
+    if kind == "shape":
+        return heated(bounds_on_shapes.on_shape(error_bounds.drawn(seed), seed), seed)
+    return heated(STUDIES[kind].drawn(seed), seed)
+
+
+def effectivity(kind, seed):
+    """Bound over true error, the bound, and what the finer solution refutes; or why there is none."""
+    study, scene = STUDIES[kind], drawn(kind, seed)
+    try:
+        solution = alone(scene)
+        bound = error_bound(solution.model, solution.displacement, solution.contact)
+        if isinstance(bound, str):
+            return bound
+        reference = study.on_finer_mesh(scene)
+    except SignoriniError as failed:
+        return str(failed).splitlines()[0]
+    true = study.energy_of_difference(solution, reference)
+    return bound.error / true, bound, refuted(solution, reference, bound)
+
+
+def refuted(solution, reference, bound):
+    """What a finer solution says against the bounds of the strain energy and of contact forces."""
+    wrong, energy = [], reference.last_step.strain_energy
+    low, high = bound.strain_energy
+    if not low * (1 - 1e-9) <= energy <= high * (1 + 1e-9):
+        wrong.append(f"energy {low:.5g} {energy:.5g} {high:.5g}")
+    contact = solution.statement.contact[0]
+    if solution.model.tagged.dimension == 2:
+        found = solution.force_bounds(contact.boundary, (0.0, 1.0))
+        theirs = reference.force_bounds(contact.boundary, (0.0, 1.0))
+        if (
+            not isinstance(found, str)
+            and not isinstance(theirs, str)
+            and max(found[0], theirs[0]) > min(found[1], theirs[1])
+        ):
+            wrong.append(f"force {found} {theirs}")
+    return wrong
+
+
+if __name__ == "__main__":
+    kind, many, first = sys.argv[1], *(int(word) for word in (*sys.argv[2:4], *("100", "0")[len(sys.argv[2:4]) :]))
+    ratios = []
+    for number in range(first, first + many):
+        found = effectivity(kind, number)
+        if isinstance(found, str):
+            print(number, found, flush=True)
+            continue
+        ratio, bound, wrong = found
+        ratios.append(ratio)
+        shares = ", ".join(f"{name} {getattr(bound, name):.2g}" for name in ("duality", "moved", "data", "round_off"))
+        print(f"{number} {ratio:.3f} true {bound.error / ratio / bound.size:.1%}: {shares} {wrong}", flush=True)
+    least, middle, most = min(ratios), np.median(ratios), max(ratios)
+    print(f"{len(ratios)} of {many}: {least:.3f}, {middle:.2f}, {np.quantile(ratios, 0.9):.2f}, {most:.2f}")
