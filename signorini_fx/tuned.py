@@ -548,9 +548,9 @@ PROGRAMME_TOLERANCE = 1e-10
 # A displacement that was moved out of the foundation is improved if that adds more than this share of the square of
 # the bound.  Choice: the first one is cheap.
 LITTLE_OF_BOUND = 0.1
-# Polynomials of up to this degree, as initial strains, are integrated exactly by a bound of the error; of other
-# functions the rules for it, for one more and for one less are compared.  Choice: as loads.
-KNOWN_DEGREE_OF_STRAIN = 5
+# Polynomials of up to this degree, as initial strains or gradings, are integrated exactly by a bound of the error; of
+# other strains the rules for it, for one more and for one less are compared.  Choice: as loads.
+KNOWN_DEGREE = 5
 # Of the least withdrawal from foundations: the stiffness that penalises what is left inside, over that of the body
 # there; a stiffness over the body's own for motions that nothing else holds; the most steps, and updates of
 # multipliers.  Choice: whatever they are it is a bound.

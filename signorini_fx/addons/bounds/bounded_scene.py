@@ -22,13 +22,13 @@ from signorini_fx.mechanics.effects.temperature import TemperatureChange
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Effect
+from signorini_fx.mechanics.statement.effect import Effect, InitialStrain
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.stated import STRAIGHT_CELLS
 from signorini_fx.quantities.statements import Grounds, Refused
-from signorini_fx.tuned import KNOWN_DEGREE_OF_STRAIN, SAME_ENTRY
+from signorini_fx.tuned import KNOWN_DEGREE, SAME_ENTRY
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
 _KNOWN_EFFECTS = (
@@ -48,7 +48,6 @@ _CUT = ("traction", "body force", "temperature")
 # Features of a scene that the proof does not know.
 REFUSES = {
     "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
-    "graded material": "moduli or axes that vary have no guaranteed bound yet",
     "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
     "point force": "a force at a point does infinite work: its displacement has no finite energy",
     "soft contact": "soft contact enters the foundation, and the bound is for displacements that do not",
@@ -58,6 +57,8 @@ REFUSES = {
 # What else it does not know, by name.
 RANKS, CURVED, POINT = "several ranks", "curved cells", "parts that share a point"
 HEXAHEDRA = "hexahedra"
+TURNING, NO_POLYNOMIAL = "Poisson's ratio or axes that vary", "grading that is no polynomial"
+GRADED_AND_HEATED = "graded material with initial strains"
 FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
 PAIR_IN_SPACE = "contact of two bodies in space"
 SHAPE = "some foundations with shapes"
@@ -73,6 +74,10 @@ REFUSES_BESIDES = {
     HEXAHEDRA: "in space a guaranteed bound is for tetrahedra so far",
     PAIR_IN_SPACE: "in space a guaranteed bound is for contact with a rigid foundation so far",
     POINT: "a body whose parts share nothing but a point has no guaranteed bound yet",
+    TURNING: "Poisson's ratio or axes that vary have no guaranteed bound yet",
+    NO_POLYNOMIAL: "a grading has a guaranteed bound where it is a polynomial of degree 5 at most, but for jumps and "
+    "kinks along straight lines, and on triangles, parallelograms of degree 1 and tetrahedra so far",
+    GRADED_AND_HEATED: "a graded body with initial strains has no guaranteed bound yet",
     FORM_AS_GAP: "a gap given as a form is not known between the nodes",
     FORM_AS_BOUND: "a friction bound given as a form is not known between the nodes",
 }
@@ -213,6 +218,11 @@ def _is_bounded(entry: Contact, dimension: int) -> bool:
     )
 
 
+def _is_polynomial(grading: Any) -> bool:
+    """Whether a grading is one between places that are known."""
+    return isinstance(grading, Expression) and grading.degree <= KNOWN_DEGREE and grading.cuts_exactly
+
+
 def refuse_unknown(d: Model) -> None:
     """Raise where the scene has something that the proof does not know.
 
@@ -222,7 +232,14 @@ def refuse_unknown(d: Model) -> None:
     mesh = d.tagged.mesh
     bounds = [value for entry in d.statement.contact for value in entry.friction.parameters.values()]
     shaped = [entry for entry in d.statement.contact if entry.foundation is not None]
+    materials = d.statement.material
+    gradings = [material.grading for material in materials if material.grading is not None]
+    # Inside quadrilaterals of degree 2 the displacement is more than the proof has points for.
+    quadratic = mesh.topology.cell_name() == "quadrilateral" and d.space.element.basix_element.degree == 2
     present = {
+        TURNING: any(material.model_copy(update={"grading": None}).varies for material in materials),
+        NO_POLYNOMIAL: bool(gradings) and (quadratic or not all(map(_is_polynomial, gradings))),
+        GRADED_AND_HEATED: bool(gradings) and any(entry.acts for entry in d.statement.of(InitialStrain)),
         SHAPE: not all(_is_bounded(entry, d.tagged.dimension) for entry in shaped),
         RANKS: d.comm.size > 1,
         CURVED: compat.geometry_degree(mesh) > 1,
@@ -258,7 +275,7 @@ def _data(d: Model, place: float) -> Iterator[tuple[str, str, Any, float]]:
             for key, value in entry.given.items():
                 degree = 4 if key == "rotation" else 5  # which is multiplied by a distance
                 if isinstance(entry, TemperatureChange):
-                    yield entry.label, entry.name, value, KNOWN_DEGREE_OF_STRAIN
+                    yield entry.label, entry.name, value, KNOWN_DEGREE
                 else:
                     yield entry.label, name, value, 1 if entry.where is None and not plane else degree
 

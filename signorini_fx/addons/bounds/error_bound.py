@@ -38,6 +38,7 @@ from signorini_fx.addons.bounds.bounded_scene import LONG_FACETS, refuse_unknown
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein, cubic, times_linear
+from signorini_fx.addons.bounds.graded_moduli import GradedModuli
 from signorini_fx.addons.bounds.initial_stress import InitialStress, elastic_stress
 from signorini_fx.addons.bounds.least_withdrawal import least_withdrawal
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
@@ -97,6 +98,7 @@ class Enclosure:
         t: the cells.
         inside: the cells of the pieces that are looked at, each of which is a body of its own, shape (n,).
         initial: the stress that initial strains take from the body; None: there are none.
+        grading: how moduli vary inside the cells; None: they do not.
     """
 
     v: Admissible
@@ -109,6 +111,7 @@ class Enclosure:
     t: Simplices
     inside: npt.NDArray[np.bool_]
     initial: InitialStress | None = None
+    grading: GradedModuli | None = None
 
     def of(self, inside: npt.NDArray[np.bool_]) -> Enclosure:
         """The same of some pieces.
@@ -140,10 +143,13 @@ class Enclosure:
     @cached_property
     def gap(self) -> float:
         """Of the functionals, twice, an energy."""
-        squares = self.v.contact + square(self.t, self.difference)
+        if self.grading is not None:
+            between = self.grading.square(from_strain(self.t, self.v.strain), self.stress.stress)
+        else:
+            between = square(self.t, self.difference)
         if self.initial is not None:
-            squares = squares + self.initial.added(self.difference)
-        return float(squares[self.inside].sum())
+            between = between + self.initial.added(self.difference)
+        return float((self.v.contact + between)[self.inside].sum())
 
     @property
     def missed(self) -> float:
@@ -228,15 +234,21 @@ class Bounded(PlainProblem):
                 v = min(v, again, key=lambda entry: entry.squares.sum())
         inside = np.ones(len(t.corners), dtype=bool)
         rounded = 2 * np.sqrt(of_strains(t, self.y, self.middle)) + np.sqrt(of_strains(t, v.y, v.middle))
+        if self.grading is not None:
+            rounded *= np.sqrt(self.grading.most)
         if self.initial is not None:
             rounded += ROUND_OFF * np.sqrt(square(t, self.initial.stress))
         squares = v.contact + between
-        return Enclosure(v, squares, stress, self._missed, rounded**2, size, unknown, t, inside, self.initial)
+        return Enclosure(
+            v, squares, stress, self._missed, rounded**2, size, unknown, t, inside, self.initial, self.grading
+        )
 
     def _between(self, computed: Array, stress: EquilibratedStress) -> Array:
         """Squares of the distance of a stress from that of the computed displacement, energies, shape (n,)."""
-        difference = elastic_stress(self.t, computed, self.initial) - stress.stress
-        return np.add(*self._squares(difference, self.beyond))
+        elastic = elastic_stress(self.t, computed, self.initial)
+        if self.grading is not None:
+            return self.grading.square(elastic, stress.stress)
+        return np.add(*self._squares(elastic - stress.stress, self.beyond))
 
     def _squares(self, difference: Array, beyond: StrainBeyond | None) -> tuple[Array, Array]:
         """Squares of the norm of stresses that are linear on the parts of cells, with what a displacement is ``beyond``
@@ -261,7 +273,10 @@ class Bounded(PlainProblem):
         """Squares of the energy norm of the strain of a displacement without initial ones, and how far they are not
         known, see ``_squares``.
         """
-        squares, unknown = self._squares(elastic_stress(self.t, strain, self.initial), beyond)
+        elastic = elastic_stress(self.t, strain, self.initial)
+        if self.grading is not None:
+            return self.grading.energy(elastic, elastic), np.zeros(len(strain))
+        squares, unknown = self._squares(elastic, beyond)
         return squares if self.initial is None else squares + self.initial.prevented, unknown
 
     def _outside(self, computed: Array, between: float) -> Admissible:
@@ -348,7 +363,8 @@ class Bounded(PlainProblem):
         norms = np.zeros(len(self.t.facets))
         for surface in self.contacts:
             norms[surface.facets] += np.sqrt(self.t.area[surface.facets] * surface.missed)
-        return self.loads.missed_beside(norms)
+        missed = self.loads.missed_beside(norms)
+        return missed if self.grading is None else missed / self.grading.least
 
     def _stress(self) -> EquilibratedStress:
         """In equilibrium with the loads and the tractions of the contacts."""
@@ -365,7 +381,8 @@ class Bounded(PlainProblem):
         for k, pair in enumerate(EDGES_OF_FACET[d]):
             start[:, pair] += (ends - third) * bubble[:, k, None]
         initial = None if self.initial is None else self.initial.stress
-        return self.equilibration.stress(Loads(acting.body, traction, acting.unknown, initial), start)
+        stress = self.equilibration.stress(Loads(acting.body, traction, acting.unknown, initial), start)
+        return stress if self.grading is None else replace(stress, squares=stress.squares / self.grading.least)
 
     def _on_contact(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
         """Integrals of p (d - v_n) + g |v_t| - mu . v_t over the facets, energies, shape (m,)."""
@@ -498,6 +515,8 @@ class Bounded(PlainProblem):
         for surface in self.contacts:
             np.add.at(contact, t.sides[surface.facets, 0], 2 * self._on_contact(surface, *v))
         moved = energy(t, strain - computed)
+        if self.grading is not None:
+            moved = moved * self.grading.most
         if self.beyond is not None:
             moved = (moved + self.beyond.added(from_strain(t, computed - strain))).clip(min=0.0)
         return Admissible(*v, strain, contact, moved)

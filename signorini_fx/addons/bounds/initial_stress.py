@@ -26,7 +26,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.cut_simplices import cut
 from signorini_fx.mechanics.statement.effect import InitialStrain
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.tuned import KNOWN_DEGREE_OF_STRAIN
+from signorini_fx.tuned import KNOWN_DEGREE
 
 # The strain s at points of cells, shape (m, q), of positions, length, shape (m, q, d).
 _Strain = Callable[[Ints, Array], Array]
@@ -163,10 +163,10 @@ def _of_part(t: Simplices, part: int, strain: _Strain, values: list[Any]) -> tup
     share = np.abs(np.linalg.det(places)) * t.volume[owner] / count
     # Squares of polynomials of these degrees are integrated exactly; of others the finest of three rules counts.
     known = max((value.degree for value in values if isinstance(value, Expression)), default=0)
-    exact = known <= KNOWN_DEGREE_OF_STRAIN and all(
+    exact = known <= KNOWN_DEGREE and all(
         isinstance(value, float) or (isinstance(value, Expression) and value.cuts_exactly) for value in values
     )
-    rules = (int(known) + 1,) if exact else tuple(KNOWN_DEGREE_OF_STRAIN + k for k in (2, 1, 0))
+    rules = (int(known) + 1,) if exact else tuple(KNOWN_DEGREE + k for k in (2, 1, 0))
     moments, missed = list[Array](), list[Array]()
     linear = np.zeros((n, count))
     for size in rules:

@@ -26,6 +26,7 @@ from signorini_fx.addons.bounds.bounded_scene import (
     refuse_unknown,
 )
 from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, TRIPLE, bernstein, coefficients, times_linear
+from signorini_fx.addons.bounds.graded_moduli import graded_moduli
 from signorini_fx.addons.bounds.initial_stress import initial_stress
 from signorini_fx.addons.bounds.moving_tools import MovingTool, tools_of
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
@@ -233,6 +234,7 @@ class PlainProblem:
             shape (f, d, d).
         supported: those of supports alone.
         loads: what acts on the body.
+        grading: how moduli vary inside the cells; None: they do not.
         initial: the stress that initial strains take from it; None: there are none.
         tools: foundations that forces move.
         contacts: the contacts of the scene, in its order.
@@ -253,6 +255,7 @@ class PlainProblem:
             raise Refused("supports push the body into its foundation")
         self._divide(y)
         self._match()
+        self._grade()
         self._before = self._begin_of_slip(contact, before)
         self.held: Array = np.zeros((len(self.t.facets), self._dimension, self._dimension))
         self._supports()
@@ -354,6 +357,13 @@ class PlainProblem:
         self._sides = list(contacts.items())
         self.t, self.owner = self._split.t, self.owner[self._split.parent]
         self.y, self.middle = self._split.carried(self.y, self.middle)
+
+    def _grade(self) -> None:
+        """Moduli in the centres of the cells where they vary inside; then no parts of a cell have the same matrices."""
+        self.grading = graded_moduli(self._d, self.t, self.owner)
+        if self.grading is not None:
+            graded = replace(self.t, moduli=self.grading.moduli, parts=1)
+            self.placed, self.t = graded if self.placed is self.t else self.placed, graded
 
     def _movable(self, t: Simplices) -> npt.NDArray[np.bool_]:
         """Vertices that may move along the boundary without any change of the problem: it is straight there, with the

@@ -114,6 +114,8 @@ class _Quantity(Bounded):
         if d.tagged.dimension != 2:
             raise Refused("in space the error alone has a guaranteed bound")
         super().__init__(d, y, contact, step, before)
+        if self.grading is not None:
+            raise Refused("of a graded body the error alone has a guaranteed bound")
 
     def mean(self, boundary: str, direction: Array) -> Interval:
         """See ``mean_displacement``."""

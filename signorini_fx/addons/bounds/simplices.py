@@ -51,6 +51,9 @@ class Moduli(Protocol):
     def of(self, cells: Ints) -> Moduli:
         """Of some of the cells."""
 
+    def times(self, factor: Array) -> Moduli:
+        """Multiplied in each cell, shape (n,)."""
+
 
 @dataclass(frozen=True)
 class IsotropicModuli:
@@ -97,6 +100,10 @@ class IsotropicModuli:
         """See ``Moduli``."""
         return IsotropicModuli(self.lame[cells], self.mu[cells], self.dimension)
 
+    def times(self, factor: Array) -> IsotropicModuli:
+        """See ``Moduli``."""
+        return IsotropicModuli(factor * self.lame, factor * self.mu, self.dimension)
+
 
 @dataclass(frozen=True)
 class MatrixModuli:
@@ -128,6 +135,11 @@ class MatrixModuli:
     def of(self, cells: Ints) -> MatrixModuli:
         """See ``Moduli``."""
         return MatrixModuli(self.stiffness[cells], self.compliance[cells], self.softest[cells])
+
+    def times(self, factor: Array) -> MatrixModuli:
+        """See ``Moduli``."""
+        of_matrix = factor[:, None, None]
+        return MatrixModuli(of_matrix * self.stiffness, self.compliance / of_matrix, factor * self.softest)
 
 
 @dataclass(frozen=True)
