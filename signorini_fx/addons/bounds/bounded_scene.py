@@ -60,7 +60,6 @@ HEXAHEDRA = "hexahedra"
 TURNING, NO_POLYNOMIAL = "Poisson's ratio or axes that vary", "grading that is no polynomial"
 GRADED_AND_HEATED = "graded material with initial strains"
 FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
-PAIR_IN_SPACE = "contact of two bodies in space"
 SHAPE = "some foundations with shapes"
 LONG_FACETS = (
     "a guaranteed bound needs facets that are shorter than their distance from the centre of a round foundation"
@@ -72,7 +71,6 @@ REFUSES_BESIDES = {
     RANKS: "a guaranteed bound is computed on one rank so far",
     CURVED: "a guaranteed bound is for straight cells so far",
     HEXAHEDRA: "in space a guaranteed bound is for tetrahedra so far",
-    PAIR_IN_SPACE: "in space a guaranteed bound is for contact with a rigid foundation so far",
     POINT: "a body whose parts share nothing but a point has no guaranteed bound yet",
     TURNING: "Poisson's ratio or axes that vary have no guaranteed bound yet",
     NO_POLYNOMIAL: "a grading has a guaranteed bound where it is a polynomial of degree 5 at most, but for jumps and "
@@ -84,11 +82,14 @@ REFUSES_BESIDES = {
 
 # What it does not know of the sides of two bodies, where they lie.
 APART, TWICE_MET = "friction or bond of sides that are apart", "side that meets two others at a place"
+NO_MATCH = "facets in space that are not over each other one to one"
 NEARLY_MET, PARTLY_CLOSED = "corners of two bodies that nearly meet", "adjust that closes a part of a contact"
 REFUSES_OF_PAIRS = {
     APART: "with friction or a bond a guaranteed bound is for sides of two bodies that lie on each other, or that are "
     "nominally in contact: how a pair turns whose sides are apart is no functional of displacements",
     TWICE_MET: "a guaranteed bound needs that each part of a side meets one part of one other side at most",
+    NO_MATCH: "in space a guaranteed bound of two bodies is for meshes that match where they meet so far, facet over "
+    "facet",
     NEARLY_MET: "a guaranteed bound needs that nodes of two bodies do not nearly meet where no side is straight",
     PARTLY_CLOSED: "adjust that closes a part of a contact does not say what the gap is between the nodes",
 }
@@ -244,7 +245,6 @@ def refuse_unknown(d: Model) -> None:
         RANKS: d.comm.size > 1,
         CURVED: compat.geometry_degree(mesh) > 1,
         HEXAHEDRA: mesh.topology.cell_name() == "hexahedron",
-        PAIR_IN_SPACE: d.tagged.dimension == 3 and bool(d.pairs),
         POINT: d.motions.pieces.pins.size > 0,
         FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in d.statement.contact),
         FORM_AS_BOUND: any(hasattr(value, "ufl_shape") for value in bounds),

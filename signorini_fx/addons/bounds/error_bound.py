@@ -373,7 +373,7 @@ class Bounded(PlainProblem):
         for surface in self.contacts:
             traction[surface.facets] += surface.traction @ (np.eye(d) - self.held[surface.facets])
             if (opposite := surface.opposite) is not None:  # the same force on as much of the other body
-                back = -opposite.over(surface.traction) * opposite.ratio[:, None, None]
+                back = -opposite.under(surface.traction) * opposite.ratio[:, None, None]
                 traction[opposite.facets] += back @ (np.eye(d) - self.held[opposite.facets])
         # The linear functions on the facets with the moments of the displacement.
         start, bubble = self.y[t.facets], (self.middle - self.y[t.edges].mean(axis=1))[t.edges_of_facets]

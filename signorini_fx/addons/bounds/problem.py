@@ -17,6 +17,7 @@ from signorini_fx.addons.bounds.balanced_tractions import onto_disc
 from signorini_fx.addons.bounds.biquadratic_cells import StrainBeyond, on_triangles
 from signorini_fx.addons.bounds.bounded_scene import (
     APART,
+    NO_MATCH,
     PARTLY_CLOSED,
     REFUSES_OF_PAIRS,
     TWICE_MET,
@@ -28,6 +29,7 @@ from signorini_fx.addons.bounds.bounded_scene import (
 from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, TRIPLE, bernstein, coefficients, times_linear
 from signorini_fx.addons.bounds.graded_moduli import graded_moduli
 from signorini_fx.addons.bounds.initial_stress import initial_stress
+from signorini_fx.addons.bounds.matching_facets import MatchingFacets
 from signorini_fx.addons.bounds.moving_tools import MovingTool, tools_of
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
 from signorini_fx.addons.bounds.round_foundations import RoundFacets, is_round
@@ -57,7 +59,7 @@ class OtherSide:
 
     Attributes:
         facets: shape (m,).
-        order: of their vertices those over the first and the second one, 0 and 1 or 1 and 0, shape (m, 2).
+        order: of their vertices those over the first one, the second one and so on, shape (m, d).
         ratio: of the lengths of the facets of the contact to theirs, shape (m,).
         share: of a change of the jump that the side with the contact points takes, shape (m,).
     """
@@ -68,12 +70,21 @@ class OtherSide:
     share: Array
 
     def vertices(self, t: Simplices) -> Ints:
-        """Over those of the facets of the contact, shape (m, 2)."""
+        """Over those of the facets of the contact, shape (m, d)."""
         return np.take_along_axis(t.facets[self.facets], self.order, axis=1)
 
+    def edges(self, t: Simplices) -> Ints:
+        """Over the edges of the facets of the contact, shape (m, 1 or 3): in space each is opposite a vertex."""
+        edges = t.edges_of_facets[self.facets]
+        return edges if edges.shape[1] == 1 else np.take_along_axis(edges, self.order, axis=1)
+
     def over(self, values: Array) -> Array:
-        """Values at the vertices of the facets, shape (m, 2, ...), at those over the vertices of the contact."""
+        """Values at the vertices of the facets, shape (m, d, ...), at those over the vertices of the contact."""
         return np.asarray(values[np.arange(len(self.order))[:, None], self.order])
+
+    def under(self, values: Array) -> Array:
+        """Values at the vertices of the contact, shape (m, d, ...), at the vertices of the facets."""
+        return np.asarray(values[np.arange(len(self.order))[:, None], np.argsort(self.order, axis=1)])
 
 
 @dataclass
@@ -333,7 +344,11 @@ class PlainProblem:
         self._split: SplitTriangles | None = None
         self.moved_nodes, self.placed, self.given_x, self.flat = 0.0, cells, cells.x, True
         self._on_quadrilaterals = 0.0
+        self._matching = dict[int, MatchingFacets]()
         if not pairs:
+            return
+        if self._dimension == 3:
+            self._match_in_space()
             return
         cells = replace(cells, parts=1)
         movable: npt.NDArray[np.bool_] = self._movable(cells)
@@ -357,6 +372,17 @@ class PlainProblem:
         self._sides = list(contacts.items())
         self.t, self.owner = self._split.t, self.owner[self._split.parent]
         self.y, self.middle = self._split.carried(self.y, self.middle)
+
+    def _match_in_space(self) -> None:
+        """The facets over each other, which have to be all that meet."""
+        tiny = SAME_LENGTH * self._d.tagged.size
+        for number, pair in sorted(self._d.pairs.items()):
+            slave, master = (self._undivided_facets(side.facets) for side in (pair.slave, pair.master))
+            matching = MatchingFacets.of(self.t, slave, master, tiny)
+            area, covered = float(self.t.area[matching.slave].sum()), pair.coupling.covered
+            if abs(area - covered) > SAME_LENGTH * covered or not covered > 0:
+                raise Refused(REFUSES_OF_PAIRS[NO_MATCH])
+            self._matching[number] = matching
 
     def _grade(self) -> None:
         """Moduli in the centres of the cells where they vary inside; then no parts of a cell have the same matrices."""
@@ -496,7 +522,9 @@ class PlainProblem:
         if opposite is None:
             return of_slave
         of_master = self.on_facets(y, middle, opposite.facets)
-        return of_slave - np.concatenate((opposite.over(of_master[:, :2]), of_master[:, 2:]), axis=1)
+        d = self._dimension
+        between = of_master[:, d:] if d == 2 else opposite.over(of_master[:, d:])
+        return of_slave - np.concatenate((opposite.over(of_master[:, :d]), between), axis=1)
 
     def _supports(self) -> None:
         """Directions in which facets are held; the displacement there is one that the elements hold."""
@@ -540,11 +568,15 @@ class PlainProblem:
         """The facets of a contact, with admissible tractions near the nodal ones."""
         d, boundary, parts = self._dimension, contact.boundary, dict(self._sides).get(number)
         opposite, bonded = None, effect.bonded
-        if parts is None:
+        apart: Array
+        if (matching := self._matching.get(number)) is not None:
+            whole_facets, whole_of = self._undivided_facets(self._d.pairs[number].slave.facets), matching.slave
+            facets, normal, apart, opposite = self._facing(number, effect, whole_of, matching.master, matching.order)
+        elif parts is None:
             whole_facets = self._whole_facets(effect.boundary)
             whole_of = whole_facets if self._split is None else self._split.parts_of(whole_facets)[1]
             facets, normal = self._towards(effect)
-            apart: Array = np.zeros((len(facets), d))
+            apart = np.zeros((len(facets), d))
         else:
             slave = self._d.pairs[number].slave.facets
             whole_facets, whole_of = self._parts[self._undivided_facets(slave)].ravel(), parts.facets[:, SLAVE]
@@ -636,10 +668,10 @@ class PlainProblem:
 
     def _paired(self, number: int, effect: Contact, parts: PairedParts) -> tuple[Ints, Array, Array, OtherSide]:
         """The facets of the contact of two bodies, its normals, the distance of both sides along these at the vertices,
-        length, shape (m, 2), and the other side.
+        length, shape (m, d), and the other side.
         """
         assert self._split is not None
-        t, pair = self.t, self._d.pairs[number]
+        t = self.t
         vertex = self._split.vertex[[contact for contact, _ in self._sides].index(number)][parts.ends]
         facets, opposite_facets = (
             self._split.between(vertex[:, 0, side], vertex[:, 1, side]) for side in (SLAVE, MASTER)
@@ -651,6 +683,21 @@ class PlainProblem:
         backwards = t.facets[facets, 0] != vertex[:, 0, SLAVE]
         ordered = np.where(backwards[:, None], vertex[:, ::-1, MASTER], vertex[:, :, MASTER])
         order = (t.facets[opposite_facets, 0][:, None] != ordered).astype(np.int64)
+        return self._facing(number, effect, facets, opposite_facets, order)
+
+    def _facing(
+        self, number: int, effect: Contact, facets: Ints, opposite_facets: Ints, order: Ints
+    ) -> tuple[Ints, Array, Array, OtherSide]:
+        """See ``_paired``.
+
+        Args:
+            number: of the contact.
+            effect: the contact.
+            facets: of the side with the contact points, shape (m,).
+            opposite_facets: those over them, shape (m,).
+            order: see ``OtherSide``.
+        """
+        t, pair = self.t, self._d.pairs[number]
         normal = t.normal[facets]
         if pair.by_geometry:
             normal = normal - t.normal[opposite_facets]
@@ -668,7 +715,7 @@ class PlainProblem:
         if along and (flat or pair.by_geometry) and np.abs(away).max() > tiny:
             raise Refused(REFUSES_OF_PAIRS[APART])
         if not pair.by_geometry:
-            return facets, normal, np.zeros((len(facets), 2)), opposite
+            return facets, normal, np.zeros_like(apart), opposite
         closed = closed_within(apart, effect.adjust)
         if (closed != apart).any() and closed.any():
             raise Refused(REFUSES_OF_PAIRS[PARTLY_CLOSED])

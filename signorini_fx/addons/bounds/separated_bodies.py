@@ -15,8 +15,8 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_error import out
-from signorini_fx.addons.bounds.problem import FacetsInContact, OtherSide
-from signorini_fx.addons.bounds.simplices import Simplices
+from signorini_fx.addons.bounds.problem import FacetsInContact
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -46,22 +46,23 @@ def separate(
     """Move a displacement in place.
 
     Args:
-        t: the triangles.
+        t: the cells.
         pairs: the contacts.
-        relative: coefficients of Bernstein of the displacement relative to the other side, shape (m, 3, 2).
-        y: at vertices, length, shape (v, 2).
-        middle: at middles of edges, length, shape (e, 2).
-        free: projectors onto the directions in which supports let vertices and edges move, shapes (v, 2, 2), (e, 2, 2).
+        relative: coefficients of Bernstein of the displacement relative to the other side, shape (m, 3 or 6, d).
+        y: at vertices, length, shape (v, d).
+        middle: at middles of edges, length, shape (e, d).
+        free: projectors onto the directions in which supports let vertices and edges move, shapes (v, d, d), (e, d, d).
         tiny: a length of the size of round-off.
         shut: what is closed.
 
     Raises:
         Refused: supports leave no way out.
     """
+    d = t.dimension
     for surface in pairs:
         assert surface.opposite is not None
         unmoved, opposite = y.copy(), surface.opposite
-        for (slave, master), rows in _common_vertices(t, surface, opposite).items():
+        for (slave, master), rows in _over_each_other(t.facets[surface.facets], opposite.vertices(t)).items():
             row, column = np.array(rows).T
             normals, share = surface.normal[row], float(opposite.share[row].mean())
             jump = y[slave] - y[master]
@@ -76,36 +77,37 @@ def separate(
             y[slave] -= share * ways[0] @ step
             y[master] += (1 - share) * ways[1] @ step
         middle += (y - unmoved)[t.edges].mean(axis=1)
-        coefficient, start = relative(surface, y, middle)[:, 2], surface.before[:, 2]
-        edges, across = t.edges_of_facets[surface.facets][:, 0], t.edges_of_facets[opposite.facets][:, 0]
-        for k in range(len(edges)):
-            normals = surface.normal[[k]]
-            excess = normals @ coefficient[k] - surface.below[k, 2]
-            closed = surface.bilateral or (shut >= Shut.GAPS and bool((surface.pressure[k] > 0).all()))
-            sizes = np.linalg.norm(surface.shear[k], axis=1)
-            stuck = (sizes < (1 - SAME_LENGTH) * surface.least[k]).all()
+        coefficient = relative(surface, y, middle)
+        edges = _over_each_other(t.edges_of_facets[surface.facets], opposite.edges(t))
+        for (edge, across), rows in edges.items():
+            row, column = np.array(rows).T
+            ends = EDGES_OF_FACET[d][column]
+            normals, jump = surface.normal[row], coefficient[row[0], d + column[0]]
+            excess = normals @ jump - surface.below[row, d + column]
+            pressed = (surface.pressure[row[:, None], ends] > 0).all(axis=1)
+            closed = surface.bilateral or (shut >= Shut.GAPS and bool(pressed.any()))
+            sizes = np.linalg.norm(surface.shear[row[:, None], ends], axis=2)
+            stuck = (sizes < (1 - SAME_LENGTH) * surface.least[row[:, None], ends]).all()
             sticks = surface.bonded or (shut >= Shut.SLIP and closed and bool(stuck))
-            if not (closed or sticks) and excess[0] <= -tiny:
+            if not (closed or sticks) and excess.max() <= -tiny:
                 continue
-            ways = free[1][edges[k]], free[1][across[k]]
+            ways = free[1][edge], free[1][across]
             along = [float(np.linalg.norm(way @ normals[0])) for way in ways]
-            share = float(opposite.share[k] >= 0.5)
+            share = float(opposite.share[row].mean() >= 0.5)
             if min(along) < 0.5 < max(along):
                 share = float(along[0] > along[1])
-            slip = coefficient[k] - start[k] if sticks else None
+            slip = jump - surface.before[row[0], d + column[0]] if sticks else None
             step = _step(normals, excess, slip, ways, share, tiny, surface, closed=closed)
             # Twice the middle of an edge is what its coefficient of Bernstein has of it.
-            middle[edges[k]] -= share * ways[0] @ step / 2
-            middle[across[k]] += (1 - share) * ways[1] @ step / 2
+            middle[edge] -= share * ways[0] @ step / 2
+            middle[across] += (1 - share) * ways[1] @ step / 2
 
 
-def _common_vertices(t: Simplices, surface: FacetsInContact, opposite: OtherSide) -> dict[tuple[int, int], list[Ints]]:
-    """The vertices of both sides that lie over each other, with the facets and the places in them."""
-    slave, master = t.facets[surface.facets], opposite.vertices(t)
-    rows = dict[tuple[int, int], list[Ints]]()
-    for k in range(len(slave)):
-        for column in (0, 1):
-            rows.setdefault((int(slave[k, column]), int(master[k, column])), []).append(np.array((k, column)))
+def _over_each_other(slave: Ints, master: Ints) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """The vertices or edges of both sides that lie over each other, shapes (m, k), with the facets and the places."""
+    rows = dict[tuple[int, int], list[tuple[int, int]]]()
+    for k, column in np.ndindex(slave.shape):
+        rows.setdefault((int(slave[k, column]), int(master[k, column])), []).append((k, column))
     return rows
 
 
@@ -120,26 +122,26 @@ def _step(
     *,
     closed: bool,
 ) -> Array:
-    """What changes the jump by a step that both sides share, shape (2,): the first one moves by minus its share of it.
+    """What changes the jump by a step that both sides share, shape (d,): the first one moves by minus its share of it.
 
     Args:
-        normals: along which the jump is bounded, shape (r, 2).
+        normals: along which the jump is bounded, shape (r, d).
         excess: of it, length, shape (r,).
-        slip: to be taken away, length, shape (2,); None: none is.
+        slip: to be taken away, length, shape (d,); None: none is.
         ways: projectors onto the directions in which both sides may move.
         share: of the first side.
         tiny: length.
         surface: the contact.
         closed: whether negative excess is taken away, too.
     """
-    step: Array = np.zeros(2)
+    step: Array = np.zeros(normals.shape[1])
     free = share * ways[0] + (1 - share) * ways[1]
     if closed or slip is not None:
         mean = normals.mean(axis=0)
         rows, lengths = ([mean], [excess.max()]) if not surface.bilateral else (list(normals), list(excess))
         if slip is not None:
-            tangent = np.array([-mean[1], mean[0]])
-            rows, lengths = [*rows, tangent], [*lengths, float(tangent @ slip)]
+            tangents = np.linalg.svd(mean[None])[2][1:]  # perpendicular to it
+            rows, lengths = [*rows, *tangents], [*lengths, *(tangents @ slip)]
         step = np.linalg.lstsq(np.array(rows) @ free, np.array(lengths), rcond=SAME_LENGTH)[0]
         if surface.bilateral:
             if np.abs(np.array(rows) @ free @ step - lengths).max() > SAME_LENGTH * np.abs(lengths).max() + tiny:
