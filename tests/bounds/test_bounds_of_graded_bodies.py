@@ -121,7 +121,7 @@ def test_norms_of_stresses(grading, less):
         products = [(one * t.strain(one) * TWICE[2]).sum(axis=2) for one in (apart, sigma)]
         exact[0] += t.volume / 3 * (products[0] / gamma @ weight)
         exact[1] += t.volume / 3 * (products[1] * gamma @ weight)
-        assert (gamma <= graded.most[:, None]).all()
+        assert (gamma <= graded.greatest[:, None]).all()
         assert (gamma >= graded.least[:, None]).all()
     np.testing.assert_allclose(energy, exact[1], rtol=0.03 if jumps else 1e-9)
     assert (square >= exact[0] * (0.97 if jumps else 1.0)).all()

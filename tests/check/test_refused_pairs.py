@@ -284,8 +284,6 @@ SPACE = {
 def test_what_is_computed(what, name):
     """It says so of a scene with this feature, in the words that it declares."""
     data = scene_of(name)
-    if name == "mixed element" and what == "guaranteed bound":
-        data = merged(data, TRIANGLES)
     if name == "friction axes":
         data = {key: value for key, value in data.items() if key not in BASE or key in ("material", "contact")} | SPACE
     assert refusals.COMPUTED[what][name] in COMPUTED[what](parse_scene(data))

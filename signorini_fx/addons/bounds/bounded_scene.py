@@ -47,7 +47,6 @@ _CUT = ("traction", "body force", "temperature")
 
 # Features of a scene that the proof does not know.
 REFUSES = {
-    "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
     "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
     "point force": "a force at a point does infinite work: its displacement has no finite energy",
     "soft contact": "soft contact enters the foundation, and the bound is for displacements that do not",
@@ -57,6 +56,7 @@ REFUSES = {
 # What else it does not know, by name.
 RANKS, CURVED, POINT = "several ranks", "curved cells", "parts that share a point"
 HEXAHEDRA = "hexahedra"
+INCOMPRESSIBLE = "material without a change of volume"
 TURNING, NO_POLYNOMIAL = "Poisson's ratio or axes that vary", "grading that is no polynomial"
 GRADED_AND_HEATED = "graded material with initial strains"
 FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
@@ -72,6 +72,8 @@ REFUSES_BESIDES = {
     CURVED: "a guaranteed bound is for straight cells so far",
     HEXAHEDRA: "in space a guaranteed bound is for tetrahedra so far",
     POINT: "a body whose parts share nothing but a point has no guaranteed bound yet",
+    INCOMPRESSIBLE: "a body that cannot change its volume has no guaranteed bound: displacements of elements change "
+    "it, so that their energy norm is infinite",
     TURNING: "Poisson's ratio or axes that vary have no guaranteed bound yet",
     NO_POLYNOMIAL: "a grading has a guaranteed bound where it is a polynomial of degree 5 at most, but for jumps and "
     "kinks along straight lines, and on triangles, parallelograms of degree 1 and tetrahedra so far",
@@ -238,6 +240,7 @@ def refuse_unknown(d: Model) -> None:
     # Inside quadrilaterals of degree 2 the displacement is more than the proof has points for.
     quadratic = mesh.topology.cell_name() == "quadrilateral" and d.space.element.basix_element.degree == 2
     present = {
+        INCOMPRESSIBLE: not all(np.isfinite(material.lame).all() for material in materials),
         TURNING: any(material.model_copy(update={"grading": None}).varies for material in materials),
         NO_POLYNOMIAL: bool(gradings) and (quadratic or not all(map(_is_polynomial, gradings))),
         GRADED_AND_HEATED: bool(gradings) and any(entry.acts for entry in d.statement.of(InitialStrain)),
@@ -319,6 +322,9 @@ def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: floa
         if unknown > SAME_ENTRY
         else "",
         STRAIGHT_CELLS if d.statement.arcs else "",
+        "of the displacement alone, whose volume changes more than the pressure of the mixed element says"
+        if d.elastic.pressed
+        else "",
         "" if flat else "of the sides of two bodies as polygons, paired at their nodes",
         "of the Tresca problem with the computed friction bound, converged or not: that this is the bound of the exact "
         "solution is assumed"

@@ -235,7 +235,7 @@ class Bounded(PlainProblem):
         inside = np.ones(len(t.corners), dtype=bool)
         rounded = 2 * np.sqrt(of_strains(t, self.y, self.middle)) + np.sqrt(of_strains(t, v.y, v.middle))
         if self.grading is not None:
-            rounded *= np.sqrt(self.grading.most)
+            rounded *= np.sqrt(self.grading.greatest)
         if self.initial is not None:
             rounded += ROUND_OFF * np.sqrt(square(t, self.initial.stress))
         squares = v.contact + between
@@ -516,7 +516,7 @@ class Bounded(PlainProblem):
             np.add.at(contact, t.sides[surface.facets, 0], 2 * self._on_contact(surface, *v))
         moved = energy(t, strain - computed)
         if self.grading is not None:
-            moved = moved * self.grading.most
+            moved = moved * self.grading.greatest
         if self.beyond is not None:
             moved = (moved + self.beyond.added(from_strain(t, computed - strain))).clip(min=0.0)
         return Admissible(*v, strain, contact, moved)

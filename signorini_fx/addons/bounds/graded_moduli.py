@@ -63,13 +63,13 @@ class GradedModuli:
     Attributes:
         moduli: C.
         least: of which gamma is at least, shape (n,).
-        most: of which it is at most, shape (n,).
+        greatest: of which it is at most, shape (n,).
         parts: points of quadrature.
     """
 
     moduli: Moduli
     least: Array
-    most: Array
+    greatest: Array
     parts: tuple[GradedPart, ...]
 
     def square(self, elastic: Array, tau: Array) -> Array:
@@ -85,10 +85,10 @@ class GradedModuli:
             squares += part.integral(self.moduli, apart, apart, len(squares))
         return squares / self.least
 
-    def energy(self, elastic: Array, other: Array) -> Array:
+    def energy(self, elastic: Array, second_elastic: Array) -> Array:
         """Integrals of gamma C eps : eps' from C eps and C eps', by cell, energies, shape (n,)."""
         energies = np.zeros(len(self.least))
-        for part, first, second in self._at_points(elastic, other):
+        for part, first, second in self._at_points(elastic, second_elastic):
             energies += part.integral(self.moduli, part.share[..., None] * first, second, len(energies))
         return energies
 
@@ -119,8 +119,8 @@ def graded_moduli(d: Model, t: Simplices, owner: Ints) -> GradedModuli | None:
         """The grading at points of cells, shape (m, q)."""
         at, share = BoundPoints(x, np.zeros_like(x)), np.ones(x.shape[:2])
         for value, of_material in zip(values, inside, strict=True):
-            here = of_material[rows]
-            share[here] = at.value(value)[here]
+            graded_rows = of_material[rows]
+            share[graded_rows] = at.value(value)[graded_rows]
         return share
 
     cells = np.arange(len(owner))
@@ -128,12 +128,12 @@ def graded_moduli(d: Model, t: Simplices, owner: Ints) -> GradedModuli | None:
     centre = gamma(cells, t.x[t.corners].mean(axis=1)[:, None])[:, 0]
     moduli = t.moduli.times(centre / gamma(cells, of_mesh)[:, 0])
     degree = int(max(value.degree for value in values if isinstance(value, Expression)))
-    least, most = _bounds(t, gamma, values, degree)
+    least, greatest = _bounds(t, gamma, values, degree)
     if not (least > 0).all():
         raise Refused("a guaranteed bound needs moduli that do not vanish inside cells: use smaller ones there")
     parts = tuple(_points(t, part, gamma, centre, values, degree) for part in range(t.dimension + 1))
     room = 1 - SAME_NUMBER
-    return GradedModuli(moduli, np.asarray(least / centre * room), np.asarray(most / centre / room), parts)
+    return GradedModuli(moduli, np.asarray(least / centre * room), np.asarray(greatest / centre / room), parts)
 
 
 def _points(t: Simplices, number: int, gamma: Any, centre: Array, values: list[Any], degree: int) -> GradedPart:
@@ -159,7 +159,7 @@ def _bounds(t: Simplices, gamma: Any, values: list[Any], degree: int) -> tuple[A
     rows, places = cut(t.x[t.corners], values)
     x = np.einsum("mqc,mcd->mqd", points @ places, t.x[t.corners[rows]])
     coefficients = np.linalg.solve(basis, gamma(rows, x).T)
-    least, most = np.full(len(t.corners), np.inf), np.full(len(t.corners), -np.inf)
+    least, greatest = np.full(len(t.corners), np.inf), np.full(len(t.corners), -np.inf)
     np.minimum.at(least, rows, coefficients.min(axis=0))
-    np.maximum.at(most, rows, coefficients.max(axis=0))
-    return least, most
+    np.maximum.at(greatest, rows, coefficients.max(axis=0))
+    return least, greatest

@@ -95,19 +95,19 @@ class InitialStress:
         return np.asarray((np.abs(work) * self.unknown).sum(axis=(1, 2)))
 
 
-def initial_stress(d: Model, t: Simplices, owner: Ints, place: float) -> InitialStress | None:
+def initial_stress(d: Model, t: Simplices, owner: Ints, step: float) -> InitialStress | None:
     """That of a scene; None: there is none.
 
     Args:
         d: the model.
         t: the cells.
         owner: the cell of the mesh that each is in, shape (n,).
-        place: in the lists of factors.
+        step: place in the lists of factors.
 
     Raises:
         Refused: a strain is given as a form.
     """
-    acting = [d.statement.now(entry, place) for entry in d.statement.of(InitialStrain) if entry.acts]
+    acting = [d.statement.now(entry, step) for entry in d.statement.of(InitialStrain) if entry.acts]
     if not any(factor != 0 for factor, _ in acting):
         return None
     expansion = np.zeros(len(owner))
@@ -162,11 +162,11 @@ def _of_part(t: Simplices, part: int, strain: _Strain, values: list[Any]) -> tup
     owner, places = cut(x, values)
     share = np.abs(np.linalg.det(places)) * t.volume[owner] / count
     # Squares of polynomials of these degrees are integrated exactly; of others the finest of three rules counts.
-    known = max((value.degree for value in values if isinstance(value, Expression)), default=0)
-    exact = known <= KNOWN_DEGREE and all(
+    degree = max((value.degree for value in values if isinstance(value, Expression)), default=0)
+    exact = degree <= KNOWN_DEGREE and all(
         isinstance(value, float) or (isinstance(value, Expression) and value.cuts_exactly) for value in values
     )
-    rules = (int(known) + 1,) if exact else tuple(KNOWN_DEGREE + k for k in (2, 1, 0))
+    rules = (int(degree) + 1,) if exact else tuple(KNOWN_DEGREE + k for k in (2, 1, 0))
     moments, missed = list[Array](), list[Array]()
     linear = np.zeros((n, count))
     for size in rules:
@@ -179,8 +179,8 @@ def _of_part(t: Simplices, part: int, strain: _Strain, values: list[Any]) -> tup
             scale = (count / t.volume * count)[:, None]
             linear = scale * ((count + 1) * of_rule - of_rule.sum(axis=1, keepdims=True))
         moments.append(of_rule)
-        rest = (s - np.einsum("mqc,mc->mq", at, linear[owner])) ** 2
-        missed.append(np.bincount(owner, share * (rest @ weights), n).astype(np.float64))
+        deviation = (s - np.einsum("mqc,mc->mq", at, linear[owner])) ** 2
+        missed.append(np.bincount(owner, share * (deviation @ weights), n).astype(np.float64))
     unknown = np.max([np.abs(moments[0] - of_rule) for of_rule in moments], axis=0)
     return linear, missed[0] + np.max([np.abs(missed[0] - of_rule) for of_rule in missed], axis=0), unknown
 

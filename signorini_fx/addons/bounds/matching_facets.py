@@ -44,7 +44,7 @@ class MatchingFacets:
         over = np.where(away <= tiny, vertices[nearest], -1)[t.facets[slave]]
         keys = t.keys(t.facets[master])
         by_key = np.argsort(keys)
-        found = by_key[np.searchsorted(keys, t.keys(np.sort(over, axis=1)), sorter=by_key).clip(max=len(keys) - 1)]
-        met = (t.facets[master[found]] == np.sort(over, axis=1)).all(axis=1)
+        candidate = by_key[np.searchsorted(keys, t.keys(np.sort(over, axis=1)), sorter=by_key).clip(max=len(keys) - 1)]
+        met = (t.facets[master[candidate]] == np.sort(over, axis=1)).all(axis=1)
         order = np.argsort(np.argsort(over[met], axis=1), axis=1)
-        return cls(slave[met], master[found[met]], order)
+        return cls(slave[met], master[candidate[met]], order)
