@@ -59,7 +59,7 @@ def force_of_statics(solution, per_area, direction):
     return sum(Fraction(c) * force * area for c, force, area in zip(direction, per_area, areas, strict=True))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))])
 def test_a_force_that_statics_determines(seed):
     """Its interval holds it to the last digit, also where it is zero or 1e-9 of the loads, and is not wider than it
     takes."""
@@ -82,7 +82,7 @@ def test_what_sums_lose(monkeypatch, allowed):
         monkeypatch.setattr(quantity_bounds, "of_boundary_values", lambda *given: 0.0)
         monkeypatch.setattr(quantity_bounds, "ROUND_OFF", 0.0)
     held = []
-    for seed in range(4):
+    for seed in range(2):
         scene, per_area = pushed_from_both_sides(seed)
         solution = alone(scene)
         for direction in ((1.0, 0.0), (0.0, 1.0)):
