@@ -133,6 +133,34 @@ def test_norms_of_stresses(grading, less):
     assert (square * graded.least < 0.99 * exact[0]).any() == less
 
 
+def test_what_a_modulus_that_varies_makes_larger():
+    """The energy of what is taken from the displacement has the modulus at each point, where that is large; what loads
+    do beyond the stress is the more work the smaller the modulus is."""
+    scene = pulled("where(x[0] < 0.7, 0.2 + 0.3*x[0]**2, 1)", cells=(3, 2))
+    fields = {key: getattr(scene, key) for key in scene.model_fields_set}
+    load = {"boundary": "top", "y": "where(x[0] < 0.9, -0.5, -0.1)"}
+    more = {"traction": [load], "contact": {"boundary": "bottom", "gap": "0.0005*(x[0] - 1)**2"}}
+    support = {"displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}]}
+    solution = alone(parse_scene(fields | more | support))
+    case = Bounded(solution.model, solution.displacement, solution.contact, 0.0)
+    t, graded, v = case.t, case.grading, case.enclosure.v
+    moved = from_strain(t, v.strain - t.strain_at_corners(case.y, case.middle))
+    energy = graded.energy(moved, moved)
+    assert (v.moved >= energy * (1 - 1e-12)).all()
+    some = energy > 1e-9 * energy.max()
+    assert (graded.greatest[some] > 1.01).any()
+    alike = case.loads.missed_beside(np.zeros(len(t.facets)))
+    loaded = alike > 0
+    local = points_of_small_triangles(4)[0]
+    x = np.einsum("qc,ncd->nqd", local, t.x[t.corners])
+    seen = (
+        scene_value(scene.material[0].grading.text, x)
+        / scene_value(scene.material[0].grading.text, t.x[t.corners].mean(axis=1))[:, None]
+    )
+    assert (case._missed >= alike / seen.min(axis=1)).all()
+    assert (seen.min(axis=1)[loaded] < 0.99).any()
+
+
 def points_of_small_triangles(steps):
     """Barycentric points and weights of a rule on a triangle whose sides are divided."""
     points, weights = simplex_rule(2, 6)

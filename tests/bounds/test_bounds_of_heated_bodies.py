@@ -142,6 +142,27 @@ def test_temperatures_of_load_steps():
         assert bound.strain_energy == pytest.approx(bounds[0].strain_energy, rel=1e-9)
 
 
+@pytest.mark.parametrize(("law", "degree"), [("isotropic", 1), ("isotropic", 2), ("orthotropic", 1)])
+def test_forces_and_means_of_heated_bodies(law, degree):
+    """Between two rollers a heated body in plane stress is pressed by E alpha T; without one of them it gets longer by
+    alpha T: the intervals close on these."""
+    heat = 40.0
+    sides = [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}]
+    material = {"young": YOUNG, "poisson": POISSON}
+    if law == "orthotropic":
+        constants = {"young": [YOUNG, 700.0, 500.0], "poisson": [0.2, 0.25, 0.1], "shear": [300.0, 200.0, 400.0]}
+        material = {"orthotropic": constants}
+    material |= {"expansion": ALPHA, "hypothesis": "plane stress"}
+    held = bar(heat, degree=degree, material=material, displacement=[*sides, {"boundary": "right", "x": 0.0}])
+    low, high = alone(held).force_bounds("right", (1.0, 0.0))
+    assert low <= -YOUNG * ALPHA * heat <= high
+    assert high - low < 1e-6 * YOUNG * ALPHA * heat
+    free = bar(heat, degree=degree, material=material, displacement=sides)
+    low, high = alone(free).mean_displacement_bounds("right", (1.0, 0.0))
+    assert low <= 2 * ALPHA * heat <= high
+    assert high - low < 1e-6 * ALPHA * heat
+
+
 # --- what each term is for --------------------------------------------------------------------------------------------
 
 
