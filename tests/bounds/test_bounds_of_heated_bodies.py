@@ -163,6 +163,19 @@ def test_forces_and_means_of_heated_bodies(law, degree):
     assert high - low < 1e-6 * ALPHA * heat
 
 
+def test_a_force_that_a_mesh_decides():
+    """Of a body whose temperature varies, between two walls: opposite forces, whose intervals hold those on a finer
+    mesh and are not as wide as the stress that heat causes."""
+    walls = [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "right", "x": 0.0, "y": 0.0}]
+    scenes = [bar("40 + 30*x[0]*x[1]", cells=cells, displacement=walls) for cells in ((8, 4), (24, 12))]
+    coarse, fine = ([alone(scene).force_bounds(side, (1.0, 0.0)) for side in ("left", "right")] for scene in scenes)
+    for (low, high), (least, greatest) in zip(coarse, fine, strict=True):
+        assert low <= (least + greatest) / 2 <= high
+        assert high - low < 0.1 * abs(low)
+    for left, right in (coarse, fine):
+        assert left[0] + right[0] <= 0 <= left[1] + right[1]
+
+
 # --- what each term is for --------------------------------------------------------------------------------------------
 
 
@@ -203,6 +216,7 @@ def test_what_linear_functions_miss(monkeypatch, counted):
     if not counted:
         case.initial = replace(case.initial, missed=np.zeros_like(case.initial.missed))
     assert (case.bound().error > true) == counted
+    assert (case.enclosure.distance > true) == counted  # of which forces and the work of loads are made
     assert true > 0.01 * case.bound().size
 
 
@@ -224,8 +238,8 @@ def test_what_quadrature_does_not_know(hypothesis):
     solution = alone(bar("60/(1 + 9*(x[0] - 0.7)**2)", hypothesis=hypothesis))
     case = Bounded(solution.model, solution.displacement, solution.contact, 0.0)
     points, weights = simplex_rule(2, 24)
-    t, initial = case.t, case.initial
-    f, missed = t.stress(initial.strain[:, None])[:, 0], []
+    t, initial, work = case.t, case.initial, np.zeros(len(case.t.corners))
+    f, missed, beside = t.stress(initial.strain[:, None])[:, 0], [], np.zeros_like(initial.stress)
     for part, facet in enumerate(FACETS[2]):
         corners = np.concatenate((np.eye(3)[facet], np.full((1, 3), 1 / 3)))
         x = np.einsum("qk,kc,ncd->nqd", points, corners, t.x[t.corners])
@@ -233,7 +247,13 @@ def test_what_quadrature_does_not_know(hypothesis):
         p = np.einsum("nck,nk->nc", initial.stress[:, part], f) / (f**2).sum(axis=1)[:, None]
         moments = t.volume[:, None] / 3 * np.einsum("q,qc,nq->nc", weights, points, s - p @ points.T)
         missed.append(np.abs(moments) / initial.unknown[:, part])
+        beside[:, part] = np.sign(moments)[..., None] * f[:, None]
+        work += np.abs(moments).sum(axis=1) * (f * initial.strain * [1.0, 1.0, 2.0]).sum(axis=1)
     assert 1e-3 < np.max(missed) < 1
+    # A stress that is not perpendicular to what is missed.
+    large = 1e6
+    assert (initial.added(large * beside) - initial.missed >= 2 * large * work * (1 - 1e-6)).all()
+    assert work.max() > 0
     assert "temperature assumed to be as seen" in str(solution.error_bound)
     assert "temperature" not in str(alone(bar("0.6*x[0]**5")).error_bound)
 

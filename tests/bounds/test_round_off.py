@@ -73,14 +73,14 @@ def test_a_force_that_statics_determines(seed):
 
 @pytest.mark.parametrize("allowed", [True, False])
 def test_what_sums_lose(monkeypatch, allowed):
-    """The dual displacement is a translation without any strain, so that nothing but the work of loads is summed up:
-    without the round-off of this some intervals exclude their force."""
+    """The dual displacement is a translation without any strain, as prescribed, so that nothing but the work of loads
+    is summed up: without the round-off of this some intervals exclude their force."""
     original = quantity_bounds.smallest_energy
     monkeypatch.setattr(quantity_bounds, "smallest_energy", lambda *given: (original(*given)[0].round(9), 0.0))
+    monkeypatch.setattr(quantity_bounds, "of_boundary_values", lambda *given: 0.0)
+    monkeypatch.setattr(quantity_bounds, "ROUND_OFF", 0.0)
     if not allowed:
         monkeypatch.setattr(quantity_bounds, "of_sum", lambda count: 0.0)
-        monkeypatch.setattr(quantity_bounds, "of_boundary_values", lambda *given: 0.0)
-        monkeypatch.setattr(quantity_bounds, "ROUND_OFF", 0.0)
     held = []
     for seed in range(2):
         scene, per_area = pushed_from_both_sides(seed)
