@@ -879,6 +879,9 @@ SMALL_INCREMENT, LEAST_INCREMENT = 1e-8, 1e-13
 WHOLE_SLOPE, SHORTENED_SLOPE = 0.5, 0.3
 # Increments below this share of the displacement are not shortened: their slopes are round-off.  Choice.
 NO_LINE_SEARCH = 1e-6
+# Increments below this share of the largest displacement are not damped, although the energy grows along them, as it
+# may with friction: Newton's method converges quadratically there.  Choice.
+NO_DAMPING = 1e-4
 # Evaluations of the residual in a line search, and the share of a bracket that its next point keeps from the ends.
 # Choice.
 LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1

@@ -275,7 +275,7 @@ def test_punch_along_an_arc(monkeypatch):
     along = np.linalg.norm(force[:2])
     assert along == pytest.approx(0.3 * abs(force[2]), rel=0.05)
     assert force[:2] @ way == pytest.approx(along, rel=0.02)
-    held = fem.locate_dofs_topological(space, 2, found["ends"][0][1])
+    held = fem.locate_dofs_topological(space, 2, found["on"](lambda x: x[2] + 1))
     reactions = fem.assemble_vector(fem.form(found["F"]))
     reactions.scatter_reverse(la.InsertMode.add)
     owned = held[held < space.dofmap.index_map.size_local]

@@ -11,7 +11,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import BRACKET_MARGIN, LINE_SEARCH_STEPS, NO_LINE_SEARCH, SHORTENED_SLOPE, WHOLE_SLOPE
+from signorini_fx.tuned import BRACKET_MARGIN, LINE_SEARCH_STEPS, NO_DAMPING, NO_LINE_SEARCH, SHORTENED_SLOPE, WHOLE_SLOPE
 
 Array = npt.NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def length_of_increment(
     search: bool,
 ) -> tuple[float, Array | None, bool]:
     """The share of an increment to take, the forces there, of which the last ones are evaluated, and whether it goes
-    down; 0 and None: there are no forces however short it is; collective.
+    down or is small; 0 and None: there are no forces however short it is; collective.
 
     Args:
         linear: the contact problem that gives the increment.
@@ -99,4 +99,4 @@ def length_of_increment(
     share = share_of_increment(slope, first, search=search)
     if share == 0.0 and failed is not None:
         raise failed
-    return share, forces, first < 0 or not search
+    return share, forces, first < 0 or not search or change <= NO_DAMPING * size

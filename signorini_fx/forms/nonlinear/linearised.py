@@ -475,13 +475,16 @@ class LinearisedProblem(FormSolver):
 
     def internal(self, displacement: fem.Function) -> tuple[Array, Array, float]:
         """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned dofs,), and the work
-        of the forces that normals which turn relative to tools exert on increments of both; collective.
+        of the forces that normals which turn relative to tools, and springs of tools, exert on increments; collective.
         """
         work = 0.0
-        if self.relative is not None and self.rigid.bodies:
-            nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
+        if self.rigid.bodies:
             moved = self.reached - self.moving_tools.coordinates
-            _, _, work = self.relative.forces(self.boundary, nodal, moved)
+            springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
+            work += float(springs @ moved.ravel() ** 2)
+            if self.relative is not None:
+                nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
+                work += self.relative.forces(self.boundary, nodal, moved)[2]
         return self.elastic.forces_where_free(displacement), self.curvature.times(displacement), work
 
     @property
