@@ -6,10 +6,10 @@
 Problems of the plane and of revolution: a disk of rubber between plates, a circle that ploughs over rubber, a seal of
 rubber in its groove, a disk that yields and is unloaded, and a stiff half ring that slides over a block.  felupe and
 CalculiX have contact by a penalty: felupe is solved with two and extrapolated, and its CPU time is that of the larger
-one.  felupe has rigid shapes only, CalculiX neither contact of axisymmetric elements nor this neo-Hookean law of the
-block.  Answers are forces on the body, and are compared before times: CPU times of one thread, of CalculiX from its
-deck, of the others from meshes in memory, without starting Python and compiling forms.  All have the same load steps
-and shorten them where they must.  A program that is not there, or finds no answer, is named with what it says.
+one.  felupe has rigid shapes only, CalculiX not the neo-Hookean law of the block.  Answers are forces on the body, and
+are compared before times: CPU times of one thread, of CalculiX from its deck, of the others from meshes in memory,
+without starting Python and compiling forms.  All have the same load steps and shorten them where they must.  A program
+that is not there, or finds no answer, is named with what it says.
 """
 
 from __future__ import annotations
@@ -372,15 +372,15 @@ def _material_of_felupe(fe: Any, law: dict[str, Any]) -> Any:
 class Deck:
     """An Abaqus deck of bodies of the plane in contact, which is written part by part."""
 
-    def __init__(self, title: str) -> None:
-        self.lines, self.cells, self._count = [f"*HEADING\n{title}"], list[list[int]](), 0
+    def __init__(self, title: str, element: str = "CPE4") -> None:
+        self.lines, self.cells, self._count, self._element = [f"*HEADING\n{title}"], list[list[int]](), 0, element
 
     def body(self, name: str, points: Floats, cells: Integers, material: Sequence[str]) -> int:
-        """A body of elements in plane strain; the number of its first node."""
+        """A body of such elements; the number of its first node."""
         first, element = self._count + 1, len(self.cells) + 1
         self._count += len(points)
         self.lines += ["*NODE", *(f"{n}, {x:.12g}, {y:.12g}, 0." for n, (x, y) in enumerate(points.tolist(), first))]
-        self.lines.append(f"*ELEMENT, TYPE=CPE4, ELSET={name}")
+        self.lines.append(f"*ELEMENT, TYPE={self._element}, ELSET={name}")
         rows = (cells + first).tolist()
         self.lines += [f"{n}, {', '.join(map(str, row))}" for n, row in enumerate(rows, element)]
         self.cells += rows
@@ -451,9 +451,7 @@ class Deck:
 
 def calculix_of(program: str, problem: Problem) -> Answer:
     """CalculiX, in which a rigid shape is a layer of elements whose nodes are all prescribed."""
-    if problem.revolved:
-        raise RuntimeError("axisymmetric elements find no contact")
-    deck, law = Deck(problem.title), problem.material
+    deck, law = Deck(problem.title, "CAX4" if problem.revolved else "CPE4"), problem.material
     material = ["*HYPERELASTIC, NEO HOOKE", f"{law.get('c10')}, {2 / law.get('bulk', 1)!r}"]
     if law["law"] == "neo-hooke":
         raise RuntimeError("has no such material")
@@ -480,6 +478,8 @@ def calculix_of(program: str, problem: Problem) -> Answer:
     ways = zip(*(one.ways for one in problem.shapes), strict=True)
     steps = [{f"MOVED{number}": way for number, way in enumerate(of_step)} for of_step in ways]
     forces, *effort = deck.solved(program, steps, small=problem.small)
+    if problem.revolved:
+        forces = forces * 180.0  # elements are a sector of two degrees inside, whose forces are printed
     return Answer(forces[list(problem.shown)], *effort)
 
 
