@@ -6,6 +6,7 @@ from deck_lines import STEEL
 from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import draft
+from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
@@ -82,3 +83,17 @@ def test_other_shells_are_lost(tmp_path, changes):
     made, _ = drafted(tmp_path, cube(**changes))
     assert any("shells, which are no part of the body" in remark for remark in made.lost)
     assert any("*DLOAD" in remark for remark in made.lost)
+
+
+def test_a_thickness_that_is_none(tmp_path):
+    """One error with its line."""
+    lines = cube(thickness="thin")
+    with pytest.raises(MeshError, match=rf"line {lines.index('thin')}, \*SHELL SECTION: thickness: could not convert"):
+        drafted(tmp_path, lines)
+
+
+def test_a_load_without_its_kind(tmp_path):
+    """It is lost, and that of the area stays."""
+    made, target = drafted(tmp_path, [*cube()[:-1], "PATCH", "*END STEP"])
+    assert [remark.partition("*DLOAD")[2] for remark in made.lost] == [": load PATCH"]
+    assert read_scene(target).traction[0].z is not None

@@ -71,7 +71,10 @@ def read_deck(file: Path, mesh: MeshArrays | None = None) -> Deck:
         say = deck.lose if name in deck.model.surfaces else deck.note
         say(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")
     _find_rigid(file, deck)
-    find_load_areas(deck)
+    try:
+        find_load_areas(deck)
+    except DeckError as error:
+        raise MeshError(f"{file}: {error.text}") from None
     for block in deck.model.blocks:
         if block.keyword == "PRE-TENSIONSECTION":
             with _placed(file, block):

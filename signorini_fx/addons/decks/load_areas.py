@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckLoad
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import SAME_LENGTH
@@ -48,7 +48,11 @@ class LoadArea:
 
 
 def find_load_areas(deck: Deck) -> None:
-    """Find shells without stiffness of their own, all of which are tied to flat sides of the body."""
+    """Find shells without stiffness of their own, all of which are tied to flat sides of the body.
+
+    Raises:
+        DeckError: a thickness is no number.
+    """
     if deck.mesh.dim != 3:
         return
     thin = _thin_shells(deck)
@@ -70,7 +74,10 @@ def read_area_loads(deck: Deck, block: DeckBlock, factor: float) -> set[int]:
         The rows of the keyword that are such.
     """
     done: set[int] = set()
-    for number, (name, kind, *words) in enumerate(block.rows):
+    for number, row in enumerate(block.rows):
+        if len(row) < 2:
+            continue
+        name, kind, *words = row
         elements = [int(name)] if name.isdigit() else deck.shells.get(name.upper(), [])
         if kind.upper() != "P" or not elements or not set(elements) <= deck.areas.keys():
             continue
@@ -101,10 +108,23 @@ def _thin_shells(deck: Deck) -> dict[int, Floats]:
     thin: dict[int, Floats] = {}
     size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
     for block in deck.model.blocks:
-        if block.keyword == "SHELLSECTION" and block.rows and 0 < real(block.rows[0][0]) <= SAME_LENGTH * size:
+        if block.keyword == "SHELLSECTION" and 0 < _thickness(block) <= SAME_LENGTH * size:
             members = deck.shells.get(block.parameters.get("ELSET", "").upper(), [])
             thin |= {number: corners[number] for number in members}
     return thin
+
+
+def _thickness(block: DeckBlock) -> float:
+    """Of the shells of a section, length; 0: it has none.
+
+    Raises:
+        DeckError: it is no number.
+    """
+    words = block.rows[0] if block.rows else []
+    try:
+        return real(words[0]) if words else 0.0
+    except ValueError as error:
+        raise DeckError(block, f"thickness: {error}") from None
 
 
 def _pairs(deck: Deck) -> list[tuple[str, str, bool]]:
