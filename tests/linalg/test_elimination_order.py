@@ -84,6 +84,21 @@ def test_unknowns(known):
     assert np.count_nonzero(np.diff(node)) == max(np.unique(node).size - 1, 0)
 
 
+def test_the_last_order():
+    """It is taken for the same pattern alone, also where arrays have been changed in place, and stays as it is."""
+    graph, x = grid((8, 9))
+    inner, elsewhere = np.arange(len(x)), np.random.default_rng(0).permutation(x)
+    found = order.dissected(graph, inner, x)
+    assert order.dissected(graph.copy(), inner.copy(), x.copy()) is found
+    with pytest.raises(ValueError, match="read-only"):
+        found[0] = 0
+    x[:] = elsewhere
+    again = order.dissected(graph, inner, x)
+    assert (again != found).any()
+    np.testing.assert_array_equal(again, order._dissected(graph, inner, elsewhere))
+    assert order.dissected(graph, inner[1:], x).size == len(x) - 1
+
+
 def test_this_petsc_passes_the_order_on():
     """PETSc 3.25 does not where there is a Schur complement; then the order is that of minimum degree."""
     assert partial_factor._order_is_taken() or PETSc.Sys.getVersion() >= (3, 23)

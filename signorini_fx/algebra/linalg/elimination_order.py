@@ -23,7 +23,8 @@ Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.intp]
 _LEAF = 32  # nodes that are not divided
 _DEEPEST = 40  # halvings
-# The last order and what it was found for: the tangents of a nonlinear body have one pattern in all iterations.
+# Copies of what the last order was found for, and the order: the tangents of a nonlinear body have one pattern in all
+# iterations.
 _last: dict[str, tuple[tuple[npt.NDArray[Any], ...], Numbers]] = {}
 
 
@@ -51,16 +52,21 @@ def dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
         rows: those of the matrix of the n unknowns of this rank, whose columns come first, shape (n, n or more).
         inner: numbers of the inner ones, ascending.
         positions: of the first of the n unknowns, shape (at most n, d); the others are eliminated at the end.
+
+    Returns:
+        Read-only: of the same pattern it is found once.
     """
-    basis = rows.indptr, rows.indices, inner, positions
-    if "order" in _last and all(map(np.array_equal, basis, _last["order"][0])):
-        return _last["order"][1]
+    basis, last = (rows.indptr, rows.indices, inner, positions), _last.get("order")
+    if last is not None and all(map(np.array_equal, basis, last[0])):
+        return last[1]
     order = _dissected(rows, inner, positions)
+    order.setflags(write=False)
     _last["order"] = tuple(values.copy() for values in basis), order
     return order
 
 
 def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
+    """See ``dissected``."""
     behind, inner = inner[inner >= len(positions)], inner[inner < len(positions)]
     if not inner.size:
         return behind
