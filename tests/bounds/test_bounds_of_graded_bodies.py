@@ -119,7 +119,7 @@ def test_norms_of_stresses(grading, less):
     square, energy = graded.square(elastic, tau), graded.energy(elastic, elastic)
     exact = np.zeros((2, len(t.corners)))
     for part, facet in enumerate(FACETS[2]):
-        corners = np.concatenate((np.eye(3)[facet], np.full((1, 3), 1 / 3)))
+        corners = np.array([*np.eye(3)[facet], np.full(3, 1 / 3)])
         gamma = scene_value(grading, np.einsum("qk,kc,ncd->nqd", at, corners, t.x[t.corners])) / in_centre[:, None]
         sigma, other = at @ elastic[:, part], at @ tau[:, part]
         apart = gamma[..., None] * sigma - other

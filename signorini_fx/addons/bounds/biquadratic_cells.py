@@ -19,7 +19,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS
-from signorini_fx.addons.bounds.simplices import COLUMNS, FACETS, ROWS, TWICE, Simplices
+from signorini_fx.addons.bounds.simplices import COLUMNS, CORNERS_OF_PARTS, ROWS, TWICE, Simplices
 
 # Places along both axes of the nodes, in halves of the sides: vertices, middles of sides, and the centre.
 _NODES: Ints = np.array([[0, 0], [2, 0], [0, 2], [2, 2], [1, 0], [0, 1], [2, 1], [1, 2], [1, 1]])
@@ -67,8 +67,8 @@ def on_triangles(t: Simplices, owner: Ints, x: Array, values: Array) -> tuple[Ar
     middle[t.facets_of] = np.einsum("nqk,nkd->nqd", at((1 - np.eye(3)) / 2)[..., 0], values[owner])
     strain = t.strain_at_corners(y, middle)
     moments, squares = np.zeros((len(owner), 3, 3, 3)), np.zeros(len(owner))
-    for third, facet in enumerate(FACETS[2]):
-        points = POINTS[3] @ np.concatenate((np.eye(3)[facet], np.full((1, 3), 1 / 3)))
+    for third, corners in enumerate(CORNERS_OF_PARTS[2]):
+        points = POINTS[3] @ corners
         gradient = np.einsum("nqkj,nkd,nji->nqdi", at(points)[..., 1:], values[owner], inverse)
         beyond = (gradient[..., ROWS[2], COLUMNS[2]] + gradient[..., COLUMNS[2], ROWS[2]]) / 2 - points @ strain
         share = t.volume / 3

@@ -10,7 +10,7 @@ coefficient of Bernstein of gamma there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from math import factorial, prod
@@ -21,7 +21,7 @@ import numpy as np
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints, in_region
 from signorini_fx.addons.bounds.initial_stress import simplex_rule
-from signorini_fx.addons.bounds.simplices import FACETS, TWICE, Moduli, Simplices
+from signorini_fx.addons.bounds.simplices import CORNERS_OF_PARTS, TWICE, Moduli, Simplices
 from signorini_fx.mechanics.body.moduli import middles
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.cut_simplices import cut
@@ -31,6 +31,8 @@ from signorini_fx.tuned import SAME_NUMBER
 
 # How far the points that a polynomial is known from are inside: on its boundary it may have the values beside a jump.
 _INSIDE = 0.9
+# Gamma, but for a factor of each cell, at points of cells, shape (m, q), of positions, length, shape (m, q, d).
+_Grading = Callable[[Ints, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,8 @@ def graded_moduli(d: Model, t: Simplices, owner: Ints) -> GradedModuli | None:
     values = [material.grading for material in graded]
     inside = [in_region(d, material.region, owner) for material in graded]
 
-    def gamma(rows: Ints, x: Array) -> Array:
-        """The grading at points of cells, shape (m, q)."""
+    def grading(rows: Ints, x: Array) -> Array:
+        """See ``_Grading``."""
         at, share = BoundPoints(x, np.zeros_like(x)), np.ones(x.shape[:2])
         for value, of_material in zip(values, inside, strict=True):
             graded_rows = of_material[rows]
@@ -125,40 +127,50 @@ def graded_moduli(d: Model, t: Simplices, owner: Ints) -> GradedModuli | None:
 
     cells = np.arange(len(owner))
     of_mesh = middles(d.tagged, owner.astype(np.int32)).T[:, None, : t.dimension]
-    centre = gamma(cells, t.x[t.corners].mean(axis=1)[:, None])[:, 0]
-    moduli = t.moduli.times(centre / gamma(cells, of_mesh)[:, 0])
+    centre = grading(cells, t.x[t.corners].mean(axis=1)[:, None])[:, 0]
+    moduli = t.moduli.times(centre / grading(cells, of_mesh)[:, 0])
     degree = int(max(value.degree for value in values if isinstance(value, Expression)))
-    least, greatest = _bounds(t, gamma, values, degree)
+    least, greatest = _bounds(t, grading, values, degree)
     if not (least > 0).all():
         raise Refused("a guaranteed bound needs moduli that do not vanish inside cells: use smaller ones there")
-    parts = tuple(_points(t, part, gamma, centre, values, degree) for part in range(t.dimension + 1))
+    parts = tuple(_points(t, part, grading, centre, values, degree) for part in range(t.dimension + 1))
     room = 1 - SAME_NUMBER
     return GradedModuli(moduli, np.asarray(least / centre * room), np.asarray(greatest / centre / room), parts)
 
 
-def _points(t: Simplices, number: int, gamma: Any, centre: Array, values: list[Any], degree: int) -> GradedPart:
-    """The points of quadrature on one part, exact for the squares of gamma times linear functions."""
+def _points(t: Simplices, number: int, grading: _Grading, centre: Array, values: list[Any], degree: int) -> GradedPart:
+    """The points of quadrature on one part, exact for the squares of gamma times linear functions.
+
+    Args:
+        t: the cells.
+        number: of the part.
+        grading: of the scene.
+        centre: the grading in the centres of the cells, shape (n,).
+        values: of the scene that the grading is made of.
+        degree: the largest of these.
+    """
     d, count = t.dimension, t.dimension + 1
-    local = np.concatenate((np.eye(count)[FACETS[d][number]], np.full((1, count), 1 / count)))
-    x = np.einsum("kc,ncd->nkd", local, t.x[t.corners])
+    x = np.einsum("kc,ncd->nkd", CORNERS_OF_PARTS[d][number], t.x[t.corners])
     rows, places = cut(x, values)
     points, weights = simplex_rule(d, degree + 2)
     at = points @ places
-    share = gamma(rows, np.einsum("mqc,mcd->mqd", at, x[rows])) / centre[rows, None]
+    share = grading(rows, np.einsum("mqc,mcd->mqd", at, x[rows])) / centre[rows, None]
     size = np.abs(np.linalg.det(places)) * t.volume[rows] / count
     return GradedPart(rows, at, size[:, None] * weights, share)
 
 
-def _bounds(t: Simplices, gamma: Any, values: list[Any], degree: int) -> tuple[Array, Array]:
-    """The least and the largest coefficient of Bernstein of gamma in each cell, shapes (n,)."""
+def _bounds(t: Simplices, grading: _Grading, values: list[Any], degree: int) -> tuple[Array, Array]:
+    """The least and the largest coefficient of Bernstein of the grading in each cell, shapes (n,); for the arguments
+    see ``_points``.
+    """
     count = t.dimension + 1
-    powers = np.array([one for one in product(range(degree + 1), repeat=count) if sum(one) == degree])
+    powers = np.array([exponents for exponents in product(range(degree + 1), repeat=count) if sum(exponents) == degree])
     points = _INSIDE * powers / max(degree, 1) + (1 - _INSIDE * (degree > 0)) / count
-    many = [factorial(degree) / prod(factorial(int(one)) for one in power) for power in powers]
-    basis = np.array(many) * np.prod(points[:, None] ** powers, axis=2)
+    multinomials = [factorial(degree) / prod(factorial(int(power)) for power in exponents) for exponents in powers]
+    basis = np.array(multinomials) * np.prod(points[:, None] ** powers, axis=2)
     rows, places = cut(t.x[t.corners], values)
     x = np.einsum("mqc,mcd->mqd", points @ places, t.x[t.corners[rows]])
-    coefficients = np.linalg.solve(basis, gamma(rows, x).T)
+    coefficients = np.linalg.solve(basis, grading(rows, x).T)
     least, greatest = np.full(len(t.corners), np.inf), np.full(len(t.corners), -np.inf)
     np.minimum.at(least, rows, coefficients.min(axis=0))
     np.maximum.at(greatest, rows, coefficients.max(axis=0))

@@ -19,7 +19,7 @@ from scipy.special import roots_jacobi
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints, in_region, stress_of_free_strain
-from signorini_fx.addons.bounds.simplices import FACETS, TWICE, Simplices
+from signorini_fx.addons.bounds.simplices import CORNERS_OF_PARTS, TWICE, Simplices
 from signorini_fx.addons.bounds.stress_products import from_strain
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -157,8 +157,7 @@ def _of_part(t: Simplices, part: int, strain: _Strain, values: list[Any]) -> tup
         values: of the scene that it is made of.
     """
     d, count, n = t.dimension, t.dimension + 1, len(t.corners)
-    local = np.concatenate((np.eye(count)[FACETS[d][part]], np.full((1, count), 1 / count)))
-    x = np.einsum("kc,ncd->nkd", local, t.x[t.corners])
+    x = np.einsum("kc,ncd->nkd", CORNERS_OF_PARTS[d][part], t.x[t.corners])
     owner, places = cut(x, values)
     share = np.abs(np.linalg.det(places)) * t.volume[owner] / count
     # Squares of polynomials of these degrees are integrated exactly; of others the finest of three rules counts.

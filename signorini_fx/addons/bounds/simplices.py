@@ -22,6 +22,10 @@ from signorini_fx.addons.bounds.cell_pieces import pieces_of_cells, pieces_of_ve
 FACETS: dict[int, Ints] = {
     d: np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)], dtype=np.int64) for d in (2, 3)
 }
+# Barycentric places of the corners of each part of a cell, the centre of the cell last, shape (d + 1, d + 1, d + 1).
+CORNERS_OF_PARTS: dict[int, Array] = {
+    d: np.array([[*np.eye(d + 1)[facet], np.full(d + 1, 1 / (d + 1))] for facet in FACETS[d]]) for d in (2, 3)
+}
 EDGES: dict[int, Ints] = {d: np.array(list(combinations(range(d + 1), 2)), dtype=np.int64) for d in (2, 3)}
 # Vertices of the edges of a facet; in space the i-th is opposite its i-th vertex.
 EDGES_OF_FACET: dict[int, Ints] = {2: np.array([[0, 1]]), 3: np.array([[1, 2], [0, 2], [0, 1]])}
