@@ -104,7 +104,7 @@ def _say_more_nodes(deck: Deck, block: DeckBlock, slave: str, where: str) -> Non
         return
     listed = np.searchsorted(deck.numbers, nodes)
     corners = np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])
-    corners = corners[corners < len(deck.numbers)]
+    corners = corners[corners < len(deck.numbers)]  # others divide cells, and are none of the file
     normals = np.linalg.svd(deck.mesh.points[corners] - deck.mesh.points[corners].mean(axis=0))[2]
     following = follow(deck, {*map(int, listed)}, normals[deck.mesh.dim - 1])
     more = np.setdiff1d(corners, [*listed, *following]).size

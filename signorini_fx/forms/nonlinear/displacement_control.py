@@ -17,12 +17,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, place
 from signorini_fx.forms.nonlinear.step_sizes import StepSizes
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
-from signorini_fx.tuned import (
-    JUMP,
-    LARGEST_LOAD_ERROR,
-    LOADS_TRIED,
-    SMALLEST_STEP,
-)
+from signorini_fx.tuned import JUMP, LARGEST_LOAD_ERROR, LOADS_TRIED, SMALLEST_STEP
 
 Array = npt.NDArray[np.float64]
 

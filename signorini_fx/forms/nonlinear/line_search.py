@@ -59,8 +59,8 @@ def length_of_increment(
     *,
     search: bool,
 ) -> tuple[float, Array | None, bool]:
-    """The share of an increment to take, the forces there, of which the last ones are evaluated, and whether it goes
-    down or is small; 0 and None: there are no forces however short it is; collective.
+    """The share of an increment to take, F there, which ``forces_at`` has evaluated last, and whether the increment
+    goes down or is small; 0 and None: there is no F however short it is; collective.
 
     Args:
         linear: the contact problem that gives the increment.

@@ -3,8 +3,8 @@ cannot see.
 
 The nodes of each side are looked for in the cells of other pieces of the mesh than their own.  In contact they may be
 there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of the nearest facet of the other side.  In space
-cells of degree 1 are made of tetrahedra, and facets of triangles.  Two bodies
-have passed through each other if they lie inside each other on the straight way between two displacements.
+cells of degree 1 are divided into tetrahedra, and facets into triangles.  Two bodies have passed through each other if
+they lie inside each other on the straight way between two displacements.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""The contact points of two sides that slide on each other: at the displacement of now, see
-``pairs.sliding``.
-"""
+"""The contact points of two sides that slide on each other: at the displacement of now, see ``pairs.sliding``."""
 
 from __future__ import annotations
 

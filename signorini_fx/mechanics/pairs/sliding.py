@@ -20,8 +20,8 @@ Slips are chords.  With the functions D, M of the beginning of a step, marked by
 
     slip_i = T_i^T (D0 x_s - M0 x_m) - T0_i^T (D0 x0_s - M0 x0_m),
 
-which no joint motion changes, and which goes over any number of facets.  In space the tangents T_i
-turn with the facets of the slave around the node of the point, about the normal, too.
+which no joint motion changes, and which goes over any number of facets.  In space the tangents T_i turn with the facets
+of the slave around the node of the point, about the normal, too.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
-_SHAPES = {"triangle": 3, "quad": 4}
+_SHAPES = ("triangle", "quad")
 
 
 def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
@@ -72,6 +72,7 @@ def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
 
 
 def _words(cells: list[Ints]) -> str:
+    """What was divided."""
     counts = {width: sum(len(nodes) for nodes in cells if nodes.shape[1] == width) for width in (4, 3)}
     parts = [
         f"{count} {word} into {pieces} each"
@@ -110,6 +111,7 @@ def _halves(lines: Ints, edges: Ints, first: int) -> tuple[Ints, Ints]:
 
 
 def _middles(points: Floats, ends: Ints) -> Floats:
+    """The places midway between some of the points, shape (k, d or 3); ``ends``: see ``divided``."""
     x = np.where((ends >= 0)[:, :, None], np.asarray(points, dtype=np.float64)[ends], 0.0)
     return np.asarray(x.sum(axis=1) / (ends >= 0).sum(axis=1)[:, None])
 
