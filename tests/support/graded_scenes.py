@@ -6,21 +6,11 @@ moduli are constant in each cell.
 prints guaranteed bounds over true errors, and what the finer solutions say against the interval of the energy.
 """
 
-import sys
-from pathlib import Path
+from functools import partial
 
+import heated_scenes
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[2]))
-
-import bounds_on_shapes
-import error_bounds
-from heated_scenes import STUDIES
-from scenes import alone
-
-from signorini_fx.addons.bounds.error_bound import error_bound
-from signorini_fx.errors import SignoriniError
-from signorini_fx.quantities.statements import Refused
 from signorini_fx.scenes.reading import parse_scene
 
 
@@ -45,45 +35,9 @@ def graded(scene, seed):
     return parse_scene(fields | {"material": materials})
 
 
-def drawn(kind, seed):
-    """A scene of a study, see ``heated_scenes.drawn``."""
-    if kind == "shape":
-        return graded(bounds_on_shapes.on_shape(error_bounds.drawn(seed), seed), seed)
-    return graded(STUDIES[kind].drawn(seed), seed)
-
-
-def effectivity(kind, seed):
-    """Bound over true error, the bound, and what the finer solution refutes; or why there is none."""
-    study, scene = STUDIES[kind], drawn(kind, seed)
-    try:
-        solution = alone(scene)
-        bound = error_bound(solution.model, solution.displacement, solution.contact)
-        if isinstance(bound, str):
-            return bound
-        reference = study.on_finer_mesh(scene)
-        true = study.energy_of_difference(solution, reference)
-    except (SignoriniError, Refused) as failed:
-        return str(failed).splitlines()[0]
-    low, high = bound.strain_energy
-    energy = reference.last_step.strain_energy
-    wrong = [] if low <= energy <= high else [f"energy {low:.5g} {energy:.5g} {high:.5g}"]
-    return bound.error / true, bound, wrong
+drawn = partial(heated_scenes.drawn, change=graded)
+effectivity = partial(heated_scenes.effectivity, change=graded)
 
 
 if __name__ == "__main__":
-    kind, many, first = sys.argv[1], *(int(word) for word in (*sys.argv[2:4], *("100", "0")[len(sys.argv[2:4]) :]))
-    ratios = []
-    for number in range(first, first + many):
-        found = effectivity(kind, number)
-        if isinstance(found, str):
-            print(number, found, flush=True)
-            continue
-        ratio, bound, wrong = found
-        ratios.append(ratio)
-        degree = drawn(kind, number).element.degree
-        shares = ", ".join(f"{name} {getattr(bound, name):.2g}" for name in ("duality", "moved", "data", "round_off"))
-        print(
-            f"{number} {degree} {ratio:.3f} true {bound.error / ratio / bound.size:.1%}: {shares} {wrong}", flush=True
-        )
-    least, middle, most = min(ratios), np.median(ratios), max(ratios)
-    print(f"{len(ratios)} of {many}: {least:.3f}, {middle:.2f}, {np.quantile(ratios, 0.9):.2f}, {most:.2f}")
+    heated_scenes.main(graded)

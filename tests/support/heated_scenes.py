@@ -1,6 +1,6 @@
 """Random scenes with thermal strain, and true errors of their displacements against solutions on finer meshes.
 
-    ./env python3 tests/support/heated_scenes.py plane | space | pair [SEEDS] [FIRST]
+    ./env python3 tests/support/heated_scenes.py plane | space | pair | shape [SEEDS] [FIRST]
 
 prints guaranteed bounds over true errors, and what the finer solutions say against other bounds.
 """
@@ -20,6 +20,7 @@ from scenes import alone
 
 from signorini_fx.addons.bounds.error_bound import error_bound
 from signorini_fx.errors import SignoriniError
+from signorini_fx.quantities.statements import Refused
 from signorini_fx.scenes.reading import parse_scene
 
 STUDIES = {"plane": error_bounds, "space": error_bounds_in_space, "shape": error_bounds, "pair": bounds_of_pairs}
@@ -74,25 +75,27 @@ def heated(scene, seed):
     return parse_scene(fields | {"material": material, "temperature": [{"change": change}]})
 
 
-def drawn(kind, seed):
-    """A scene of a study: in the plane, on a foundation with a shape, in space, or of two bodies."""
+def drawn(kind, seed, change=heated):
+    """A scene of a study: in the plane, on a foundation with a shape, in space, or of two bodies; ``change``: what is
+    made of the scene and the seed.
+    """
     if kind == "shape":
-        return heated(bounds_on_shapes.on_shape(error_bounds.drawn(seed), seed), seed)
-    return heated(STUDIES[kind].drawn(seed), seed)
+        return change(bounds_on_shapes.on_shape(error_bounds.drawn(seed), seed), seed)
+    return change(STUDIES[kind].drawn(seed), seed)
 
 
-def effectivity(kind, seed):
+def effectivity(kind, seed, change=heated):
     """Bound over true error, the bound, and what the finer solution refutes; or why there is none."""
-    study, scene = STUDIES[kind], drawn(kind, seed)
+    study, scene = STUDIES[kind], drawn(kind, seed, change)
     try:
         solution = alone(scene)
         bound = error_bound(solution.model, solution.displacement, solution.contact)
         if isinstance(bound, str):
             return bound
         reference = study.on_finer_mesh(scene)
-    except SignoriniError as failed:
+        true = study.energy_of_difference(solution, reference)
+    except (SignoriniError, Refused) as failed:
         return str(failed).splitlines()[0]
-    true = study.energy_of_difference(solution, reference)
     return bound.error / true, bound, refuted(solution, reference, bound)
 
 
@@ -105,21 +108,18 @@ def refuted(solution, reference, bound):
     contact = solution.statement.contact[0]
     if solution.model.tagged.dimension == 2:
         found = solution.force_bounds(contact.boundary, (0.0, 1.0))
-        theirs = reference.force_bounds(contact.boundary, (0.0, 1.0))
-        if (
-            not isinstance(found, str)
-            and not isinstance(theirs, str)
-            and max(found[0], theirs[0]) > min(found[1], theirs[1])
-        ):
+        theirs = found if isinstance(found, str) else reference.force_bounds(contact.boundary, (0.0, 1.0))
+        if not isinstance(theirs, str) and max(found[0], theirs[0]) > min(found[1], theirs[1]):
             wrong.append(f"force {found} {theirs}")
     return wrong
 
 
-if __name__ == "__main__":
+def main(change):
+    """Print a row for each seed, and a summary."""
     kind, many, first = sys.argv[1], *(int(word) for word in (*sys.argv[2:4], *("100", "0")[len(sys.argv[2:4]) :]))
     ratios = []
     for number in range(first, first + many):
-        found = effectivity(kind, number)
+        found = effectivity(kind, number, change)
         if isinstance(found, str):
             print(number, found, flush=True)
             continue
@@ -129,3 +129,7 @@ if __name__ == "__main__":
         print(f"{number} {ratio:.3f} true {bound.error / ratio / bound.size:.1%}: {shares} {wrong}", flush=True)
     least, middle, most = min(ratios), np.median(ratios), max(ratios)
     print(f"{len(ratios)} of {many}: {least:.3f}, {middle:.2f}, {np.quantile(ratios, 0.9):.2f}, {most:.2f}")
+
+
+if __name__ == "__main__":
+    main(heated)
