@@ -162,10 +162,13 @@ def _shape(
     where: npt.NDArray[np.bool_],
     at: tuple[float, float],
     ways: Sequence[Any],
-    **of: Any,
+    *,
+    normal: tuple[float, float] | None = None,
+    radius: float = 0.0,
 ) -> Shape:
+    """A shape that the nodes at some of the points may touch."""
     nodes = np.flatnonzero(where)
-    return Shape(nodes, edges_on(cells, nodes), at, of.get("normal"), of.get("radius", 0.0), np.array(ways, float))
+    return Shape(nodes, edges_on(cells, nodes), at, normal, radius, np.array(ways, float))
 
 
 def disk(scale: int) -> Problem:
@@ -571,13 +574,12 @@ def package_of_two(problem: TwoBodies) -> Answer:
     )
     start = time.process_time()
     contact = NonlinearContactProblem(residual, u, bcs=bcs, contact=pair)
-    increments = iterations = 0
+    increments = 0
     for begin, end in pairwise(np.vstack((np.zeros(2), problem.ways))):
         steps = contact.ramp(lambda t, a=begin, b=end: np.copyto(way.value, a + t * (b - a)), first=1.0)
         increments += len(steps)
     cpu = time.process_time() - start
-    iterations = len(contact.history.outer)
-    return Answer(sum(contact.state.forces).reshape(1, 1, 2), increments, iterations, cpu)
+    return Answer(sum(contact.state.forces).reshape(1, 1, 2), increments, len(contact.history.outer), cpu)
 
 
 def calculix_of_two(program: str, problem: TwoBodies, parts: int) -> Answer:
@@ -643,9 +645,7 @@ def rows(names: Sequence[str], scale: int, rounds: int, program: str) -> Iterato
 def _tried(run: Callable[[], Answer]) -> Answer | str:
     try:
         return run()
-    except ModuleNotFoundError:
-        return "not installed"
-    except FileNotFoundError:
+    except (ModuleNotFoundError, FileNotFoundError):
         return "not installed"
     except (RuntimeError, SignoriniError, ArithmeticError, ValueError) as error:
         return " ".join(str(error).split())[:100]
