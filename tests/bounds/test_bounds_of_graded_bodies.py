@@ -1,6 +1,7 @@
 """The bound of the error with moduli that vary inside the cells: true errors, and what each of its terms is for."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import error_bounds
 import graded_scenes
@@ -131,6 +132,20 @@ def test_norms_of_stresses(grading, less):
     np.testing.assert_allclose(energy, exact[1], rtol=0.03 if jumps else 1e-9)
     assert (square >= exact[0] * (0.97 if jumps else 1.0)).all()
     assert (square * graded.least < 0.99 * exact[0]).any() == less
+
+
+def test_the_least_modulus_at_a_corner():
+    """Where it is a millionth of the largest one in its cell, which is what round-off goes with: still not below."""
+    most, slope = 0.950001, 0.475
+    solution = alone(pulled(f"{most} - {slope}*x[0]", cells=(1, 1)))
+    case = Bounded(solution.model, solution.displacement, solution.contact, 0.0)
+    x = case.t.x[case.t.corners][..., 0].tolist()
+    assert case.grading.greatest.max() > 5e5 * case.grading.least.min()
+    for corners, least, greatest in zip(x, case.grading.least, case.grading.greatest, strict=True):
+        gamma = [Fraction(most) - Fraction(slope) * Fraction(place) for place in corners]
+        centre = sum(gamma) / 3
+        assert Fraction(float(least)) <= min(gamma) / centre
+        assert Fraction(float(greatest)) >= max(gamma) / centre
 
 
 def test_what_a_modulus_that_varies_makes_larger():

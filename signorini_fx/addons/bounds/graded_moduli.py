@@ -131,11 +131,12 @@ def graded_moduli(d: Model, t: Simplices, owner: Ints) -> GradedModuli | None:
     moduli = t.moduli.times(centre / grading(cells, of_mesh)[:, 0])
     degree = int(max(value.degree for value in values if isinstance(value, Expression)))
     least, greatest = _bounds(t, grading, values, degree)
+    room = SAME_NUMBER * np.abs(greatest)  # for the round-off of values whose terms may cancel
+    least, greatest = least - room, greatest + room
     if not (least > 0).all():
         raise Refused("a guaranteed bound needs moduli that do not vanish inside cells: use smaller ones there")
     parts = tuple(_points(t, part, grading, centre, values, degree) for part in range(t.dimension + 1))
-    room = 1 - SAME_NUMBER
-    return GradedModuli(moduli, np.asarray(least / centre * room), np.asarray(greatest / centre / room), parts)
+    return GradedModuli(moduli, np.asarray(least / centre), np.asarray(greatest / centre), parts)
 
 
 def _points(t: Simplices, number: int, grading: _Grading, centre: Array, values: list[Any], degree: int) -> GradedPart:
