@@ -123,8 +123,8 @@ def _parts(corners: Array, along: Array, jumps: Sequence[Expression]) -> list[Ar
 
 
 def _extreme(vertices: Array) -> Indices:
-    """Which points, shape (v, t), are corners of their convex hull; all, if it is flat: others lie between them, and
-    would make parts without an area, whose points are on a jump.
+    """The numbers of those points, shape (v, t), that are corners of their convex hull, or of all, if it is flat: points
+    between corners would make parts without an area, whose points are on a jump.
     """
     if vertices.shape[1] == 1:
         return np.array([vertices.argmin(), vertices.argmax()], dtype=np.int32)
