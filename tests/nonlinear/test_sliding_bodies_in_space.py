@@ -173,7 +173,7 @@ def test_a_block_turns_with_all_that_is_below():
     held, driven = (fem.Function(scene.u.function_space) for _ in range(2))
     for bc, values in zip(range(2), (held, driven), strict=True):
         scene.problem.bcs[bc] = fem.dirichletbc(values, scene.nodes[bc])
-    normal = []
+    tractions = []
     for angle in (0.0, 0.25 * np.pi, 0.5 * np.pi):
         turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
         for values, nodes, places, depth in zip((held, driven), scene.nodes, x, (0.0, -0.1), strict=True):
@@ -182,10 +182,10 @@ def test_a_block_turns_with_all_that_is_below():
         scene.problem.advance()
         state = scene.problem.state
         shear = np.einsum("nik,nk->ni", state.boundary.tangents, state.shear) @ turn
-        normal.append((state.pressure.copy(), shear))
-    for pressure, shear in normal[1:]:
-        assert pressure == pytest.approx(normal[0][0], rel=1e-6)
-        assert shear == pytest.approx(normal[0][1], abs=1e-6 * normal[0][0].max())
+        tractions.append((state.pressure.copy(), shear))
+    for pressure, shear in tractions[1:]:
+        assert pressure == pytest.approx(tractions[0][0], rel=1e-6)
+        assert shear == pytest.approx(tractions[0][1], abs=1e-6 * tractions[0][0].max())
 
 
 @pytest.mark.parametrize("kind", ["tetrahedron", pytest.param("hexahedron", marks=pytest.mark.slow)])

@@ -176,9 +176,8 @@ def values_of(part: Any, owner: npt.NDArray[np.int64]) -> Array:
 
 
 def stress_of_free_strain(d: Model, owner: npt.NDArray[np.int64]) -> tuple[Array, Array]:
-    """The stress f in the cells ``owner`` that takes an initial strain back which is one where a material expands alike
-    in all directions, shape (n, 3 or 6); and twice the energy density, of the same strain, that no displacement in the
-    plane changes, stress, shape (n,).
+    """The stress f that an initial strain of one takes from the cells ``owner``, shape (n, 3 or 6); and twice the
+    energy density of this strain that no displacement in the plane changes, stress, shape (n,).
     """
     dim = d.tagged.dimension
     if d.moduli is None:

@@ -121,7 +121,7 @@ class LocalStress:
         return np.asarray(moments.reshape(len(body), -1))
 
     def held_back(self, initial: Array) -> Array:
-        """Moments that an initial stress causes where vertices of the facets do not move, less, force, shape (n, k).
+        """Minus the moments that an initial stress causes where vertices of facets do not move, force, shape (n, k).
 
         The strain C^-1 s of the initial stress s acts as displacements of the vertices that do the same work.
 

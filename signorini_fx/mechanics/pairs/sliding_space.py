@@ -90,7 +90,7 @@ class SpacePieces:
             master: the other one.
             tested: their overlap.
             directions: of projection at the nodes of the slave, of length one, shape (N, 3).
-            mean: see above.
+            mean: see ``SpacePieces``.
         """
         overlap, facets = tested.overlap, len(slave.nodes)
         ways, turning = _facet_directions(slave, directions)
@@ -307,7 +307,7 @@ class _Edges:
         )
 
     def passing(self, total: int, of_facet: Indices, count: int) -> sp.csr_array:
-        """N . (d_m - d_s - g dN) of ``SpacePieces.spread``, sparse, shape (v, count).
+        """The rows of n . (d_m - d_s - g dN) of ``SpacePieces.spread``, sparse, shape (v, count).
 
         Args:
             total: nodes of both sides.

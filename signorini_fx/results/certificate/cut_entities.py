@@ -123,7 +123,7 @@ def _parts(corners: Array, along: Array, jumps: Sequence[Expression]) -> list[Ar
 
 
 def _extreme(vertices: Array) -> Indices:
-    """The numbers of those points, shape (v, t), that are corners of their convex hull, or of all, if it is flat: points
+    """The numbers of those points, shape (v, t), that are corners of their convex hull, or of all if it is flat: points
     between corners would make parts without an area, whose points are on a jump.
     """
     if vertices.shape[1] == 1:

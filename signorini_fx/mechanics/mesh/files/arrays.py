@@ -100,7 +100,7 @@ def from_raw(
     """The cells of a raw mesh with their exterior facets and all names.
 
     The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.  Some
-    kinds of cells are cut into simplices: ``cutting``.
+    kinds of cells are cut into simplices, or divided into quadrilaterals: ``cutting``, ``dividing``.
 
     Args:
         raw: the mesh as read from its file.
