@@ -11,7 +11,14 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import BRACKET_MARGIN, LINE_SEARCH_STEPS, NO_DAMPING, NO_LINE_SEARCH, SHORTENED_SLOPE, WHOLE_SLOPE
+from signorini_fx.tuned import (
+    BRACKET_MARGIN,
+    LINE_SEARCH_STEPS,
+    NO_DAMPING,
+    NO_LINE_SEARCH,
+    SHORTENED_SLOPE,
+    WHOLE_SLOPE,
+)
 
 Array = npt.NDArray[np.float64]
 
