@@ -34,7 +34,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding, History, Inventory, Status, StepRecord, Timings
+from signorini_fx.records import Finding, History, Inventory, Status, Timings
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.nonlinear_stresses import NonlinearStresses, StatesOnPath
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
@@ -188,15 +188,9 @@ class ProblemOfScene(NonlinearContactProblem):
             ConvergenceError: the first one has none, and its body cannot be evaluated.
             SceneError: a value cannot be evaluated.
         """
-        path, steps, failures = self.statement.path, list[StepResult](), list[Finding]()
-        several = self.statement.several_steps
-
-        def announce(end: float) -> None:
-            if several:
-                self.history.add(StepRecord(len(steps) + 1, path.name_at(end), path.time_at(end)))
-
+        failures = list[Finding]()
         try:
-            self._run(path, self.go_to, steps.append, announce, stored)
+            self._run(self.statement.path, self.go_to, lambda step: None, stored)
         except ConvergenceError as error:
             if self._solved is None:  # not even the body before the first one can be shown
                 raise

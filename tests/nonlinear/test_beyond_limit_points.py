@@ -217,6 +217,28 @@ def test_a_restart_suspects_the_same(moved, jumps):
     assert [leaps.suspects(moved, 0.1, 0.1, 0.2) for leaps in (earlier, later)] == [jumps, jumps]
 
 
+def test_an_error_beyond_the_limit_point_goes_back():
+    """To the last step, with its load, here of a force that does not fall with the load that is tried."""
+    problem, ends, tried = arch(MPI.COMM_SELF, force=(0.0, 0.0), prescribed=HELD), [], []
+
+    def apply(load):
+        tried.append(load)
+        largest = max((end for end, _ in ends), default=0.0)
+        problem.place(0, force=(0.0, -FORCE * max(load, largest)), prescribed=HELD)
+
+    with pytest.raises(FormError, match=r"control: the force on contact\[0\] along y does not change with the load"):
+        problem.ramp(
+            apply,
+            first=0.2,
+            largest=0.2,
+            control=(0, "y"),
+            on_step=lambda step: ends.append((step.load, problem.u.x.array.copy())),
+        )
+    assert tried[-1] == ends[-1][0] != tried[-2]
+    assert (problem.u.x.array == ends[-1][1]).all()
+    assert problem.tools[0].translation == pytest.approx(problem.solution.steps[-1].tools[0].translation, abs=1e-14)
+
+
 def test_what_cannot_be_controlled():
     """By one sentence that names what to give."""
     problem = arch(MPI.COMM_SELF, force=(0.0, 0.0), prescribed=HELD)

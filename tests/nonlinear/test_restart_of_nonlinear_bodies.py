@@ -176,8 +176,14 @@ def test_steps_that_were_halved(tmp_path, degree):
 
     path = LoadPath((1.0, 2.0), steps=1)
     whole, at = problem()
+    begun = []
+    whole.history.observers.append(lambda record: begun.append(record) if isinstance(record, StepRecord) else None)
     reference = whole.run(path, at)
     assert len(reference.steps) > 3
+    assert [record.step for record in begun] == sorted(record.step for record in begun)  # again where it is halved
+    ends = {record.step: record.time for record in begun}
+    assert ends == {step.step: step.time for step in reference.steps}
+    assert {record.step for record in whole.history.iterations} == ends.keys()
     first, at = problem()
     with pytest.raises(Killed):
         first.run(path, at, folder=tmp_path, on_step=kill)

@@ -61,7 +61,7 @@ from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_steps import LoadPath
-from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.mechanics import NO_ESTIMATE
@@ -661,6 +661,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
         Raises:
             ConvergenceError: an increment cannot be shortened any more, or the load is not reached.
+            Exception: another one of ``load_that_holds``.
         """
         steps, load = ControlSteps(places, self._size), float(self._ramped[-1].time) * float(np.sign(to))
         self.history.add(f"beyond the limit point at load {load:g} {tool.key} of contact[{tool.number}] is prescribed")
@@ -686,9 +687,9 @@ class NonlinearContactProblem(ProblemOfForms):
             begun = self._snapshot()
             try:
                 load = load_at_next()
-            except ConvergenceError:
+            except Exception as error:
                 self._begin_again(begun, partial(way.apply, load))
-                if not steps.may_halve:
+                if not (isinstance(error, ConvergenceError) and steps.may_halve):
                     raise
                 steps.halve()
                 return None
@@ -736,7 +737,7 @@ class NonlinearContactProblem(ProblemOfForms):
         if folder is not None:
             clock.turn(path.time_at(0))  # the checkpoint is that of the Constants at this time
             stored = MeshCheckpoint(checkpoint_of(self.linear, folder, path, restart=restart), 0)
-        self._run(path, lambda step: clock.turn(path.time_at(step)), on_step, checkpoint=stored)
+        self._run(path, lambda step: clock.turn(path.time_at(step)), on_step, stored)
         return self.solution
 
     def _run(
@@ -744,13 +745,18 @@ class NonlinearContactProblem(ProblemOfForms):
         path: LoadPath,
         apply: Callable[[float], object],
         on_step: Callable[[StepResult], object],
-        announce: Callable[[float], object] = lambda end: None,
         checkpoint: MeshCheckpoint | None = None,
     ) -> None:
         """``run`` by places instead of times; for the arguments see ``Way``; collective."""
 
         def named(end: float, step: StepResult) -> StepResult:
             return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
+
+        def announce(end: float) -> None:
+            number = len(self._ramped) + 1
+            self.history.move(step=number, steps=len(path.times))
+            if path.several:
+                self.history.add(StepRecord(number, path.name_at(end), path.time_at(end)))
 
         self._follow(Way(PathSizes(path), apply, named, announce), on_step, checkpoint)
 
