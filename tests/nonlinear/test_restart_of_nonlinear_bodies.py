@@ -197,6 +197,16 @@ def test_steps_that_were_halved(tmp_path, degree):
     assert again.state.pressure == pytest.approx(whole.state.pressure, abs=1e-10 * whole.state.pressure.max())
 
 
+def test_a_tangent_that_is_not_symmetric(tmp_path):
+    """A pressure follows the body: what is recalled says once that it is factorised as LU."""
+    scene = pressed(steps=None, traction={"boundary": "left", "pressure": 2.0})
+    interrupted(scene, MPI.COMM_SELF, tmp_path, 3)
+    solution, reference = solve(scene, MPI.COMM_SELF, checkpoint=tmp_path, restart=True), solve(scene, MPI.COMM_SELF)
+    assert_same(solution, reference, 1e-10)
+    assert solution.history.events[1:] == reference.history.events
+    assert sum("not symmetric" in event for event in reference.history.events) == 1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_two_bodies(tmp_path, dimension):

@@ -448,12 +448,13 @@ class LinearisedProblem(FormSolver):
         """Whether the tangent is taken to be positive definite."""
         return self._definite
 
-    def begin_at_tangent(self, *, definite: bool) -> None:
+    def begin_at_tangent(self, *, definite: bool, symmetric: bool) -> None:
         """Assemble the contact problem at the displacement of now, as in the last iteration of an earlier run;
         collective.
 
         Args:
             definite: see ``definite``, in that run.
+            symmetric: see ``symmetric``, in that run.
 
         Raises:
             MatrixError: see ``solve``.
@@ -461,7 +462,7 @@ class LinearisedProblem(FormSolver):
             FormError: a value is not finite.
         """
         self.begin_anew()
-        self._definite = definite
+        self._definite, self.symmetric = definite, symmetric
         self.slide()
         self._last_pattern = None
         with options.applied(*self.options):

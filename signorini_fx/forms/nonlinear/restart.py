@@ -89,7 +89,8 @@ class RestartedBody:
             if residual.at(tangent.x.array.copy()) is None:
                 return None
             tools.carry_to(coordinates[_TANGENT])
-            linear.begin_at_tangent(definite=bool(checkpoint.figure(number, "definite")))
+            kind = {name: bool(checkpoint.figure(number, name)) for name in ("definite", "symmetric")}
+            linear.begin_at_tangent(**kind)
             recalled = checkpoint.recall(self, linear.task, linear.begun)
         except (FormError, MatrixError, PairingError):
             recalled = None
@@ -119,7 +120,8 @@ class RestartedBody:
         linear = self.linear
         assert linear.outcome is not None
         ways = {_SOLUTION: linear.moving_tools.coordinates.tolist(), _TANGENT: tangent[1].tolist()}
-        figures = self.figures | {"linear_solves": step.linear_solves, "definite": linear.definite, "coordinates": ways}
+        kind = {"definite": linear.definite, "symmetric": linear.symmetric}
+        figures = self.figures | {"linear_solves": step.linear_solves, "coordinates": ways} | kind
         at, start = fem.Function(linear.space), replace(linear.begun, place=step.place)
         at.x.array[:] = tangent[0]
         beside, result = {_SOLUTION: step.displacement, _TANGENT: at}, replace(step, displacement=linear.u.copy())

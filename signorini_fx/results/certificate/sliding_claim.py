@@ -439,6 +439,13 @@ class SlidingClaim:
         return names[here] - first, forces[here], area[here]
 
     @property
+    def _in_plane(self) -> npt.NDArray[np.bool_]:
+        """Which nodes of the slave are in planes of symmetry, shape (N,)."""
+        if self.surface.across is None:
+            return np.zeros(self.chains[0].nodes.size, dtype=bool)
+        return np.asarray(self.surface.across.any(axis=(1, 2)))
+
+    @property
     def reached(self) -> Numbers:
         """Global numbers of the nodes of the other side."""
         return self.chains[1].nodes
@@ -466,6 +473,8 @@ class SlidingClaim:
     def error(self) -> float:
         """The largest error of sums of shares, and of the balance of forces and moments of a pressure at each ray,
         relative to one; collective.
+
+        Where a plane of symmetry holds the direction of rays it takes a moment, too.
         """
         seen = self.present
         if not seen.partnered.any():
@@ -477,7 +486,9 @@ class SlidingClaim:
         places = np.concatenate((seen.x, seen.y))[nodes] - seen.x.mean(axis=0)
         size = np.ptp(seen.x, axis=0).max()
         errors.append(float(np.max(np.abs(rates.sum(axis=1)))))
-        errors.append(float(np.max(np.abs(_cross(places, rates).sum(axis=1)))) / float(size))
+        turning = ~self._in_plane[self.chains[0].facets[seen.rays.facet]].any(axis=1)
+        moments = _cross(places, rates).sum(axis=1)[turning]
+        errors.append(float(np.max(np.abs(moments), initial=0.0) / size))
         return parallel.global_max(self.comm, max(errors))
 
     # --- at one displacement ---
@@ -551,9 +562,7 @@ class SlidingClaim:
         places = both[nodes].astype(np.complex128)
         normals = self.surface.displaced(self.ends[0][:count]).in_planes(slave.normals(seen.x), np.arange(count))
         cosine, sine = np.sum(seen.ways * normals, axis=1)[own], _cross(normals, seen.ways)[own]
-        in_plane = np.zeros(count, dtype=bool)
-        if self.surface.across is not None:
-            in_plane |= self.surface.across.any(axis=(1, 2))
+        in_plane = self._in_plane
         hats, there = _hats(rays.at, width), [(beside >= 0)[:, None] for beside in sides]
 
         def distance(x: Any) -> Any:
