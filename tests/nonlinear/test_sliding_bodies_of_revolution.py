@@ -51,6 +51,17 @@ def test_lifted_off_the_axis(revolved, degree):
     assert reaction(scene) == pytest.approx(sum(scene.problem.state.forces)[1], rel=1e-6)
 
 
+@pytest.mark.parametrize("depth", [0.01, pytest.param(0.03, marks=SLOW)])
+def test_a_quadratic_node_on_the_axis(depth):
+    """It has no share of any ring, and forces on it are not relative to that: its certificate is as that of the node
+    beside it.
+    """
+    scene = dome(height=0.05, lower=(6, 3), upper=(4, 2), degree=2, ratio=5.0)
+    force = scene.move(0.0, -depth)
+    assert scene.problem.certificate.worst < 1e-6
+    assert reaction(scene) == pytest.approx(-force[1], rel=1e-6)
+
+
 @pytest.mark.parametrize("kind", ["quadrilateral", pytest.param("triangle", marks=SLOW)])
 @pytest.mark.parametrize("slave", [0, 1])
 @pytest.mark.parametrize("inner", [0.0, pytest.param(0.2, marks=SLOW)])

@@ -432,6 +432,10 @@ class SlidingClaim:
         forces[count:] -= seen.opposite.T @ drag
         self._add_couples(forces, drag)
         area = np.concatenate((np.abs(seen.sharing).T @ seen.weight, np.abs(seen.opposite).T @ seen.weight))
+        # A quadratic node on an axis of revolution has no share of any ring: its shares are round-off.
+        rays = seen.rays
+        area[:count] = np.maximum(area[:count], _rings(slave, rays.facet, rays.at, rays.area))
+        area[count:] = np.maximum(area[count:], _rings(self.chains[1], rays.over, rays.place, rays.area))
         # What turns normals acts on the neighbours of points, too.
         area[:count] = np.maximum(area[:count], 0.5 * (forces[:count].any(axis=1)) * self.surface.area)
         first, last = self.space.dofmap.index_map.local_range
@@ -626,6 +630,13 @@ class SlidingClaim:
 def _at(chain: Chain, values: Array, facets: Numbers, places: Array) -> Array:
     """Values between those at the nodes of a side, at places on facets."""
     return np.asarray(np.einsum("rk,rkd->rd", _hats(places, chain.width), values[chain.facets[facets]]))
+
+
+def _rings(chain: Chain, facets: Numbers, places: Array, areas: Array) -> Array:
+    """Integrals of the magnitudes of the functions of the nodes of a side, at places on facets, shape (N,)."""
+    sums = np.zeros(chain.nodes.size)
+    np.add.at(sums, chain.facets[facets], areas[:, None] * np.abs(_hats(places, chain.width)))
+    return sums
 
 
 def _facets_of(surface: PairSurface, chain: Chain, facets: Numbers) -> Numbers:
