@@ -15,6 +15,7 @@ from signorini_fx.forms.nonlinear.leaps import Leaps
 
 FORCE, HELD = 0.15, {"x": 0.0, "rotation": 0.0}
 WEIGHT = 0.01  # force per volume
+FAR = 0.05  # for a material that takes small increments
 SOFT, WAVES = 0.1, 1.2  # a law whose stress falls from a strain on, and rises again
 
 
@@ -237,6 +238,28 @@ def test_an_error_beyond_the_limit_point_goes_back():
     assert tried[-1] == ends[-1][0] != tried[-2]
     assert (problem.u.x.array == ends[-1][1]).all()
     assert problem.tools[0].translation == pytest.approx(problem.solution.steps[-1].tools[0].translation, abs=1e-14)
+
+
+def test_a_material_that_takes_small_increments_under_control():
+    """Its ``update`` raises an exception where the first load is tried: this is halved, as without control."""
+    problem, begun, ends = arch(MPI.COMM_SELF, force=(0.0, 0.0), prescribed=HELD), [0.0], []
+
+    def update():
+        if np.abs(problem.u.x.array - begun[0]).max() > FAR:
+            raise ValueError("too far")
+
+    def commit():
+        begun[0] = problem.u.x.array.copy()
+
+    problem._residual.update, problem._commit = update, commit
+    problem.ramp(
+        lambda load: problem.place(0, force=(0.0, -FORCE * load), prescribed=HELD),
+        0.15,
+        control=(0, "y"),
+        on_step=lambda step: ends.append(step.load),
+    )
+    assert ends[0] < ends[-1] == 0.15
+    assert np.abs(problem.u.x.array).max() > FAR
 
 
 def test_what_cannot_be_controlled():

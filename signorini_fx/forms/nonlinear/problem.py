@@ -630,7 +630,7 @@ class NonlinearContactProblem(ProblemOfForms):
                 apply(load)
                 self._attempt(damps=False)
                 return tool.position(self.shapes), tool.drive(self.shapes)
-            except ConvergenceError:
+            except (ConvergenceError, FormError):
                 return None
             finally:
                 self._begin_again(begun, partial(apply, 0.0))
@@ -661,7 +661,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
         Raises:
             ConvergenceError: an increment cannot be shortened any more, or the load is not reached.
-            Exception: another one of ``load_that_holds``.
+            FormError: likewise, see ``load_that_holds``.
         """
         steps, load = ControlSteps(places, self._size), float(self._ramped[-1].time) * float(np.sign(to))
         self.history.add(f"beyond the limit point at load {load:g} {tool.key} of contact[{tool.number}] is prescribed")
@@ -689,7 +689,9 @@ class NonlinearContactProblem(ProblemOfForms):
                 load = load_at_next()
             except Exception as error:
                 self._begin_again(begun, partial(way.apply, load))
-                if not (isinstance(error, ConvergenceError) and steps.may_halve):
+                self.history.add(f"{tool.key} {steps.next:g} is given up, back at {places[-1]:g}: {error}")
+                wrong = isinstance(error, FormError) and error.source == "ramp"  # an argument
+                if wrong or not (isinstance(error, ConvergenceError | FormError) and steps.may_halve):
                     raise
                 steps.halve()
                 return None
