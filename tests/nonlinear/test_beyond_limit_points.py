@@ -11,6 +11,7 @@ from mpi4py import MPI
 from support.nonlinear_bodies import held, neo_hooke
 
 from signorini_fx import FormError, Foundation, NonlinearContactProblem, Status
+from signorini_fx.forms.nonlinear.displacement_control import load_that_holds
 from signorini_fx.forms.nonlinear.leaps import Leaps
 
 FORCE, HELD = 0.15, {"x": 0.0, "rotation": 0.0}
@@ -216,6 +217,37 @@ def test_a_restart_suspects_the_same(moved, jumps):
     earlier.pass_by(0.0, 0.1)
     later.resume(earlier.stored())
     assert [leaps.suspects(moved, 0.1, 0.1, 0.2) for leaps in (earlier, later)] == [jumps, jumps]
+
+
+class Unsteady:
+    """A tool whose drive is the load, and of which contact takes a share of its largest force, to so many digits."""
+
+    number, key = 0, "y"
+
+    def __init__(self, taken, error):
+        self.load, self._taken, self._error = 0.0, taken, error
+
+    def drive(self, shapes):
+        return self.load
+
+    def missing(self, shapes, state):
+        self._error = -self._error
+        return self.load - self._taken + self._error, abs(self._taken)
+
+    def apply(self, load):
+        self.load = load
+
+
+@pytest.mark.parametrize("taken", [0.5, 1e-3, 0.0, -0.1])
+@pytest.mark.parametrize(("error", "found"), [(0.0, True), (1e-8, True), (1e-6, False)])
+def test_a_load_that_holds_to_the_digits_of_a_solve(taken, error, found):
+    """Also where the force has fallen to little or nothing; what is wrong by more is no load that holds."""
+    tool = Unsteady(taken, error)
+    load = load_that_holds(tool, {}, tool.apply, lambda: None, 0.7, 1e-3, 1.0)
+    assert (load is not None) == found
+    if load is not None:
+        assert load == pytest.approx(taken, abs=2 * error + 1e-9)
+        assert tool.load == load
 
 
 def test_an_error_beyond_the_limit_point_goes_back():

@@ -17,7 +17,13 @@ from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, place
 from signorini_fx.forms.nonlinear.step_sizes import StepSizes
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
-from signorini_fx.tuned import JUMP, LARGEST_LOAD_ERROR, LOADS_TRIED, SMALLEST_STEP
+from signorini_fx.tuned import (
+    JUMP,
+    LARGEST_LOAD_ERROR,
+    LEFT_LOAD_ERROR,
+    LOADS_TRIED,
+    SMALLEST_STEP,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -120,6 +126,7 @@ def load_that_holds(
     solve: Callable[[], ContactState],
     load: float,
     difference: float,
+    largest: float,
 ) -> float | None:
     """The load with which the drive holds a tool where ``solve`` puts it; None: none is found; collective.
 
@@ -133,12 +140,15 @@ def load_that_holds(
         solve: solves at the load of now with the component prescribed.
         load: to begin with.
         difference: of loads, for the slope of the drive.
+        largest: load so far.
 
     Raises:
         ConvergenceError: see ``solve``.
         FormError: the force of the tool does not depend on the load.
     """
     before: tuple[float, float] | None = None  # a load, and what was taken there
+    apply(largest)
+    most, least = abs(control.drive(shapes)), np.inf
     for _ in range(LOADS_TRIED):
         apply(load + difference)
         ahead = control.drive(shapes)
@@ -149,8 +159,10 @@ def load_that_holds(
             reason = f"the force on contact[{control.number}] along {control.key} does not change with the load"
             raise FormError([("control", reason)], "ramp")
         missing, size = control.missing(shapes, solve())
-        if abs(missing) <= LARGEST_LOAD_ERROR * size:
+        accurate = abs(missing) <= LARGEST_LOAD_ERROR * size
+        if accurate or least / 2 <= abs(missing) <= LEFT_LOAD_ERROR * max(size, most):
             return load
+        least = min(least, abs(missing))
         if before is not None:
             slope += (missing - drive - before[1]) / (load - before[0])
             if slope == 0.0:

@@ -664,6 +664,7 @@ class NonlinearContactProblem(ProblemOfForms):
             FormError: likewise, see ``load_that_holds``.
         """
         steps, load = ControlSteps(places, self._size), float(self._ramped[-1].time) * float(np.sign(to))
+        largest = load
         self.history.add(f"beyond the limit point at load {load:g} {tool.key} of contact[{tool.number}] is prescribed")
 
         def solve() -> ContactState:
@@ -672,7 +673,7 @@ class NonlinearContactProblem(ProblemOfForms):
             return self.state
 
         def load_at_next() -> float:
-            holds = load_that_holds(tool, self.shapes, way.apply, solve, load, LOAD_DIFFERENCE * to)
+            holds = load_that_holds(tool, self.shapes, way.apply, solve, load, LOAD_DIFFERENCE * to, largest)
             if holds is None:
                 self.status = Status.OUTER_MAX_ITERATIONS
                 raise ConvergenceError(self, f"no load is found that holds contact[{tool.number}] at {steps.next:g}")
