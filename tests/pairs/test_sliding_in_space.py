@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from signorini_fx.mechanics.pairs.overlap_space import clip
 from signorini_fx.mechanics.pairs.sliding import slide
 from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
+from signorini_fx.results.certificate.sliding_claim_in_space import _common
 
 KINDS = pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
 PLACES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
@@ -181,3 +183,30 @@ def test_areas_are_undeformed():
     alone = slide(slave, master.displaced(9 * above), np.arange(9), able, 0.3)
     assert not alone.frames.partnered.any()
     assert np.isinf(alone.gap).all()
+
+
+def test_polygons_of_the_certificate_where_edges_coincide():
+    """What two facets share, on grids with common lines, turned: no corner is lost to round-off, and none is added."""
+    rng = np.random.default_rng(0)
+    kinds = [PLACES[[0, 1, 2]], PLACES[[0, 1, 3]], PLACES[[0, 1, 3, 2]], PLACES[[0, 3, 2]]]
+
+    def area(polygon):
+        after = np.roll(polygon, -1, axis=0)
+        return np.sum(polygon[:, 0] * after[:, 1] - polygon[:, 1] * after[:, 0]) / 2
+
+    met = 0
+    for _ in range(2000):
+        first, second = (kinds[k] for k in rng.integers(4, size=2))
+        second = second * rng.choice([1.0, 0.5, 2.0, 1 / 3]) + rng.integers(-4, 5, 2) * rng.choice([0.25, 0.5, 1 / 3])
+        (corners,), (count,) = clip(first[None], second[None])
+        expected = area(corners[:count]) if count else 0.0
+        turn, away = turn_in_plane(rng.choice([0.0, rng.uniform(0.0, 3.0)])), rng.uniform(-1.0, 1.0, 2)
+        shared = _common(first @ turn.T + away, second @ turn.T + away)
+        assert (0.0 if shared is None else area(shared)) == pytest.approx(expected, abs=1e-12)
+        met += expected > 0
+    assert met > 200
+
+
+def turn_in_plane(angle):
+    """A rotation of the plane."""
+    return Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()[:2, :2]

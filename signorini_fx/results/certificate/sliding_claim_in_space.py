@@ -29,7 +29,7 @@ from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.pairs.dual_functions import carried, extended
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim
-from signorini_fx.tuned import FACING_SIDES, NO_PART
+from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -140,28 +140,43 @@ class Sheet(Chain):
         return np.asarray((size * (self.measure[self.facets] @ _hats(at, self.width).T)) @ factors)
 
 
+def _inside(points: Array, window: Array, most: float) -> npt.NDArray[np.bool_]:
+    """Which points of the plane, shape (v, 2), are in a convex polygon, corners counterclockwise, or outside by at most
+    this length.
+    """
+    edges = np.roll(window, -1, axis=0) - window
+    away = points[:, None] - window
+    height = edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0]
+    return np.asarray((height >= -most * np.linalg.norm(edges, axis=1)).all(axis=1))
+
+
 def _common(first: Array, second: Array) -> Array | None:
-    """The polygon that two convex ones share, corners counterclockwise, shape (v, 2); None: they share none."""
-    corners = []
-    for polygon, window in ((first, second), (second, first)):
-        edges = np.roll(window, -1, axis=0) - window
-        away = polygon[:, None] - window
-        inside = (edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0] >= 0).all(axis=1)
-        corners.append(polygon[inside])
+    """The polygon that two convex ones share, corners counterclockwise, shape (v, 2); None: they share none.
+
+    Where edges of both are on one line but for round-off, its corners are theirs, as no crossing is to be had.
+    """
     start, along = first[:, None], (np.roll(first, -1, axis=0) - first)[:, None]
     begin, across = second[None], (np.roll(second, -1, axis=0) - second)[None]
     turn = along[..., 0] * across[..., 1] - along[..., 1] * across[..., 0]
     away = begin - start
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = (away[..., 0] * across[..., 1] - away[..., 1] * across[..., 0]) / turn
-        at_second = (away[..., 0] * along[..., 1] - away[..., 1] * along[..., 0]) / turn
-        crosses = (turn != 0) & (at >= 0) & (at <= 1) & (at_second >= 0) & (at_second <= 1)
-        corners.append((start + at[..., None] * along)[crosses])
-    points = np.concatenate(corners)
+    crosses = np.abs(turn) > PARALLEL * np.linalg.norm(along, axis=-1) * np.linalg.norm(across, axis=-1)
+    apart = away[..., 0] * across[..., 1] - away[..., 1] * across[..., 0]
+    at = np.divide(apart, turn, out=np.zeros_like(turn), where=crosses)
+    crossings = (start + at[..., None] * along)[crosses]
+    points = np.concatenate((first, second, crossings))
+    most = SAME_NUMBER * max(float(np.ptp(polygon, axis=0).max()) for polygon in (first, second))
+    points = points[_inside(points, first, most) & _inside(points, second, most)]
     if len(points) < 3:
         return None
     arms = points - points.mean(axis=0)
     return np.asarray(points[np.argsort(np.arctan2(arms[:, 1], arms[:, 0]))])
+
+
+def _area(polygon: Array) -> float:
+    """Of a polygon, corners counterclockwise, shape (v, 2)."""
+    arms = polygon - polygon[0]
+    after = np.roll(arms, -1, axis=0)
+    return float(np.sum(arms[:, 0] * after[:, 1] - arms[:, 1] * after[:, 0]) / 2)
 
 
 def _inverse(corners: Array, p: Array) -> Array:
@@ -220,11 +235,11 @@ def _seen_from_facets(
         flat, flat_master = (corners - middle) @ axes.T, (opposite - middle) @ axes.T
         near = faces[:, number] & (flat_master.min(axis=1) <= flat.max(axis=0)).all(axis=1)
         near &= (flat_master.max(axis=1) >= flat.min(axis=0)).all(axis=1)
-        size = np.ptp(flat, axis=0).max() ** 2
+        size = _area(flat)
         triangles, partners = [], []
         for k in np.flatnonzero(near):
             polygon = _common(flat, flat_master[k][::-1])
-            if polygon is None:
+            if polygon is None or _area(polygon) <= NO_PART * size:
                 continue
             ends = polygon[1:-1], polygon[2:]
             fan = np.stack((np.broadcast_to(polygon[0], ends[0].shape), *ends), axis=1)
@@ -235,9 +250,7 @@ def _seen_from_facets(
         fans, over = np.concatenate(triangles), np.concatenate(partners)
         arms = fans[:, 1] - fans[:, 0], fans[:, 2] - fans[:, 0]
         double = arms[0][:, 0] * arms[1][:, 1] - arms[0][:, 1] * arms[1][:, 0]
-        large = np.flatnonzero(double > NO_PART * size)
-        fans, over, double = fans[large], over[large], double[large]
-        p = (fans[:, :1] + points[:, :1] * arms[0][large, None] + points[:, 1:] * arms[1][large, None]).reshape(-1, 2)
+        p = (fans[:, :1] + points[:, :1] * arms[0][:, None] + points[:, 1:] * arms[1][:, None]).reshape(-1, 2)
         over = np.repeat(over, len(points))
         at = _inverse(np.broadcast_to(flat, (len(p), *flat.shape)), p)
         slopes = _slopes(at, slave.width)
