@@ -414,3 +414,19 @@ def test_bodies_inside_each_other(kind):
     with pytest.raises(ConvergenceError, match=r"contact reaches the end of the other side \(contact\[0\], at"):
         slid(scene, [(0.3, 0.0, -0.05), (0.6, 0.0, -0.05), (0.9, 0.0, -0.05)])
     assert scene.problem.status is Status.AT_END
+
+
+def test_points_that_come_and_go():
+    """A node at the rim keeps 3 per cent of its area only where it carries no point: the message names the place, and
+    with both sides exchanged there is a solution.
+    """
+    law = {**COARSE, "lower": (7, 5, 1), "upper": (5, 4, 2), "height": 0.59, "ratio": 3.0, "algorithm": "alm"}
+    way = 0.1388, 0.2671, -0.08315
+    scene = pillow(max_newton=12, **law)
+    with pytest.raises(ConvergenceError, match=r"iterations reached \(contact\[0\], at .* exchange facets and against"):
+        scene.move(*way)
+    assert scene.problem.status is Status.MAX_ITERATIONS
+    scene = pillow(max_newton=4, **law)
+    with pytest.raises(ConvergenceError, match="iterations reached: "):
+        scene.move(*way)
+    slid(pillow(max_newton=12, slave=1, **law), [way])

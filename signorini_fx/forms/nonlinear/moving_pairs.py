@@ -31,6 +31,7 @@ class MovingPair:
         begun: which nodes the points met there.
         covered: share of the area of each point that saw the other side there.
         near: whether the last increment has hardly moved points along the other side.
+        changed: which points have begun or ceased to see the other side by each of the last two moves, shape (2, n).
     """
 
     sides: SlidingSides
@@ -40,6 +41,7 @@ class MovingPair:
     begun: Frames = field(init=False)
     covered: Array = field(init=False)
     near: bool = field(init=False)
+    changed: npt.NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
         self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))
@@ -56,13 +58,16 @@ class MovingPair:
         displacement = self.sides.gathered(u.x.array.reshape(-1, self.displacement.shape[1])[:owned])
         if not np.array_equal(displacement, self.displacement):
             self.near = self.coupling.slides(displacement - self.displacement) <= NEAR_PARTNER
+            seeing = self.coupling.frames.partnered
             self.coupling = self.sides.at(displacement)
+            self.changed = np.stack((self.changed[1], seeing != self.coupling.frames.partnered))
             self.displacement = displacement
 
     def settle(self) -> None:
         """A step begins here."""
         self.settled, self.begun, self.near = self.displacement, self.coupling.frames, False
         self.covered = self.coupling.covered
+        self.changed = np.zeros((2, self.covered.size), dtype=bool)
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank."""
@@ -99,9 +104,20 @@ class MovingPair:
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         touching = self.sides.at_points(state.in_contact[rows].astype(np.float64)) > 0
         left = np.flatnonzero(touching & (self.covered >= LEAST_SEEN) & (self.coupling.covered < LEAST_SEEN))
-        if not left.size:
+        return self._place_of(left)
+
+    @property
+    def alternating(self) -> str:
+        """Where a point has begun and ceased to see the other side by the last two moves, "" nowhere: with it bodies
+        move so that it has too little area, and without it so that it has enough.
+        """
+        return self._place_of(np.flatnonzero(self.changed.all(axis=0)))
+
+    def _place_of(self, points: npt.NDArray[np.int64]) -> str:
+        """The place of the first of some points, "" of none."""
+        if not points.size:
             return ""
-        place = self.coupling.slave.x[self.sides.points[left[0]]]
+        place = self.coupling.slave.x[self.sides.points[points[0]]]
         return f"contact[{self.sides.index}], at ({', '.join(f'{component:.4g}' for component in place)})"
 
     @property
@@ -145,3 +161,14 @@ def spins_of(pairs: Mapping[int, MovingPair], boundary: ContactBoundary, spin: A
 def joint_stiffness(pairs: Mapping[int, MovingPair], state: ContactState) -> tuple[JointStiffness, ...]:
     """What the tractions of all pairs add to the tangent; collective."""
     return tuple(pair.stiffness(state) for pair in pairs.values())
+
+
+def alternating_points(pairs: Mapping[int, MovingPair]) -> str:
+    """Where the last two iterates have found and lost a point of a pair, and what helps, in words; "" nowhere."""
+    where = next((pair.alternating for pair in pairs.values() if pair.alternating), "")
+    if not where:
+        return ""
+    return (
+        f"{where}: a point where one side ends over the other begins and ceases to see it by turns, and with neither "
+        "is there equilibrium: exchange facets and against, move the bodies a little, or refine the mesh"
+    )

@@ -38,10 +38,10 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, inner
         says_no: why there may be no solution; empty: nothing says so.
         inner: how the last contact problem of a tangent ended that had no solution.
         overlap: where a shape is inside the body, what is wrong between two bodies, or by how much a deformation is
-            too large.
+            too large; empty: none of these.
     """
     reason = says_no
-    if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES):
+    if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES) or (status is Status.MAX_ITERATIONS and overlap):
         reason = overlap
     elif status is Status.NOT_SOLVED:
         reason = says_no or inner

@@ -38,6 +38,7 @@ from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.moving_pairs import alternating_points
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, place, spin_at
 from signorini_fx.forms.nonlinear.overlap import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
@@ -339,7 +340,7 @@ class NonlinearContactProblem(ProblemOfForms):
         for number, moving in self.shapes.items():
             moving.check(number, self._space.mesh.comm)
         self._good = self._good or self._snapshot()
-        self.certificate, self.status, self._says_no = None, None, ""
+        self.certificate, self.status, self._says_no, self._overlap = None, None, "", ""
         solves = len(self.history.iterations)
         try:
             with self._timings.phase("iterate"):
@@ -432,6 +433,7 @@ class NonlinearContactProblem(ProblemOfForms):
                 if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:
                     return status
                 worst = self.certificate.worst
+        self._overlap = alternating_points(self.linear.pairs)
         return Status.MAX_ITERATIONS
 
     def _increment(
