@@ -899,8 +899,8 @@ FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
 # Beyond a limit point: how many loads are tried for one place of a tool, up to which share of its force they may be
 # wrong, and by which share of the whole load its slope is found.  Choice.
 JUMP, LOADS_TRIED, LARGEST_LOAD_ERROR, LOAD_DIFFERENCE = 4.0, 6, 1e-9, 1e-3
-# The same relative to the largest force so far, where one more load does not halve it: solves give forces of a soft body
-# to so many digits, and beyond a limit point they may fall to nothing.  An arch left 1e-8 of it.
+# The same relative to the largest force so far, where one more load does not halve it: solves give forces of a soft
+# body to so many digits, and beyond a limit point they may fall to nothing.  An arch left 1e-8 of it.
 LEFT_LOAD_ERROR = 1e-7
 # A load step may jump in which a body moves so many times as far as its tangent predicts, a body whose material has a
 # state the second number of times, unless each part of the step moves it by the share below at most.  Of 1,049 steps of
