@@ -512,7 +512,7 @@ class SlidingClaim:
             sums = psi.sum(axis=1)
             covered = np.unique(rays.facet)
             unable = self.unable if turn else np.zeros(count, dtype=bool)
-            able, shares = carried(side, _facets_of(surface, slave, covered), sums, unable)
+            able, shares = carried(side, facets_of(surface, slave, covered), sums, unable)
             if turn or not able.size:
                 break
             mean = np.asarray(shares @ psi) / (shares @ sums)[:, None]
@@ -619,12 +619,15 @@ class SlidingClaim:
         """How points take over the functions of nodes of the slave, shape (p, N)."""
         seen, count = self.present, self.chains[0].nodes.size
         side = self.surface.displaced(self.ends[0][:count])
-        sums = self._functions(seen.rays).sum(axis=1)
-        covered = _facets_of(self.surface, self.chains[0], np.unique(seen.rays.facet))
-        able, shares = carried(side, covered, sums, self.unable)
+        covered = facets_of(self.surface, self.chains[0], np.unique(seen.rays.facet))
+        able, shares = carried(side, covered, self._sums(seen.rays), self.unable)
         of_point = np.zeros((self.carriers.size, count))
         of_point[np.searchsorted(self.carriers, able)] = shares.toarray()
         return of_point, able
+
+    def _sums(self, rays: Rays) -> Array:
+        """The integrals of the dual functions of the nodes of the slave, shape (N,)."""
+        return np.asarray(self._functions(rays).sum(axis=1))
 
 
 def _at(chain: Chain, values: Array, facets: Numbers, places: Array) -> Array:
@@ -639,12 +642,35 @@ def _rings(chain: Chain, facets: Numbers, places: Array, areas: Array) -> Array:
     return sums
 
 
-def _facets_of(surface: PairSurface, chain: Chain, facets: Numbers) -> Numbers:
+def facets_of(surface: PairSurface, chain: Chain, facets: Numbers) -> Numbers:
     """The numbers that facets of a chain have on a surface of the same nodes."""
-    powers = chain.nodes.size ** np.arange(chain.width)
-    names, wanted = (np.sort(nodes, axis=1) @ powers for nodes in (surface.nodes, chain.facets[facets]))
-    order = np.argsort(names)
-    return np.asarray(order[np.searchsorted(names[order], wanted)])
+    every = np.sort(np.concatenate((surface.nodes, chain.facets[facets])), axis=1)
+    _, number = np.unique(every, axis=0, return_inverse=True)
+    number, count = number.ravel(), len(surface.nodes)
+    on_surface = np.zeros(number.max() + 1, dtype=np.int64)
+    on_surface[number[:count]] = np.arange(count)
+    return on_surface[number[count:]]
+
+
+def at_ends(
+    space: fem.FunctionSpace, both: tuple[Chain, Chain], ends: tuple[fem.Function, fem.Function | None]
+) -> tuple[Array, Array]:
+    """Displacements at the nodes of both sides, those of the slave first, lengths, shapes (m, d); collective.
+
+    Args:
+        space: of the displacement.
+        both: the sides.
+        ends: displacements now and at the beginning of the step; None: none.
+    """
+    names, dim = np.concatenate([chain.nodes for chain in both]), space.mesh.geometry.dim
+    owned = space.dofmap.index_map.size_local
+    now, begun = (
+        np.zeros((names.size, dim))
+        if function is None
+        else from_owners(function.x.array.reshape(-1, dim)[:owned], names, space.mesh.comm)
+        for function in ends
+    )
+    return now, begun
 
 
 def sliding_claim(
@@ -664,14 +690,6 @@ def sliding_claim(
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
     """
     both = Chain.of(space, facets[0], factor), Chain.of(space, facets[1])
-    names = np.concatenate([chain.nodes for chain in both])
-    owned = space.dofmap.index_map.size_local
-    values = [
-        np.zeros((names.size, 2))
-        if function is None
-        else from_owners(function.x.array.reshape(-1, 2)[:owned], names, space.mesh.comm)
-        for function in ends
-    ]
     surface, carriers, unable, reach = side
     surface = replace(surface, measure=None if factor is None else both[0].measure)
-    return SlidingClaim(space, surface, both, carriers, unable, reach, facets[0], facets[1], (values[0], values[1]))
+    return SlidingClaim(space, surface, both, carriers, unable, reach, *facets, at_ends(space, both, ends))

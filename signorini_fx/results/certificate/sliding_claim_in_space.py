@@ -28,7 +28,7 @@ from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.pairs.dual_functions import carried, extended
 from signorini_fx.mechanics.pairs.surface import PairSurface
-from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim
+from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends, facets_of
 from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -447,10 +447,8 @@ class SpaceSlidingClaim(SlidingClaim):
     @cached_property
     def _facets_of_surface(self) -> Numbers:
         """Of each facet of the slave its number on the surface of the solver, which has the same nodes."""
-        slave, surface = self._sheets[0], self.surface
-        names, wanted = ([tuple(row) for row in np.sort(nodes, axis=1)] for nodes in (surface.nodes, slave.facets))
-        numbers = {name: k for k, name in enumerate(names)}
-        return np.array([numbers[name] for name in wanted], dtype=np.int64)
+        slave = self._sheets[0]
+        return facets_of(self.surface, slave, np.arange(len(slave.facets)))
 
     @cached_property
     def _derivatives(self) -> tuple[Array, Array, Array]:
@@ -513,7 +511,7 @@ class SpaceSlidingClaim(SlidingClaim):
         apart = seen.opposite @ seen.y - seen.sharing @ seen.x
         apart[~seen.partnered] = 0.0
         couples = np.cross(apart, drag) / 2
-        of_point = self._taken[seen.partnered]
+        of_point = self._shares[0][seen.partnered]
         for sheet, facets, x, first in (
             (slave, seen.rays.facet, seen.x, 0),
             (master, seen.rays.over, seen.y, count),
@@ -532,17 +530,9 @@ class SpaceSlidingClaim(SlidingClaim):
                     np.linalg.pinv(inertia, rcond=1e-12, hermitian=True) @ couple, r
                 )
 
-    @cached_property
-    def _taken(self) -> Array:
-        """How points take over the functions of nodes of the slave, shape (p, N)."""
-        seen, count = self.present, self.chains[0].nodes.size
-        side = self.surface.displaced(self.ends[0][:count])
-        sums = np.asarray(self._dual(seen.rays).sum(axis=1)).ravel()
-        facets = self._facets_of_surface[np.unique(seen.rays.facet)]
-        able, shares = carried(side, facets, sums, self.unable)
-        of_point = np.zeros((self.carriers.size, count))
-        of_point[np.searchsorted(self.carriers, able)] = shares.toarray()
-        return of_point
+    def _sums(self, rays: Rays) -> Array:
+        """See ``SlidingClaim``."""
+        return np.asarray(self._dual(rays).sum(axis=1)).ravel()
 
 
 def _hats_at(sheet: Sheet, facets: Numbers, places: Array) -> Any:
@@ -572,14 +562,6 @@ def sliding_claim_in_space(
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
     """
     sheets = Sheet.of(space, facets[0], factor), Sheet.of(space, facets[1])
-    names = np.concatenate([chain.nodes for chain in sheets])
-    owned = space.dofmap.index_map.size_local
-    values = [
-        np.zeros((names.size, 3))
-        if function is None
-        else from_owners(function.x.array.reshape(-1, 3)[:owned], names, space.mesh.comm)
-        for function in ends
-    ]
     surface = replace(sides[0], measure=None if factor is None else sheets[0].measure)
-    at = values[0], values[1]
+    at = at_ends(space, sheets, ends)
     return SpaceSlidingClaim(space, surface, sheets, *points, *facets, at, other_surface=sides[1])
