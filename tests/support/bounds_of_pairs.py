@@ -60,16 +60,22 @@ def on_finer_mesh(scene, times=2, degree=2):
     return alone(scene.model_copy(update={"mesh": tagged, "body": (), "element": element}))
 
 
-def effectivity(scene):
-    """Guaranteed bound over the true error, both relative to the solution, and the bound; or why there is none."""
+def bounded(scene, finer):
+    """The guaranteed bound of a scene, its solution, and that of ``finer``; or why there is none."""
     try:
         solution = alone(scene)
         bound = error_bound(solution.model, solution.displacement, solution.contact)
-        if isinstance(bound, str):
-            return bound
-        reference = on_finer_mesh(scene)
+        return bound if isinstance(bound, str) else (bound, solution, finer(scene))
     except SignoriniError as failed:
         return str(failed).splitlines()[0]
+
+
+def effectivity(scene):
+    """Guaranteed bound over the true error, both relative to the solution, and the bound; or why there is none."""
+    found = bounded(scene, on_finer_mesh)
+    if isinstance(found, str):
+        return found
+    bound, solution, reference = found
     true = energy_of_difference(solution, reference)
     return bound.error / true, bound.error / bound.size, true / bound.size, bound, solution, reference
 

@@ -13,11 +13,10 @@ from mpi4py import MPI
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))
 
+from bounds_of_pairs import bounded
 from error_bounds_in_space import energy_of_difference
 from scenes import alone
 
-from signorini_fx.addons.bounds.error_bound import error_bound
-from signorini_fx.errors import SignoriniError
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -108,14 +107,10 @@ def on_finer_mesh(scene):
 
 def effectivity(scene):
     """Guaranteed bound over the true error, the bound, the solution and the finer one; or why there is none."""
-    try:
-        solution = alone(scene)
-        bound = error_bound(solution.model, solution.displacement, solution.contact)
-        if isinstance(bound, str):
-            return bound
-        reference = on_finer_mesh(scene)
-    except SignoriniError as failed:
-        return str(failed).splitlines()[0]
+    found = bounded(scene, on_finer_mesh)
+    if isinstance(found, str):
+        return found
+    bound, solution, reference = found
     return bound.error / energy_of_difference(solution, reference), bound, solution, reference
 
 
