@@ -153,7 +153,7 @@ def compare(
         x, u, force, theirs = ccx(program, deck, Path(name), plane=read_file(deck).dim == 2)
         start = cpu()
         if scene is None:
-            own.write_text(complete(draft(deck, None, own).text), encoding="utf-8")
+            own.write_text(complete(draft(deck, own).text), encoding="utf-8")
         solution = solve(read_scene(scene or own), MPI.COMM_SELF)
         seconds = cpu() - start
     return solution, difference(solution, x, u), force, (theirs, seconds)

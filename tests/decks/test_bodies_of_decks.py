@@ -8,7 +8,6 @@ from mpi4py import MPI
 
 from signorini_fx.addons.decks.deck import read_deck
 from signorini_fx.addons.decks.node_results import at_nodes
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
@@ -102,7 +101,7 @@ def test_unequal_temperatures_at_one_place(tmp_path, seed):
         [f"body_{k + 1}" for k in range(count)] if alone else names
     )
     solution = solve(read_scene(scene), MPI.COMM_SELF)
-    deck = read_deck(tmp_path / "deck.inp", read_file(tmp_path / "deck.inp"))
+    deck = read_deck(tmp_path / "deck.inp")
     (results,) = at_nodes(solution, deck)
     assert set(deck.names) == exact.keys()
     wanted = np.array([exact[node] for node in deck.names])

@@ -11,7 +11,6 @@ from mpi4py import MPI
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.addons.decks.node_results import at_nodes
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
 
@@ -20,7 +19,7 @@ def drafted(folder, lines):
     """The draft of a deck, its scene as data, and a solution of it."""
     deck = folder / "deck.inp"
     deck.write_text("\n".join(lines) + "\n")
-    made = draft(deck, read_file(deck), folder / "deck.toml")
+    made = draft(deck, folder / "deck.toml")
     for file, text in made.files.items():
         file.write_text(text)
     return made, tomllib.loads(made.text)

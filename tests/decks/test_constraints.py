@@ -10,7 +10,6 @@ from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
 
@@ -22,7 +21,7 @@ def drafted(folder, lines, name="deck"):
     """What was drafted, and the scene as data; its files are written."""
     deck = folder / f"{name}.inp"
     deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    made = draft(deck, read_file(deck), folder / f"{name}.toml")
+    made = draft(deck, folder / f"{name}.toml")
     for file, text in made.files.items():
         file.write_text(text, encoding="utf-8")
     return made, tomllib.loads(made.text)

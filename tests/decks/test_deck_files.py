@@ -8,7 +8,6 @@ from deck_lines import STEEL, squares, stacked
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.mechanics.mesh.files import abaqus_include
 from signorini_fx.mechanics.mesh.files.abaqus import read_model
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes import cli
 
 BASE = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
@@ -23,7 +22,7 @@ def written(folder, before, within=()):
 
 
 def drafted(deck):
-    return draft(deck, read_file(deck), deck.with_suffix(".toml"))
+    return draft(deck, deck.with_suffix(".toml"))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ import signorini_fx
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.addons.decks.keywords import PLAIN, RULES, Grade
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.quantities.answers import answers
 from signorini_fx.scenes import cli
 
@@ -167,7 +166,7 @@ def written(folder, before, within):
 
 def graded(deck):
     """The remarks of a draft that change the answer, and those that do not."""
-    drafted = draft(deck, read_file(deck), deck.with_suffix(".toml"))
+    drafted = draft(deck, deck.with_suffix(".toml"))
     return drafted.lost, drafted.noted
 
 

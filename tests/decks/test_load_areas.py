@@ -7,7 +7,6 @@ from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
 
@@ -46,7 +45,7 @@ def drafted(folder, lines):
     """The draft."""
     file, target = folder / "deck.inp", folder / "deck.toml"
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    made = draft(file, read_file(file), target)
+    made = draft(file, target)
     for path, text in made.files.items():
         path.write_text(text, encoding="utf-8")
     return made, target

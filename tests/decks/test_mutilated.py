@@ -8,7 +8,6 @@ from deck_lines import STEEL, assembly, squares, stacked
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import SignoriniError
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes.reading import parse_scene_text
 
 WORDS = ("", "x", "-1", "1e999", "nan", "0", "99999999", "*", "=", "1.5", "NOSUCH", "1,2,3", "\x00", "é")
@@ -70,13 +69,13 @@ def test_mutilated_decks(tmp_path, seed, lines):
     deck, scene, refused = tmp_path / "deck.inp", tmp_path / "scene.toml", 0
     for _ in range(50):
         deck.write_text("\n".join(mutilated(lines, chance)) + "\n")
-        said = error_of(lambda: draft(deck, read_file(deck), scene))
+        said = error_of(lambda: draft(deck, scene))
         refused += said is not None
         if said is not None:
             assert re.search(r"line \d+|the (first|most) at \(", said)
             assert "\n" not in said
         else:
-            said = error_of(lambda: parse_scene_text(draft(deck, read_file(deck), scene).text, scene))
+            said = error_of(lambda: parse_scene_text(draft(deck, scene).text, scene))
             assert said is None or str(scene) in said
     assert 5 < refused < 45
 

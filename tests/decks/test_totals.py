@@ -8,7 +8,6 @@ from deck_lines import STEEL, squares
 from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import draft
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
 
@@ -76,7 +75,7 @@ def test_total_loads(tmp_path, name):
         lines += ["*STEP", "*STATIC", *(text for keyword, rows in step for text in (keyword, *rows)), "*END STEP"]
     deck, scene = tmp_path / "deck.inp", tmp_path / "scene.toml"
     deck.write_text("\n".join(lines) + "\n")
-    drafted = draft(deck, read_file(deck), scene)
+    drafted = draft(deck, scene)
     scene.write_text(drafted.text)
     assert not [lost for lost in drafted.lost if "moment" not in lost], drafted.lost
     solution = solve(read_scene(scene), MPI.COMM_SELF)

@@ -30,7 +30,6 @@ import space_rows  # noqa: E402
 from signorini_fx import solve  # noqa: E402
 from signorini_fx.addons.decks.draft import draft  # noqa: E402
 from signorini_fx.algebra.linalg.factorisation import has_package  # noqa: E402
-from signorini_fx.mechanics.mesh.files.formats import read_file  # noqa: E402
 from signorini_fx.mechanics.mesh.tagged import generate_mesh  # noqa: E402
 from signorini_fx.scenes.reading import read_scene  # noqa: E402
 
@@ -228,7 +227,7 @@ def test_the_deck_for_calculix(tmp_path, capsys, monkeypatch):
     """Its draft is whole; without ccx nothing is compared."""
     deck, scene = tmp_path / "block.inp", tmp_path / "draft.toml"
     deck.write_text(calculix.block(4, "coulomb"))
-    drafted = draft(deck, read_file(deck), scene)
+    drafted = draft(deck, scene)
     assert not drafted.lost
     assert not drafted.noted
     scene.write_text(calculix.of_block(drafted.text))

@@ -6,6 +6,7 @@ What a scene cannot say, or what would need a guess, is listed and left out.  No
 from __future__ import annotations
 
 import itertools
+import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -44,7 +45,7 @@ from signorini_fx.addons.decks.ties import link_sectors
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus import NO_BODY, POINTS, read_model, removes_elements
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, parameter, real, real_or_none
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, from_raw
+from signorini_fx.mechanics.mesh.files.arrays import from_raw
 
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
 # How a contact pair is discretised, which a scene chooses itself.
@@ -53,20 +54,16 @@ _KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "
 _PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
 
 
-def read_deck(file: Path, mesh: MeshArrays | None = None) -> Deck:
-    """What acts on the body of an input file.
-
-    Args:
-        file: the input file.
-        mesh: what was read from it; None: it is read here, once.
+def read_deck(file: Path) -> Deck:
+    """An input file: its mesh, and what acts on the body.
 
     Raises:
-        MeshError: a number is none, or a line has too few of them; without a mesh, see ``read_file``.
+        MeshError: there is no such file, or it is no mesh, see ``read_file``; a number is none, or a line has too few.
     """
-    if mesh is None and not file.is_file():
+    if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
     model = read_model(file)
-    deck = Deck(from_raw(model.raw, str(file)) if mesh is None else mesh, model)
+    deck = Deck(from_raw(model.raw, str(file)), model)
     for name, missing in deck.model.undefined.items():
         say = deck.lose if name in deck.model.surfaces else deck.note
         say(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")

@@ -22,7 +22,7 @@ from signorini_fx.addons.decks.nodal import nodal_tables
 from signorini_fx.addons.decks.temperatures import TemperatureField, temperature_fields
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
+from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.mechanics.statement.point_values import same_places
 from signorini_fx.tuned import ZERO_IN_SOLUTION
@@ -49,18 +49,17 @@ class Draft:
     origins: dict[str, str]
 
 
-def draft(file: Path, mesh: MeshArrays | None, target: Path) -> Draft:
+def draft(file: Path, target: Path) -> Draft:
     """The scene that an input file describes.
 
     Args:
         file: the input file.
-        mesh: what was read from it; None: it is read here, which takes half of the time.
         target: where the scene will be, from which it refers to the file.
 
     Raises:
-        MeshError: a number is none, or a line has too few of them; there is no material; see ``read_deck``.
+        MeshError: see ``read_deck``; there is no material.
     """
-    return draft_of(read_deck(file, mesh), file, target, file.name)
+    return draft_of(read_deck(file), file, target, file.name)
 
 
 def draft_of(deck: Deck, file: Path, target: Path, source: str) -> Draft:

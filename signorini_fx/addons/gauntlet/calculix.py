@@ -69,7 +69,7 @@ class DeckRun:
         try:
             if (block := _other_procedure(self.deck)) is not None:
                 return replace(case, state=OTHER_KIND, why=f"{block.origin}: {OTHER_PROCEDURE}")
-            drafted = draft(self.deck, None, target)
+            drafted = draft(self.deck, target)
         except SignoriniError as error:
             return replace(case, why=self._without_folder(str(error)))
         lost = list(drafted.lost)

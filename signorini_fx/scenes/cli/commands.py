@@ -481,7 +481,7 @@ def _drafted(source: Path, target: Path, size: float | None = None) -> Any:
             f"{target}: a scene is drafted from an Abaqus input file, .inp, or from a command file of code_aster, "
             f".comm, and not from {source.name}"
         )
-    return add_on("draft")(source, None, target)
+    return add_on("draft")(source, target)
 
 
 def _write_draft(files: Mapping[Path, str], *, keep: bool = False) -> None:
