@@ -27,6 +27,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.pairs.dual_functions import carried, extended
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION
@@ -512,7 +513,7 @@ class SlidingClaim:
             sums = psi.sum(axis=1)
             covered = np.unique(rays.facet)
             unable = self.unable if turn else np.zeros(count, dtype=bool)
-            able, shares = carried(side, facets_of(surface, slave, covered), sums, unable)
+            able, shares = carried(side, rows_of(slave.facets[covered], surface.nodes), sums, unable)
             if turn or not able.size:
                 break
             mean = np.asarray(shares @ psi) / (shares @ sums)[:, None]
@@ -619,7 +620,7 @@ class SlidingClaim:
         """How points take over the functions of nodes of the slave, shape (p, N)."""
         seen, count = self.present, self.chains[0].nodes.size
         side = self.surface.displaced(self.ends[0][:count])
-        covered = facets_of(self.surface, self.chains[0], np.unique(seen.rays.facet))
+        covered = rows_of(self.chains[0].facets[np.unique(seen.rays.facet)], self.surface.nodes)
         able, shares = carried(side, covered, self._sums(seen.rays), self.unable)
         of_point = np.zeros((self.carriers.size, count))
         of_point[np.searchsorted(self.carriers, able)] = shares.toarray()
@@ -640,16 +641,6 @@ def _rings(chain: Chain, facets: Numbers, places: Array, areas: Array) -> Array:
     sums = np.zeros(chain.nodes.size)
     np.add.at(sums, chain.facets[facets], areas[:, None] * np.abs(_hats(places, chain.width)))
     return sums
-
-
-def facets_of(surface: PairSurface, chain: Chain, facets: Numbers) -> Numbers:
-    """The numbers that facets of a chain have on a surface of the same nodes."""
-    every = np.sort(np.concatenate((surface.nodes, chain.facets[facets])), axis=1)
-    _, number = np.unique(every, axis=0, return_inverse=True)
-    number, count = number.ravel(), len(surface.nodes)
-    on_surface = np.zeros(number.max() + 1, dtype=np.int64)
-    on_surface[number[:count]] = np.arange(count)
-    return on_surface[number[count:]]
 
 
 def at_ends(

@@ -26,9 +26,10 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.pairs.dual_functions import carried, extended
 from signorini_fx.mechanics.pairs.surface import PairSurface
-from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends, facets_of
+from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends
 from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -447,8 +448,7 @@ class SpaceSlidingClaim(SlidingClaim):
     @cached_property
     def _facets_of_surface(self) -> Numbers:
         """Of each facet of the slave its number on the surface of the solver, which has the same nodes."""
-        slave = self._sheets[0]
-        return facets_of(self.surface, slave, np.arange(len(slave.facets)))
+        return rows_of(self._sheets[0].facets, self.surface.nodes)
 
     @cached_property
     def _derivatives(self) -> tuple[Array, Array, Array]:
