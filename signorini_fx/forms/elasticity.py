@@ -22,7 +22,6 @@ from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.pieces import find_pieces
 from signorini_fx.mechanics.body.rigid_bodies import Driven
 from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Inventory
@@ -157,7 +156,11 @@ def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmet
 
 
 def scales_of(
-    body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]], modulus: float | None = None
+    body: ElasticBody,
+    boundary: ContactBoundary,
+    facets: Sequence[npt.NDArray[np.int32]],
+    size: float,
+    modulus: float | None = None,
 ) -> Scales:
     """Size of a body, and its modulus, the scale of gamma; collective.
 
@@ -170,10 +173,11 @@ def scales_of(
         body: its elastic system.
         boundary: the contact points.
         facets: of each foundation, in the order of ``boundary.segments``.
+        size: diameter of the body, length.
         modulus: Young's modulus of the stiffest material; None: it is not known.
     """
     if modulus is not None:
-        return Scales(body.space.mesh.topology.dim, modulus, diameter_of(body.space.mesh))
+        return Scales(body.space.mesh.topology.dim, modulus, size)
     space, diagonal = body.space, body.stiffness.getDiagonal()
     if body.relative is not None:  # what turning normals do to rigid bodies is no stiffness of the body
         diagonal.getArray()[body.fixed.size :] = 0.0
@@ -198,4 +202,4 @@ def scales_of(
     weights, compliance = parallel.global_sum(
         boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
     )
-    return Scales(dim, float(weights / compliance), diameter_of(mesh))
+    return Scales(dim, float(weights / compliance), size)

@@ -38,6 +38,7 @@ from signorini_fx.mechanics.body.foundations import FoundationData, Foundations,
 from signorini_fx.mechanics.body.rigid import RigidMotions
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
@@ -333,7 +334,7 @@ class FormSolver:
             self._start, resting = self._last.seen_from(boundary, held=held, spin=spin)
         self.boundary, self._first = boundary, None
         elastic = self.elastic = self._body(fixed[:owned], boundary)
-        self.scales = scales_of(elastic, boundary, self.foundations.facets, self._natural_modulus())
+        self.scales = scales_of(elastic, boundary, self.foundations.facets, self._size(), self._natural_modulus())
         task = elastic.task(
             [self._case(values)],
             np.ones(1),
@@ -369,6 +370,10 @@ class FormSolver:
             modulus = natural_modulus(law, self.space)
             self._last_modulus = fingerprint, modulus
         return modulus
+
+    def _size(self) -> float:
+        """The diameter of the body, length; collective."""
+        return diameter_of(self.space.mesh)
 
     def _case(self, values: Array) -> LoadCase:
         """See ``case_of``."""

@@ -182,7 +182,7 @@ class LinearisedProblem(FormSolver):
         dim = at.function_space.mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative: RelativeStiffness | None = None
-        self.foundations.at = at
+        self.foundations.at, self._diameter = at, super()._size()
 
     def begin(
         self,
@@ -353,6 +353,10 @@ class LinearisedProblem(FormSolver):
         if self.rigid.bodies:  # arms change with both
             tools += [self.moving_tools.coordinates, self._at.x.array]
         return self._added.nodes, self._added.blocks, np.asarray(self._evaluated.loads), *pairs, *joint, *tools
+
+    def _size(self) -> float:
+        """See ``FormSolver``: that of the body before it is deformed."""
+        return self._diameter
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         """See ``FormSolver``."""

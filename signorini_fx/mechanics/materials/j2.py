@@ -92,13 +92,14 @@ class J2(PathDependent):
             amount = missing / (3 * shear + hardening)
             ends_here = (amount > 0) & (accumulated + amount >= begin) & (accumulated + amount < end)
             flow, slope = np.where(ends_here, amount, flow), np.where(ends_here, hardening, slope)
-        yields = flow > 0
-        normal = trial / np.where(yields, size, 1.0)[:, None, None]
-        share = 1 - np.where(yields, 3 * shear * flow / np.where(yields, mises, 1.0), 0.0)
-        turned = np.where(yields, 3 * shear / (3 * shear + slope) - (1 - share), 0.0)
-        rows = np.array([normal[:, i, j] for i, j in PAIRS]).T
-        along = rows[:, :, None] * rows[:, None]
-        tangent = 2 * shear * (share[:, None, None] * _DEVIATORIC - turned[:, None, None] * along)
+        flowing = np.flatnonzero(flow > 0)
+        normal, share = np.zeros_like(trial), np.ones_like(flow)
+        normal[flowing] = trial[flowing] / size[flowing, None, None]
+        share[flowing] = 1 - 3 * shear * flow[flowing] / mises[flowing]
+        turned = 3 * shear / (3 * shear + slope[flowing]) - (1 - share[flowing])
+        rows = np.array([normal[flowing, i, j] for i, j in PAIRS]).T
+        tangent = 2 * shear * share[:, None, None] * _DEVIATORIC
+        tangent[flowing] -= 2 * shear * turned[:, None, None] * rows[:, :, None] * rows[:, None]
         grown = plastic + np.sqrt(1.5) * flow[:, None, None] * normal
         new = np.concatenate((grown.reshape(-1, 9), (accumulated + flow)[:, None]), axis=1)
         return share[:, None, None] * trial, tangent, new

@@ -9,10 +9,11 @@ told apart), then its value follows from the values of its parts.
 from __future__ import annotations
 
 import ast
+import copy
 import math
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import combinations, pairwise
 from typing import Any, Literal, Self
@@ -338,7 +339,15 @@ class Expression:
 
     def at(self, time: float) -> Self:
         """The same function at a time."""
-        return replace(self, time=time)
+        later = copy.copy(self)  # with its tree, which is not parsed and checked again
+        later.__dict__.pop("at_its_time", None)
+        object.__setattr__(later, "time", time)
+        return later
+
+    @cached_property
+    def at_its_time(self) -> float:
+        """The value of one that does not depend on the position."""
+        return float(self(np.zeros((3, 1)))[0])
 
     @property
     def coordinates(self) -> int:

@@ -218,5 +218,5 @@ def _tuple(value: Any) -> tuple[Any, ...]:
 
 def _at(value: Any, time: float) -> float:
     if isinstance(value, Expression):
-        return float(value.at(time)(np.zeros((3, 1)))[0])
+        return value.at(time).at_its_time
     return float(value)

@@ -257,7 +257,7 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
 
 def _at_its_time(value: Any) -> float:
     """A number, or an expression at its time."""
-    return float(value(np.zeros((3, 1)))[0]) if isinstance(value, Expression) else float(value)
+    return value.at_its_time if isinstance(value, Expression) else float(value)
 
 
 def _text(value: Any) -> str:
