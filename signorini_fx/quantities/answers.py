@@ -27,7 +27,7 @@ _ESTIMATED = ("pressure", "force", "energy")
 # What statics proves of a body without a solution, or finds before one is looked for.
 _MOVES_AWAY = {
     Status.NOT_HELD: "nothing resists a rigid motion",
-    Status.OPEN: "the loads move it off its foundation",
+    Status.OPEN: "nothing keeps it on its foundation",
     Status.TIPS: "it tips over",
     Status.SLIDES: "it slides",
 }

@@ -58,9 +58,12 @@ def explained(body: Model, task: Task, start: Start, outcome: Outcome, when: str
     motions = body.motions
     members = np.flatnonzero(motions.pieces.assembly == number)
     names = names_of(motions.of_all[:, motions.assembly == number], motions, members)
+    which = f"{names}, which the supports do not hold"
+    if members.size == 1:
+        which = f"the body, of which the supports do not hold {names}"
     message = (
-        f"nothing presses on {names if members.size > 1 else f'the body in {names}'}, which the supports do not hold: "
-        "it lies loose, and many positions are in equilibrium; press it on, or prescribe a displacement"
+        f"nothing presses on {which}: it lies loose, and many positions are in equilibrium; press it on, or prescribe "
+        "a displacement"
     )
     return replace(outcome, status=Status.OPEN), Finding("warning", body.statement.forces_at, f"{when}{message}")
 

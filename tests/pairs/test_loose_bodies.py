@@ -158,3 +158,20 @@ def test_pushed_between_blocks_that_do_not_press(gap, lift):
     solution = alone(push, check=False)
     assert solution.status is Status.SLIDES_AT_PRESSURES
     assert "what presses the contact" in solution.advice
+
+
+@pytest.mark.parametrize("friction", [None, COULOMB])
+def test_unloaded_between_two_loads(friction):
+    """A block alone that nothing loads any more: the outcome does not speak of a load that moves it off."""
+    contact = {"boundary": "bottom"} | ({} if friction is None else {"friction": friction})
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+        "material": {"young": 100.0, "poisson": 0.3},
+        "displacement": [] if friction else [{"boundary": "left", "x": 0.0}],
+        "traction": [{"boundary": "top", "y": -1.0, "factors": [1.0, 0.0, 1.0]}],
+        "contact": [contact],
+    }
+    solution = alone(parse_scene(scene), check=False)
+    assert [step.status for step in solution.steps] == [Status.CONVERGED, Status.OPEN]
+    free = "translations and rotations" if friction else "the translation along (0, 1)"
+    assert f"load step 2: nothing presses on the body, of which the supports do not hold {free}" in solution.advice
