@@ -90,7 +90,7 @@ class Quantity(Protocol):
         return value
 
     def missed(self, value: Any) -> str:
-        """What of its value somebody who has asked for it has to know first; "": nothing."""
+        """What a reader of its value must know first, such as that an accuracy was missed; "": nothing."""
         return ""
 
     def asked(self, solution: Any) -> bool:

@@ -1,4 +1,4 @@
-"""From a scene to its solution: nested iteration, load steps, sweeps, restarts, solution to a given accuracy.
+"""From a model to its solution: nested iteration, load steps, restarts, solution to a given accuracy.
 
 This package must not know how a load step is solved, which is the core's.  It is not called ``solve``, because that is
 the name of the public function.

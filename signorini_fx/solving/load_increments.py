@@ -39,8 +39,8 @@ class Position:
         increment: from there to the next one.
         easy: how many of the last ones were easy.
         failed: the lowest place beyond ``reached`` without a solution; None: there is none.
-        limit: whether that place, or one beyond it, is one that no other start leads to: it is proved, or has failed
-            from two.
+        limit: whether no other start leads to that place, or to one beyond it: statics proves that it has no solution,
+            or two different starts have failed there.
         last: linear solves of the last load step with a solution.
         done: those of all load steps with a solution.
         wasted: those of all attempts without one; not those before a hard first load step.
@@ -96,7 +96,7 @@ class Increments:
         self._iterations = settings.max_iterations
         self._step_limit = step_limit(self._iterations)
         self._divided = path.steps
-        # The first of several factors is reached in one step, whose law is static.
+        # A list of several factors begins with one step to the first of them, in which slip is counted from rest.
         self._from_nothing = path.from_nothing
         self._nominal = 1.0 if self._divided is None else 1.0 / self._divided
         self._may_augment = may_augment and settings.fallbacks and settings.algorithm != "alm"

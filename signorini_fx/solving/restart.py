@@ -129,12 +129,12 @@ class MeshCheckpoint:
         return self.checkpoint.figures(self.level, 0) is not None
 
     def place(self, step: int) -> float | None:
-        """Of a load step of an earlier run, from 0; None: it is not there."""
+        """The place of a load step of an earlier run, numbered from 0; None: it is not there."""
         figures = self.checkpoint.figures(self.level, step) if self.checkpoint.found else None
         return None if figures is None else float(figures["place"])
 
     def beside(self, step: int, space: fem.FunctionSpace, names: Sequence[str]) -> list[fem.Function] | None:
-        """Further displacements of a load step, from 0, by their names; None: they cannot be read."""
+        """Further displacements of a load step, numbered from 0, by their names; None: they cannot be read."""
         functions = [self.checkpoint.read_beside(self.level, step, space, name) for name in names]
         return None if any(function is None for function in functions) else [f for f in functions if f is not None]
 

@@ -50,7 +50,7 @@ class StatedPlaces:
         return model.load(system, path_step)
 
     def show(self, outcome: Outcome, result: StepResult) -> None:
-        """Nobody looks from outside."""
+        """Nothing: nothing outside the loop of load steps sees a result before the end."""
 
     def ended(self, end: StepEnd) -> StatedPlaces:
         """The next load step begins as this one has ended."""

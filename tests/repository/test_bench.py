@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 
@@ -18,6 +19,7 @@ import calculix  # noqa: E402
 import contestants  # noqa: E402
 import example1  # noqa: E402
 import linear  # noqa: E402
+import nonlinear_costs  # noqa: E402
 import nonlinear_rivals  # noqa: E402
 import plain  # noqa: E402
 import rival  # noqa: E402
@@ -260,3 +262,13 @@ def test_the_answer_of_calculix():
     cells = [word.strip() for word in row.split("|")]
     assert float(cells[4]) == pytest.approx(float(cells[3]), rel=2e-3)
     assert float(cells[5]) < 0.03
+
+
+@pytest.mark.slow
+def test_costs_of_nonlinear_contact():
+    """Newton's method for the body alone, with the contact known, finds the same displacements."""
+    problem = nonlinear_costs.sliding(1)
+    whole, ends = nonlinear_costs.with_contact(problem)
+    alone, same = nonlinear_costs.bonded(problem, ends)
+    np.testing.assert_allclose(same, ends, atol=1e-10)
+    assert alone.iterations == alone.solves < whole.iterations

@@ -106,7 +106,7 @@ def bound_of_sets(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> N
 
 
 def slope_of_bound(sets: ActiveSets, data: RegularisedData) -> Nodal | None:
-    """Its derivative by the pressure, shape (n,); None where it is given."""
+    """The derivative of ``bound_of_sets`` by the pressure, shape (n,); None where the bound is given."""
     if data.follows is None or (data.follows.affine and sets.line is None):
         return None if data.follows is None else data.follows.coefficient
     return data.follows.line(np.zeros(sets.slip.size))[1] if sets.line is None else sets.line[1]

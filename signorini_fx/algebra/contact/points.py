@@ -1,7 +1,8 @@
 """The contact points of this rank: their weights, and the directions in which supports let them move.
 
-Everything is told in the frame (n, T) of each point, normal first, so that no coordinates are needed.  Which points are
-judged together: how much one body carries says nothing of when another one is settled.
+All components are those of the frame (n, T) of each point, normal first, so that no coordinates are needed.  Points of
+one body are judged together, and those of different bodies apart: the forces on one body are no measure of whether the
+iteration has converged on another one.
 """
 
 from __future__ import annotations

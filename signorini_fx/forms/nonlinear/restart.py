@@ -56,7 +56,7 @@ class RestartedBody:
         return self.linear.scales.size
 
     def load(self, system: ElasticSystem, path_step: float) -> Nodal:
-        """It has its load."""
+        """One factor: the residual already contains the loads of now."""
         return np.ones(1)
 
     def stored(self, path_step: float, result: StepResult) -> tuple[dict[str, Nodal], dict[str, Any]]:

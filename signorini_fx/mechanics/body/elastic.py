@@ -85,8 +85,9 @@ class ElasticBody:
         definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
         symmetric: whether a(., .) is symmetric; else it is not definite.
         links: between nodes, which a(., .) has beside ``terms``; None: there are none.
-        of_body: what has been computed of all these but ``boundary``, unless unknowns are along its normals.
-        of_contact: what has been computed of the boundary too.
+        of_body: results that depend on everything above but ``boundary``, such as the stiffness; they are kept for
+            another boundary, unless unknowns are along its normals.
+        of_contact: results that depend on ``boundary``, too.
     """
 
     space: fem.FunctionSpace

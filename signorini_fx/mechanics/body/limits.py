@@ -5,8 +5,8 @@ that the law allows for at any point is a combination of such forces at its vert
 plane a curved surface is taken to be the arc of a circle between two nodes, or its chord, with the normals of the arc:
 forces at three places contain all that it can do.  Between nodes F and g are at most the larger value of theirs.
 
-Any motion gives a bound; nothing rests on the programme that has found it.  It is changed until no contact force does
-work on it, and inserted with explicit terms for the round-off of each sum.
+Any motion gives a bound: no proof rests on the linear programme that has found it.  The motion is corrected until no
+contact force does work on it; then the bound is evaluated with explicit terms for the round-off of each sum.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Coulomb friction: the bound is proportional to the pressure, with what contact transmits without it, up to a cap."""
+"""Coulomb friction: the bound is proportional to the pressure, plus a cohesion, at most a cap."""
 
 from __future__ import annotations
 

@@ -87,9 +87,13 @@ class Balance:
 
 
 class PieceScales(NamedTuple):
-    """What figures are relative to, for each piece or each point: a length of the deformation, of the displacement, and
-    a stress; the latter is at least ``penalty``, of which the round-off of a regularised law of two bodies is a
-    tolerated share.
+    """What the figures of the certificate are divided by, for each piece or each point.
+
+    Attributes:
+        length: size of the deformation.
+        far: size of the displacement.
+        stress: size of the tractions, at least ``penalty``.
+        penalty: the stress of which round-off is a share where two bodies meet by the regularised law.
     """
 
     length: Nodal

@@ -1,4 +1,6 @@
-"""What a scene has across bodies and in open contact beside forms and points, one file per kind.
+"""Bolts that are tightened, overclosures that are removed, and fluids that enter open contact: one file per kind.
+
+They act across bodies or within the contact, and are neither forms nor properties of contact points.
 
 A file says what its kind contributes to the displacement, the loads, the load steps and their checkpoints;
 ``Statement.interfaces`` finds it by the name that entries of a scene give, and ``protocol`` has the default answers.

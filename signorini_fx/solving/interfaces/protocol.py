@@ -84,8 +84,8 @@ class Interface:
 
     statement: Statement
     entries: Mapping[str, Any]
-    # Whether it is solved around those that this does not say: what they seek has no solution without what this one has
-    # found, or changes it at once.
+    # Whether its iteration encloses those of the kinds for which this is False: what these look for depends on what
+    # this one has found, or has no solution without it.
     outer: ClassVar[bool] = False
 
     def jumps(self, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
