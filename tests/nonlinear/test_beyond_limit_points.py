@@ -209,6 +209,24 @@ def test_a_jump_from_just_below_its_limit_point(before):
     assert end - begin < 2 * step
 
 
+@pytest.mark.parametrize(("waves", "soft", "jumps"), [(1.5, 0.1, 2), (0.9, 0.12, 0)])
+def test_jumps_within_one_step(waves, soft, jumps):
+    """The whole load is one step, of whose way each jump is a third or less: it is divided until each limit point lies
+    between two loads that findings name, and a bar that only becomes softer between them jumps nowhere.
+    """
+    problem, force = bar(lambda e: e + waves * soft * ufl.sin(e / soft))
+    limit = soft * np.arccos(-1 / waves) if jumps else 0.0
+    first = limit + waves * soft * np.sin(limit / soft)
+    last = first + 2 * np.pi * soft * (max(jumps, 1) - 0.07)
+    problem.ramp(lambda t: setattr(force, "value", t), last)
+    found = [re.search(r"between the loads (\S+) and (\S+) the body", finding.message) for finding in problem.findings]
+    assert len(found) == jumps
+    for number, loads in enumerate(found):
+        begin, end = map(float, loads.groups())
+        assert begin * (1 - 1e-5) <= first + 2 * np.pi * soft * number <= end * (1 + 1e-5)
+        assert end - begin < last / 10
+
+
 @pytest.mark.parametrize(("moved", "jumps"), [(0.11, False), (0.13, True)])
 def test_a_restart_suspects_the_same(moved, jumps):
     """A step is compared with the last one, of the earlier run, too."""

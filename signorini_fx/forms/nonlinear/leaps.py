@@ -48,7 +48,7 @@ class Leaps:
         self.end, self._moved, self._ratio = figures["end"], figures["moved"], figures["ratio"]
         self._rate = figures["rate"]
 
-    def suspects(self, moved: float, predicted: float, begin: float, end: float) -> bool:
+    def suspects(self, moved: float, predicted: float, begin: float, end: float, *, large: bool = False) -> bool:
         """Whether a step that has a solution may jump.
 
         Args:
@@ -56,14 +56,14 @@ class Leaps:
             predicted: how far its tangent moves it, length, above 0.
             begin: where the step begins.
             end: where it ends.
+            large: whether a jump may be a small part of its way, so that this tells nothing as it becomes shorter.
         """
         ratio, rate = self._tried = moved / predicted, moved / abs(end - begin)
-        if self.end is None:  # a body that has become softer goes on as it did
+        jumps = self.end is not None and moved > SHORTER_WAY * self._moved
+        if self.end is None or large:  # a body that has become softer goes on as it did
             farther, faster = FASTER[self.yields]
-            jumps = ratio > LEAPS[self.yields] * self._ratio
+            jumps = jumps or ratio > LEAPS[self.yields] * self._ratio
             jumps = jumps or (self._rate is not None and ratio > farther and rate > faster * self._rate)
-        else:
-            jumps = moved > SHORTER_WAY * self._moved
         if jumps:
             self.end, self._moved = end, moved
         return jumps

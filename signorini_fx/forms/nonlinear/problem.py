@@ -819,7 +819,8 @@ class NonlinearContactProblem(ProblemOfForms):
         begin, end = sizes.reached, sizes.next
         self._attempt(damps=not sizes.may_halve)
         moved = float(parallel.largest(self._space.mesh.comm, np.abs(self.u.x.array - begun.displacement), 0.0))
-        if not self._leaps.suspects(moved, max(self._predicted, SMALL_INCREMENT * self._size), begin, end):
+        predicted = max(self._predicted, SMALL_INCREMENT * self._size)
+        if not self._leaps.suspects(moved, predicted, begin, end, large=sizes.large):
             self._leaps.pass_by(begin, end)
         elif sizes.jumps or not (self._ends_before_jumps(way) or sizes.may_halve):
             self._leaps.take(f"{sizes.kind}s", sizes.shown(begin), sizes.shown(end))

@@ -11,7 +11,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.load_steps import LoadPath, next_place
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.results.solution import StepResult
-from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, SAME_NUMBER, SMALLEST_STEP, STEP_GROWTH
+from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, LARGE_STEP, SAME_NUMBER, SMALLEST_STEP, STEP_GROWTH
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,11 @@ class StepSizes:
     def size(self) -> float:
         """That of the next step, which may have another sign."""
         return abs(self.next - self.reached)
+
+    @property
+    def large(self) -> bool:
+        """Whether the next step is a large part of the whole load, or of the way between two times."""
+        return self.size > LARGE_STEP * (1.0 if self.to is None else abs(self.to))
 
     @property
     def may_halve(self) -> bool:
