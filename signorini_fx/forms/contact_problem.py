@@ -11,7 +11,6 @@ from dolfinx.mesh import MeshTags
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome
-from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
@@ -20,7 +19,7 @@ from signorini_fx.forms.mechanics import NO_STRESS
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import errors_of, findings_of_last, level_of, solution_of
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
+from signorini_fx.forms.steps import begun_path, solve_path
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
@@ -36,7 +35,6 @@ from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.load_steps import StepProgress
-from signorini_fx.solving.restart import MeshCheckpoint
 
 
 class ContactProblem(ProblemOfForms):
@@ -283,22 +281,17 @@ class ContactProblem(ProblemOfForms):
             path: the times, one load step each, or a ``LoadPath``, which may be a ramp.
             at: changes the problem to what it is at a time, which may also be an earlier one than the last; or a
                 Constant that takes the time.
-            folder: in which every load step is stored as soon as it is complete; None: nowhere.
+            folder: in which every load step is stored as soon as it is complete, each run in one of its own; None:
+                nowhere.
             restart: go on from what an earlier run of the same program has stored there, on any number of ranks.
             on_step: called with the result of each load step that has a solution; in a ramp that begins again with the
                 first one anew.
 
         Raises:
             ConvergenceError: a load step has no solution; the ``solution`` of the error has those before it.
-            FormError: see ``solve``; or an argument is wrong, or the folder is that of another problem.
+            FormError: see ``solve``; or an argument is wrong, or the folder is that of another problem or run.
         """
-        clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
-        if restart and folder is None:
-            raise FormError([("restart", "needs the folder of the checkpoint")])
-        stored = None
-        if folder is not None:
-            clock.turn(path.time_at(0))  # the checkpoint is that of the Constants at this time
-            stored = MeshCheckpoint(checkpoint_of(self.assembled, folder, path, restart=restart), 0)
+        path, clock, stored = begun_path(self.assembled, path, at, folder, restart=restart)
         self._ran = path, solve_path(self.assembled, path, clock, on_step, stored)
         solution = self.solution
         if not solution.converged:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -112,6 +113,7 @@ class FormSolver:
         cost: wall seconds of it, and the peak of memory.
         memory: the peak of memory before anything was assembled.
         timings: of the last solve or run.
+        folders: with the load steps of its runs.
     """
 
     _foundations_class = Foundations
@@ -151,6 +153,7 @@ class FormSolver:
         self.previous_step: PreviousStep | None = None
         self.outcome: Outcome | None = None
         self.coarser = CoarserMesh()
+        self.folders = list[Path]()
         self._last_pattern: tuple[bytes, bytes] | None = None
         self._last_modulus: tuple[bytes, float | None] = b"", None
         self._last: StepEnd | None = None  # at the last advance

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -130,6 +130,35 @@ def solve_path(
     return progress
 
 
+def begun_path(
+    solver: FormSolver,
+    path: LoadPath | Sequence[float],
+    at: Callable[[float], object] | fem.Constant,
+    folder: str | Path | None,
+    *,
+    restart: bool,
+) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
+    """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective.
+
+    Args:
+        solver: of the forms.
+        path: see ``ContactProblem.run``.
+        at: see there.
+        folder: see there.
+        restart: see there.
+
+    Raises:
+        FormError: an argument is wrong, or the folder is that of another problem, or of another run of this one.
+    """
+    clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
+    if folder is None:
+        if restart:
+            raise FormError([("restart", "needs the folder of the checkpoint")])
+        return path, clock, None
+    clock.turn(path.time_at(0))  # the checkpoint is that of the Constants at this time
+    return path, clock, MeshCheckpoint(checkpoint_of(solver, folder, path, restart=restart), 0)
+
+
 def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, restart: bool) -> Checkpoint:
     """The checkpoint of a path in a folder; collective.
 
@@ -140,8 +169,11 @@ def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, res
         restart: whether to go on from what is there.
 
     Raises:
-        FormError: the folder is that of another problem.
+        FormError: the folder is that of another problem, or of another run of this one.
     """
+    if (at := Path(folder).absolute()) in solver.folders:
+        reason = f"{folder} has the load steps of another run of this problem: give each run a folder of its own"
+        raise FormError([("folder", reason)], "run")
     forms = solver.forms
     mesh, dofmap = forms.mesh, forms.space.dofmap
     described = {
@@ -153,8 +185,10 @@ def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, res
         "unknowns": dofmap.index_map.size_global * dofmap.index_map_bs,
     }
     try:
-        return open_checkpoint(
+        stored = open_checkpoint(
             mesh.comm, folder, described, solver.history, restart=restart, several_steps=path.several
         )
     except SceneError as error:
         raise FormError(error.problems, "run") from None
+    solver.folders.append(at)
+    return stored

@@ -14,10 +14,20 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from support.nonlinear_bodies import PLATE, held, rectangle, residual
 from test_load_steps import FRICTION, LIMIT, PRESSURE
 from test_ramp import ramp
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, LoadPath, solve
+from signorini_fx import (
+    ContactProblem,
+    ConvergenceError,
+    Coulomb,
+    FormError,
+    Foundation,
+    LoadPath,
+    NonlinearContactProblem,
+    solve,
+)
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
@@ -227,6 +237,38 @@ def test_another_problem(tmp_path):
     problem, push = block(forms.box((3.0, 1.0), (3, 1)))
     solved = problem.run((1.0, 2.0), push, folder=tmp_path, restart=True)
     assert "restart: 2 complete load steps" in solved.history.events[0]
+
+
+@pytest.mark.parametrize("nonlinear", [False, True])
+def test_each_run_has_its_folder(tmp_path, monkeypatch, nonlinear):
+    """A second run does not replace the load steps of the first, however the folder is written: with folders of their
+    own a restart of the whole program goes on from both.
+    """
+
+    def program(*, restart):
+        if nonlinear:
+            space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+            u = fem.Function(space)
+            plate = Foundation(side(1, 1.0), shape=PLATE)
+            problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=plate)
+
+            def push(time):
+                problem.place(0, shift=(0.0, -0.05 * time))
+        else:
+            problem, push = block(forms.box((3.0, 1.0), (3, 1)))
+        problem.run((1.0, 2.0), push, folder=tmp_path / "first", restart=restart)
+        if not nonlinear:
+            problem.advance()
+        with pytest.raises(FormError, match=r"folder: first has the load steps of another run of this problem: give"):
+            problem.run((3.0,), push, folder="first")
+        problem.run((3.0,), push, folder=tmp_path / "second", restart=restart)
+        return problem
+
+    monkeypatch.chdir(tmp_path)
+    program(restart=False)
+    again = program(restart=True)
+    counted = [event.partition(" complete")[0] for event in again.history.events if "restart" in event]
+    assert counted == ["restart: 2", "restart: 1"]
 
 
 @pytest.mark.parametrize("of", ["young", "friction"])

@@ -51,7 +51,7 @@ from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, PathSizes, RampSt
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import findings_of_last
-from signorini_fx.forms.steps import Clock, checkpoint_of
+from signorini_fx.forms.steps import begun_path
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.averages import averaging
@@ -726,22 +726,17 @@ class NonlinearContactProblem(ProblemOfForms):
             path: the times, one load step each, or a ``LoadPath``, whose ramp takes the steps that it asks for.
             at: changes the problem to what it is at a time, which may also be an earlier one than the last; or a
                 Constant that takes the time.
-            folder: in which every load step is stored as soon as it is complete; None: nowhere.
+            folder: in which every load step is stored as soon as it is complete, each run in one of its own; None:
+                nowhere.
             restart: go on from what an earlier run of the same program has stored there, on any number of ranks;
                 ``commit`` is called at the end of each of its load steps again.
             on_step: called with the result of each load step.
 
         Raises:
             ConvergenceError: see ``ramp``; the ``solution`` of this problem has the load steps before.
-            FormError: see ``ramp``; or the folder is that of another problem.
+            FormError: see ``ramp``; or the folder is that of another problem or run.
         """
-        path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
-        clock, stored = Clock(at), None
-        if restart and folder is None:
-            raise FormError([("restart", "needs the folder of the checkpoint")])
-        if folder is not None:
-            clock.turn(path.time_at(0))  # the checkpoint is that of the Constants at this time
-            stored = MeshCheckpoint(checkpoint_of(self.linear, folder, path, restart=restart), 0)
+        path, clock, stored = begun_path(self.linear, path, at, folder, restart=restart)
         self._run(path, lambda step: clock.turn(path.time_at(step)), on_step, stored)
         return self.solution
 
