@@ -20,14 +20,13 @@ from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import errors_of, findings_of_last, level_of, solution_of
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import begun_path, solve_path
-from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.quantities.functional import Gradient
-from signorini_fx.records import Finding, History, Status
+from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.accuracy.price_list import Price, price_list
 from signorini_fx.results.certificate.certificate import Certificate
@@ -117,15 +116,6 @@ class ContactProblem(ProblemOfForms):
         self._ran: tuple[LoadPath, StepProgress] | None = None  # the last ``run``, until the next solve
 
     @property
-    def bcs(self) -> Any:
-        """The Dirichlet conditions; the list may change between two solves."""
-        return self.assembled.bcs
-
-    @bcs.setter
-    def bcs(self, bcs: Any) -> None:
-        self.assembled.bcs = bcs
-
-    @property
     def contact(self) -> tuple[Foundation | Pair, ...]:
         """The foundations and pairs."""
         return self.assembled.forms.contact
@@ -134,11 +124,6 @@ class ContactProblem(ProblemOfForms):
     def settings(self) -> SolverSettings:
         """How it is solved."""
         return self.assembled.settings
-
-    @property
-    def history(self) -> History:
-        """Every linear solve of all solves so far."""
-        return self.assembled.history
 
     @property
     def status(self) -> Status | None:
@@ -159,11 +144,6 @@ class ContactProblem(ProblemOfForms):
     def tools(self) -> tuple[RigidBodyMotion, ...]:
         """How the foundations that forces move have moved in the last solution."""
         return self.assembled.tools
-
-    @property
-    def state(self) -> ContactState:
-        """The contact points of this rank after the last solve, with forces and areas."""
-        return self.assembled.state
 
     @property
     def stress(self) -> RawStresses:
@@ -216,16 +196,6 @@ class ContactProblem(ProblemOfForms):
         foundation, which are left out of the contact, and shapes that lie inside the deformed body; collective.
         """
         return findings_of_last(self.assembled)
-
-    @property
-    def solution(self) -> Solution:
-        """The last solution, or the last iterate, with the values that the forms have now; after ``run`` with all load
-        steps; collective.
-
-        Raises:
-            RuntimeError: there is none so far.
-        """
-        return self.titled("")
 
     def titled(self, title: str) -> Solution:
         """See ``ProblemOfForms``."""

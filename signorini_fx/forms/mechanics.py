@@ -35,8 +35,7 @@ from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
-from signorini_fx.results.safety import Safety
-from signorini_fx.results.sections import SectionForce
+from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ NO_STRESS = "only the form knows the stresses: give stress=, a function of the d
 
 
 @dataclass(frozen=True)
-class FormMechanics:
+class FormMechanics(Mechanics):
     """See ``results.mechanics.Mechanics``; what depends on values in the forms is that of their present ones.
 
     Attributes:
@@ -141,14 +140,6 @@ class FormMechanics:
             forms.boundaries if self.settled else {},
             self.fixed,
         )
-
-    def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
-        """None: forms name no sections."""
-        return []
-
-    def safety(self, model: Model, contact: ContactState, step: float) -> Safety | None:
-        """None: forms do not say which loads are live."""
-        return None
 
     def stated(self, model: Model) -> Model:
         """See ``Mechanics``."""

@@ -7,14 +7,42 @@ from pathlib import Path
 from typing import Any
 
 from signorini_fx.extensions import add_on
+from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.records import History
 from signorini_fx.results.contact_fields import BoundaryFields
 from signorini_fx.results.solution import Solution
 
 
 class ProblemOfForms:
-    """A problem with the results of a ``Solution``."""
+    """A problem with the results of a ``Solution``.
+
+    Attributes:
+        assembled: what it is solved with.
+    """
+
+    assembled: FormSolver
+
+    @property
+    def bcs(self) -> Any:
+        """The Dirichlet conditions; the list may change between two solves."""
+        return self.assembled.bcs
+
+    @bcs.setter
+    def bcs(self, bcs: Any) -> None:
+        self.assembled.bcs = bcs
+
+    @property
+    def history(self) -> History:
+        """Every linear solve of all solves so far."""
+        return self.assembled.history
+
+    @property
+    def state(self) -> ContactState:
+        """The contact points of this rank after the last solve, with forces and areas of the undeformed boundary."""
+        return self.assembled.state
 
     def titled(self, title: str) -> Solution:
         """``solution`` with a title; collective.
@@ -26,7 +54,12 @@ class ProblemOfForms:
 
     @property
     def solution(self) -> Solution:
-        """See the class that is derived; collective."""
+        """The last solution, or of a ``ContactProblem`` the last iterate, with the values that the forms have now;
+        after ``run`` with all load steps; collective.
+
+        Raises:
+            RuntimeError: there is none so far.
+        """
         return self.titled("")
 
     def table(self) -> ContactTable:

@@ -48,15 +48,19 @@ class ContactFields:
         return cls(**{name: fem.Function(where, name=name) for name, where in makes.items()})
 
     def take(
-        self, space: fem.FunctionSpace, state: ContactState, selected: npt.NDArray[np.bool_] | None = None
+        self, space: fem.FunctionSpace, state: ContactState | None, selected: npt.NDArray[np.bool_] | None = None
     ) -> None:
-        """The values of a state; collective.
+        """The values of a state, zero without one; collective.
 
         Args:
             space: the displacements, whose nodes the points are numbered by.
             state: of the contact points of this rank.
             selected: the points to take, shape (n,); None: all.  Of a node of two contacts the later one is taken.
         """
+        if state is None:
+            for field in (self.pressure, self.shear, self.gap, self.slip):
+                field.x.array[:] = 0.0
+            return
         where = slice(None) if selected is None else selected
         tangents, cotangents = state.boundary.tangents, state.boundary.cotangents
         values = {

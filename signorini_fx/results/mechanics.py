@@ -63,12 +63,14 @@ class Mechanics(Protocol):
         ...
 
     def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
-        """The forces through sections that are tightened; collective."""
-        ...
+        """The forces through sections that are tightened; collective.  Forms name none."""
+        return []
 
     def safety(self, model: Model, contact: ContactState, step: float) -> Safety | None:
-        """By how much the live loads can grow before the body moves away, see ``Solution``; collective."""
-        ...
+        """By how much the live loads can grow before the body moves away, see ``Solution``; collective.  Forms do not
+        say which loads are live.
+        """
+        return None
 
     def stated(self, model: Model) -> Model:
         """The body with loads, supports and moduli as entries of its statement, which proofs read.

@@ -8,7 +8,7 @@ that it is at small strains.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mpi4py.MPI
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.forms.nonlinear.equilibrium import SecondOpinion
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.outcomes import advice_on
@@ -24,7 +25,6 @@ from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, prepare
-from signorini_fx.mechanics.body.foundation import Foundation
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
 from signorini_fx.mechanics.body.scene_contact import foundations_of
 from signorini_fx.mechanics.body.supports import prescribed
@@ -106,15 +106,15 @@ class ProblemOfScene(NonlinearContactProblem):
     Attributes:
         statement: the scene.
         model: the linear body that it is at small strains, with its loads and supports.
+        body: its residual.
+        path_step: the place in the lists of factors where it is.
     """
 
     statement: Statement
     model: Model
-    _body: BodyResidual
+    body: BodyResidual
+    path_step = -1.0
     _held: list[tuple[fem.Function, npt.NDArray[np.int32]]]
-    _anew: NonlinearForces
-    _states: StatesOnPath
-    _path_step: float
 
     @classmethod
     def of(cls, statement: Statement, model: Model, history: History) -> ProblemOfScene:
@@ -131,7 +131,7 @@ class ProblemOfScene(NonlinearContactProblem):
         contact = [
             replace(entry, shape=drives[k]) if k in drives else entry
             for k, entry in enumerate(foundations_of(statement.placed(0), on, {}))
-            if isinstance(entry, Foundation)
+            if entry.against is None
         ]
         u = fem.Function(space, name="displacement")
         body = body_residual(statement, tagged, u)
@@ -170,10 +170,10 @@ class ProblemOfScene(NonlinearContactProblem):
             body: its residual.
             held: the values of supports, and the unknowns that they are of.
         """
-        self.statement, self.model, self._body, self._held = statement, model, body, held
-        self._path_step, self._tangents.trusted = -1.0, body.tangent is not None
-        self._anew = NonlinearForces(statement, model.tagged, model.space)
-        self._states = StatesOnPath(self._anew)
+        self.statement, self.model, self.body, self._held = statement, model, body, held
+        anew = NonlinearForces(statement, model.tagged, model.space)
+        self._solver.opinion = OpinionOfScene(self, anew, StatesOnPath(anew))
+        self._solver.tangents.trusted = body.tangent is not None
         self._begins_at(statement.placed(-1))
 
     def solved(self, timings: Timings, stored: MeshCheckpoint | None = None) -> Solution:
@@ -192,13 +192,13 @@ class ProblemOfScene(NonlinearContactProblem):
         try:
             self._run(self.statement.path, self.go_to, lambda step: None, stored)
         except ConvergenceError as error:
-            if self._solved is None:  # not even the body before the first one can be shown
+            if self._solver.solved is None:  # not even the body before the first one can be shown
                 raise
             failures.append(Finding("warning", "load_steps", str(error)))
         except FormError as error:
             raise _of_scene(error, self.statement) from None
-        timings.seconds.update(self._timings.seconds)
-        timings.earlier.update(self._timings.earlier)
+        timings.seconds.update(self._solver.timings.seconds)
+        timings.earlier.update(self._solver.timings.earlier)
         solution = self.titled(self.statement.title)
         forms = Inventory([*compiled_forms(self.model)])
         model = replace(solution.model, statement=self.statement, tagged=self.model.tagged, inventory=forms)
@@ -212,13 +212,13 @@ class ProblemOfScene(NonlinearContactProblem):
 
     def go_to(self, path_step: float) -> None:
         """Loads, supports and foundations of a place in the lists of factors; collective."""
-        self._path_step = path_step
+        self.path_step = path_step
         forces, values = np.zeros(self.model.fixed.size), np.zeros_like(self.u.x.array)
         for factor, load in self.model.applied_at(path_step):
             forces += factor * load.forces
             values += factor * load.prescribed.x.array
-        self._residual.loads = forces
-        self._body.pressures.move_to(path_step)
+        self._solver.residual.loads = forces
+        self.body.pressures.move_to(path_step)
         for function, dofs in self._held:
             function.x.array[:] = values[dofs]
         self._move(self.statement.placed(path_step))
@@ -241,42 +241,59 @@ class ProblemOfScene(NonlinearContactProblem):
             if (entry := statement.contact[number]) is not self.statement.contact[number]:
                 moving.put(fitting(number, entry.foundation, dimension))
 
+
+@dataclass(frozen=True)
+class OpinionOfScene(SecondOpinion):
+    """What a scene knows beside its residual, in its own words: stresses by NumPy, and the sizes of strains.
+
+    Attributes:
+        problem: of the scene.
+        anew: the second opinion of its materials and loads.
+        states: of its materials.
+    """
+
+    problem: ProblemOfScene
+    anew: NonlinearForces
+    states: StatesOnPath
+
     @property
     def _finite(self) -> bool:
         """Whether some material knows strains that are not small."""
-        return any(getattr(material, "finite", False) for material in self.statement.material)
+        return any(getattr(material, "finite", False) for material in self.problem.statement.material)
 
-    def _judge(self) -> Status:
-        """See ``NonlinearContactProblem``: where all strains are small ones, so must the deformation be."""
-        if not self._finite:
-            found = deformation_of(self.linear.elastic, self.u, self.linear.scales.size).largest
-            if not found <= (limit := self.statement.solver.largest_deformation):
-                self._overlap = f"it is {found:.3g}, of small strains at most {limit:g}"
-                return Status.TOO_LARGE
-        return super()._judge()
+    def too_large(self) -> str:
+        """See ``SecondOpinion``: where all strains are small ones, so must the deformation be."""
+        linear, limit = self.problem.linear, self.problem.statement.solver.largest_deformation
+        if (
+            self._finite
+            or (size := deformation_of(linear.elastic, self.problem.u, linear.scales.size).largest) <= limit
+        ):
+            return ""
+        return f"it is {size:.3g}, of small strains at most {limit:g}"
 
-    def _advice_on(self, status: Status) -> str:
-        """See ``NonlinearContactProblem``: in words of a scene."""
+    def advice_on(self, status: Status) -> str:
+        """See ``SecondOpinion``."""
         return advice_on(status)
 
-    def _seen_anew(self, residual: Array) -> Array:
-        """See ``NonlinearContactProblem``: by the second opinion of materials and loads; collective."""
+    def forces(self, residual: Array) -> Array:
+        """See ``SecondOpinion``: those of materials and loads."""
+        problem = self.problem
         states = {
             number: points.begun
-            for number, material in enumerate(self.statement.material)
-            for points in self._body.points
+            for number, material in enumerate(problem.statement.material)
+            for points in problem.body.points
             if points.material is material
         }
-        internal = self._anew.of_body(self.u, states)
-        external = self._anew.external(self._path_step) + self._anew.of_followers(self.u, self._path_step)
-        return np.asarray(internal - external).ravel()
+        internal = self.anew.of_body(problem.u, states)
+        followers = self.anew.of_followers(problem.u, problem.path_step)
+        return np.asarray(internal - (self.anew.external(problem.path_step) + followers)).ravel()
 
-    def _loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
-        """See ``NonlinearContactProblem``: those of the scene."""
-        anew, step = self._anew, self._path_step
+    def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
+        """See ``SecondOpinion``."""
+        anew, problem = self.anew, self.problem
         followers = [
-            (load.where, "pressure", anew.of_followers(self.u, step, effects=[load]))
-            for load in self._body.pressures.effects
+            (load.where, "pressure", anew.of_followers(problem.u, problem.path_step, effects=[load]))
+            for load in problem.body.pressures.effects
         ]
 
         def loads(path_step: float) -> list[tuple[str | None, str, Array]]:
@@ -284,7 +301,7 @@ class ProblemOfScene(NonlinearContactProblem):
             return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting] + followers
 
         def stresses(model: Model, path: Sequence[fem.Function]) -> NonlinearStresses:
-            return NonlinearStresses.of(model, self._states, path)
+            return NonlinearStresses.of(model, self.states, path)
 
         return replace(mechanics, loads=loads, displaced=self._finite, stresses=stresses)
 

@@ -116,13 +116,13 @@ def test_update_that_raises_on_one_rank():
 def test_messages_name_the_figure():
     """A certificate that does not hold is told with its figure, though it goes back to the last solution."""
     problem = block()
-    judge = problem._judge
+    judge = problem._solver._judge
 
     def spoilt():
         problem.u.x.array[2:4] += 1e-3
         return judge()
 
-    problem._judge = spoilt
+    problem._solver._judge = spoilt
     with pytest.raises(ConvergenceError, match=r"certificate does not hold \((equilibrium|entered|supports) [0-9.]+e"):
         problem.solve()
     assert problem.certificate is None

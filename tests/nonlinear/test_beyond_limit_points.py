@@ -287,6 +287,7 @@ def test_an_error_beyond_the_limit_point_goes_back():
         )
     assert tried[-1] == ends[-1][0] != tried[-2]
     assert (problem.u.x.array == ends[-1][1]).all()
+    assert (problem.solution.displacement.x.array == ends[-1][1]).all()
     assert problem.tools[0].translation == pytest.approx(problem.solution.steps[-1].tools[0].translation, abs=1e-14)
 
 
@@ -301,7 +302,7 @@ def test_a_material_that_takes_small_increments_under_control():
     def commit():
         begun[0] = problem.u.x.array.copy()
 
-    problem._residual.update, problem._commit = update, commit
+    problem._solver.residual.update, problem._solver.commit = update, commit
     problem.ramp(
         lambda load: problem.place(0, force=(0.0, -FORCE * load), prescribed=HELD),
         0.15,

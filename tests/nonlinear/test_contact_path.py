@@ -33,12 +33,12 @@ def test_pressed_and_released(algorithm, friction):
             assert np.abs(u.x.array).max() < 1e-12
 
     def judged(change=lambda tractions: tractions):
-        forces, values = problem._forces_at(u.x.array.copy()), u.x.array.copy()
-        lost = round_off(u, forces, problem._forces_at)
-        problem._forces_at(values)
+        forces, values = problem._solver.residual.at(u.x.array.copy()), u.x.array.copy()
+        lost = round_off(u, forces, problem._solver.residual.at)
+        problem._solver.residual.at(values)
         linear = problem.linear
         tractions, before = change(Tractions.of(problem.state)), linear.previous_step
-        mechanics = mechanics_at(u, forces, linear, problem.contact, problem.shapes, lost)
+        mechanics = mechanics_at(u, forces, linear, lost)
         return certified(u, mechanics, problem.shapes, tractions, linear.law, before)
 
     # The whole modulus times 1e-12 is a pressure that is none of round-off, as is a displacement of 1e-12.

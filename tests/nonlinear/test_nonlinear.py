@@ -346,7 +346,7 @@ def test_certificate_notices_what_is_wrong():
     linear, form = problem.linear, fem.form(residual(u))
 
     def judged(of=lambda tractions: tractions):
-        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear, problem.contact, problem.shapes)
+        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
         tractions, law = of(Tractions.of(problem.state)), Law(*linear.task.promised(linear.outcome))
         return certified(u, mechanics, problem.shapes, tractions, law, linear.previous_step)
 

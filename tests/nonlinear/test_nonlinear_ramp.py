@@ -90,10 +90,11 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
 
     problem = pressed(update, max_newton=8, stability=fault == "unstable")
     if fault == "not finite":
-        problem._forces_at = lambda values, whole=problem._forces_at: (
+        residual = problem._solver.residual
+        residual.at = lambda values, whole=residual.at: (
             whole(values) if np.abs(values).max() < 0.12 else whole(values) * np.nan
         )
-    iterate = problem._iterate
+    iterate = problem._solver._iterate
 
     def counted(**how):
         attempts.append(len(ends))
@@ -102,7 +103,7 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
         fails = fault == "newton" and np.abs(problem.u.x.array).max() > 0.12
         return Status.MAX_ITERATIONS if fails else status
 
-    problem._iterate = counted
+    problem._solver._iterate = counted
     inertia = "signorini_fx.forms.nonlinear.stability.negative_directions"
     monkeypatch.setattr(inertia, lambda *_: int(fault == "unstable" and np.abs(problem.u.x.array).max() > 0.12))
     kept = []
@@ -126,7 +127,7 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
     assert re.search(rf"{said}.*at load 0\.\d+; there is a solution at 0\.\d+ of 1", str(raised.value))
     assert attempts.count(len(kept)) > 1
     # It goes on from there.
-    problem._iterate = iterate
+    problem._solver._iterate = iterate
     problem.place(0, shift=(0.0, 1.05 * problem.shapes[0].shape.shift[1]))
     fault = ""
     problem.solve()
@@ -140,7 +141,7 @@ def test_a_failure_before_the_first_solution_leaves_nothing():
     with pytest.raises(ConvergenceError):
         problem.solve()
     for each in (problem, fresh):
-        each._max_newton = 12
+        each._solver.max_newton = 12
         each.place(0, shift=(0.0, -0.1))
         each.solve()
     assert everything(problem) == pytest.approx(everything(fresh), rel=0, abs=0)

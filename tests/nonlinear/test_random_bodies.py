@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 
-from signorini_fx.forms.nonlinear import problem as nonlinear_problem
+from signorini_fx.forms.nonlinear import equilibrium
 from signorini_fx.records import Status
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -41,7 +41,7 @@ def test_quick_ones(seed, expected):
 @pytest.mark.parametrize(("seed", "fault"), [(16, "passed through"), (21, "outline 0.7"), (74, "circle inside")])
 def test_the_judge_needs_no_geometry_of_the_package(monkeypatch, seed, fault):
     """Where the package does not ask whether the shape is inside, these are called converged, and judged wrong."""
-    monkeypatch.setattr(nonlinear_problem, "overlap", lambda *states: "")
+    monkeypatch.setattr(equilibrium, "overlap", lambda *states: "")
     end, faults = tried(seed)
     assert end == Status.CONVERGED.value
     assert any(fault in text for text in faults)
@@ -61,7 +61,7 @@ def test_loads_alone(seed):
     forces = judge.forces(problem.u.x.array.reshape(-1, 2))
     assert np.linalg.norm(forces[free]) < 1e-9 * np.linalg.norm(forces[~free])
     problem.u.x.array[:] *= 1 + 1e-7
-    assert problem._judge() is Status.NOT_CERTIFIED
+    assert problem._solver._judge() is Status.NOT_CERTIFIED
 
 
 @pytest.mark.long
@@ -84,7 +84,7 @@ def test_the_judge_has_the_forces_of_the_form(cell, degree):
     rng = np.random.default_rng(0)
     u = 0.02 * min(body.size) / max(body.counts) * rng.normal(size=judge.x.shape)
     problem.u.x.array[:] = u.ravel()
-    assembled = fem.assemble_vector(problem._residual.form).array.reshape(-1, 2)
+    assembled = fem.assemble_vector(problem._solver.residual.form).array.reshape(-1, 2)
     forces = judge.forces(u)
     np.testing.assert_allclose(forces, assembled, atol=1e-9 * np.abs(forces).max())
     dead = Judge(replace(body, pressure=0.0), judge.x, judge.cells)

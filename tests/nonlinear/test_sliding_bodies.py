@@ -187,7 +187,7 @@ def test_the_certificate_sees_what_is_wrong():
 
     def judged(changed=lambda tractions: tractions, before=lambda step: step):
         linear = problem.linear
-        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear, problem.contact, {})
+        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
         law = Law(*linear.task.promised(linear.outcome))
         return certified(u, mechanics, {}, changed(Tractions.of(problem.state)), law, before(linear.previous_step))
 

@@ -305,7 +305,7 @@ def test_the_certificate_sees_what_is_wrong():
 
     def judged(changed=lambda tractions: tractions, before=lambda step: step, law=lambda law: law):
         linear = problem.linear
-        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear, problem.contact, {})
+        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
         promised = law(Law(*linear.task.promised(linear.outcome)))
         tractions = changed(Tractions.of(problem.state))
         return certified(u, mechanics, {}, tractions, promised, before(linear.previous_step))

@@ -145,7 +145,7 @@ def test_shears_that_turn_with_their_slip(monkeypatch):
     assert problem.state.areas["slip"] > 0.5
     without = "signorini_fx.forms.nonlinear.stability.turning_of"
     monkeypatch.setattr(without, lambda state, size: np.zeros((state.boundary.size, 3, 3)))
-    assert problem._stability.verdict() is Status.UNSTABLE
+    assert problem._solver.stability.verdict() is Status.UNSTABLE
 
 
 @pytest.mark.parametrize("unit", [1.0, 2.1e9, 1e-9])

@@ -47,7 +47,7 @@ def checked(
         for name, function in (("update", update), ("commit", commit))
         if function is not None and not callable(function)
     ]
-    problems += [fault for k, entry in enumerate(contact) if isinstance(entry, Pair) for fault in _faults(k, entry)]
+    problems += [fault for k, entry in enumerate(contact) if entry.against is not None for fault in _faults(k, entry)]
     problems += [
         (f"contact[{k}].bonded", "is not possible yet: nonlinear bodies are not tied to tools")
         for k, entry in enumerate(contact)
@@ -84,7 +84,7 @@ def checked(
     return tuple(contact)
 
 
-def _faults(number: int, pair: Pair) -> list[tuple[str, str]]:
+def _faults(number: int, pair: Any) -> list[tuple[str, str]]:
     """What of a pair is not possible where its sides slide on each other."""
     path, law = f"contact[{number}]", pair.friction
     across = "acts without pressure, too, and so across the gap of sides that slide: take Coulomb friction with a cap"

@@ -18,7 +18,6 @@ from signorini_fx.forms.mechanics import prescribed_nodes, sides_of
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
-from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import ShapeDistances
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.certificate.certificate import Certificate, judged
@@ -35,8 +34,6 @@ def mechanics_at(
     u: fem.Function,
     residual: Array,
     linear: LinearisedProblem,
-    contact: Sequence[Foundation | Pair],
-    shapes: Mapping[int, MovingShape],
     lost: Array | None = None,
 ) -> ResidualMechanics:
     """The forces on a body and its contact sides at a displacement; collective.
@@ -44,15 +41,14 @@ def mechanics_at(
     Args:
         u: the displacement.
         residual: F(u; .) at the owned unknowns, forces.
-        linear: the contact problem of the last iteration, which knows what is prescribed and the data of foundations.
-        contact: the foundations as the user gave them.
-        shapes: those of the foundations that have one, by their numbers.
+        linear: the contact problem of the last iteration, which knows what is prescribed, the foundations as the user
+            gave them, their data and shapes.
         lost: round-off of the residual, forces, of its shape; None: it is not known.
     """
     space, scales, (fixed, values) = u.function_space, linear.scales, linear.prescribed
     dim = space.mesh.geometry.dim
     places, data = u.x.array.reshape(-1, dim), list(linear.data)
-    for number, moving in shapes.items():
+    for number, moving in linear.shapes.items():
         nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
         nodal_gap[moving.nodes], along[moving.nodes] = moving.found_from(places[moving.nodes])
         distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
@@ -77,7 +73,7 @@ def mechanics_at(
         SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known, with_loads=True
     )
     return ResidualMechanics(
-        balance, sides_of(data, contact, linear.forms.facets, {}, space, claims), linear.forms.boundaries, fixed
+        balance, sides_of(data, linear.stated, linear.forms.facets, {}, space, claims), linear.forms.boundaries, fixed
     )
 
 
@@ -95,7 +91,7 @@ def certified(
     Args:
         u: the displacement.
         mechanics: see ``mechanics_at``.
-        shapes: see ``mechanics_at``.
+        shapes: those of the foundations that have one, by their numbers.
         tractions: what the solver claims, per area of the undeformed boundary.
         law: that the method promises.
         before: the end of the last step; None: there is none.
@@ -120,7 +116,7 @@ def _motion(
     A node that two shapes touch has a contact point for each.
 
     Args:
-        shapes: see ``mechanics_at``.
+        shapes: see ``certified``.
         places: displacements of the nodes, shape (nodes, d).
         points: of contact.
         ends: motions of tools at the end of the step, and at its beginning.

@@ -7,29 +7,32 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import FormError
+from signorini_fx.forms.nonlinear.continuation import Continuation
+from signorini_fx.forms.nonlinear.equilibrium import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, place
-from signorini_fx.forms.nonlinear.step_sizes import StepSizes
+from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, StepSizes, Way
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
+from signorini_fx.records import Status
+from signorini_fx.results.solution import StepResult
+from signorini_fx.solving.load_steps import Stepping
 from signorini_fx.tuned import (
     JUMP,
     LARGEST_LOAD_ERROR,
     LEFT_LOAD_ERROR,
+    LOAD_DIFFERENCE,
     LOADS_TRIED,
     SMALLEST_STEP,
 )
 
 Array = npt.NDArray[np.float64]
-
-
-class SnapThrough(Exception):
-    """A step may have jumped over a limit point."""
 
 
 def alike(start: tuple[float, float], half: tuple[float, float] | None, whole: tuple[float, float] | None) -> bool:
@@ -143,7 +146,7 @@ def load_that_holds(
         largest: load so far.
 
     Raises:
-        ConvergenceError: see ``solve``.
+        NoEquilibrium: see ``solve``.
         FormError: the force of the tool does not depend on the load.
     """
     before: tuple[float, float] | None = None  # a load, and what was taken there
@@ -203,3 +206,112 @@ class ControlSteps(StepSizes):
     def size(self) -> float:
         """See ``StepSizes``."""
         return self._step
+
+
+def begins_to_move(
+    tool: Control, solver: EquilibriumSolver, apply: Callable[[float], object], sizes: LoadSizes, slightest: float
+) -> float:
+    """Where a tool is under hardly any load, once it has come to the body; collective.
+
+    The first step, which no other tells from a jump, is halved until the tool gives way in both of its halves alike.
+
+    Args:
+        tool: whose translation will be prescribed.
+        solver: of one step.
+        apply: see ``NonlinearContactProblem.ramp``.
+        sizes: of the steps.
+        slightest: hardly any load.
+    """
+    begun, ended, shapes = solver.snapshot(), solver.status, solver.linear.shapes
+
+    def tried(load: float) -> tuple[float, float] | None:
+        """Where the tool is, and what drives it there; None: there is no solution."""
+        try:
+            apply(load)
+            solver.attempt(damps=False)
+            return tool.position(shapes), tool.drive(shapes)
+        except (NoEquilibrium, FormError):
+            return None
+        finally:
+            solver.begin_again(begun, partial(apply, 0.0))
+            solver.status = ended
+
+    start = tried(slightest) or (tool.position(shapes), 0.0)
+    whole = tried(sizes.next)
+    while sizes.may_halve:
+        half = tried(sizes.next / 2)
+        if alike(start, half, whole):
+            break
+        solver.linear.history.add(f"load {sizes.next:g} may be beyond a limit point: the first step is halved")
+        sizes.halve()
+        whole = half
+    return start[0]
+
+
+def beyond_limit(
+    continuation: Continuation,
+    tool: Control,
+    way: Way,
+    to: float,
+    places: list[float],
+    on_step: Callable[[StepResult], object],
+) -> None:
+    """Steps of a ramp beyond a limit point, see ``NonlinearContactProblem.ramp``; collective.
+
+    Args:
+        continuation: through the steps before it.
+        tool: whose translation is prescribed.
+        way: of the ramp.
+        to: the load to reach.
+        places: where the tool was at the beginning and after each step, which ``way.named`` adds to.
+        on_step: see ``Stepping``.
+
+    Raises:
+        NoEquilibrium: an increment cannot be shortened any more, or the load is not reached.
+        FormError: likewise, see ``load_that_holds``.
+    """
+    solver, load = continuation.solver, float(continuation.steps[-1].time) * float(np.sign(to))
+    linear, history, largest = solver.linear, solver.linear.history, load
+    steps = ControlSteps(places, linear.extent)
+    history.add(f"beyond the limit point at load {load:g} {tool.key} of contact[{tool.number}] is prescribed")
+
+    def solve() -> ContactState:
+        with tool.held_at(steps.next, linear.shapes):
+            solver.attempt(damps=not steps.may_halve)
+            solver.take()
+        return linear.state
+
+    def load_at_next() -> float:
+        holds = load_that_holds(tool, linear.shapes, way.apply, solve, load, LOAD_DIFFERENCE * to, largest)
+        if holds is None:
+            solver.status = Status.OUTER_MAX_ITERATIONS
+            raise NoEquilibrium(f"no load is found that holds contact[{tool.number}] at {steps.next:g}")
+        if abs(holds) < abs(to) or holds * to <= 0:
+            return holds
+        way.apply(to)  # on a branch that carries it
+        solver.attempt()
+        solver.take()
+        return to
+
+    def solved() -> StepResult | None:
+        nonlocal load
+        begun, taken = solver.snapshot(), (solver.last, solver.solved)
+        try:
+            load = load_at_next()
+        except Exception as error:
+            solver.begin_again(begun, partial(way.apply, load))
+            solver.last, solver.solved = taken
+            history.add(f"{tool.key} {steps.next:g} is given up, back at {places[-1]:g}: {error}")
+            wrong = isinstance(error, FormError) and error.source == "ramp"  # an argument
+            if wrong or not (isinstance(error, NoEquilibrium | FormError) and steps.may_halve):
+                raise
+            steps.halve()
+            return None
+        steps.accept(solver.iterations)
+        return continuation.end_step(way, load)
+
+    Stepping(history, solver.timings, lambda: load == to or steps.ended, solved).all(on_step)
+    if load != to:
+        solver.status = Status.LIMIT
+        reached = f"{tool.key} of contact[{tool.number}] was moved to {places[-1]:g}, where load {load:g} holds it"
+        raise NoEquilibrium(f"{Status.LIMIT.value}: {reached}; load {to:g} is not reached")

@@ -18,6 +18,10 @@ from signorini_fx.records import Finding
 from signorini_fx.tuned import FASTER, LEAPS, LITTLE_OF_STEP, SHORTER_WAY
 
 
+class SnapThrough(Exception):
+    """A step may have jumped over a limit point."""
+
+
 @dataclass
 class Leaps:
     """What the load steps of one ramp or path have shown.

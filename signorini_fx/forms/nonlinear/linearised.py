@@ -8,7 +8,7 @@ a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -26,15 +26,26 @@ from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness, spins_of
-from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, curvature_of, left_by_turning
+from signorini_fx.forms.nonlinear.moving_shapes import (
+    MovingShape,
+    curvature_of,
+    fitting,
+    hessians_at,
+    left_by_turning,
+    motion_at,
+    spin_at,
+)
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.solver import FormSolver
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.averages import averaging
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic import ElasticBody
 from signorini_fx.mechanics.body.foundations import Foundations, ShapeDistances
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
+from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.body.supports import prescribed
@@ -52,13 +63,11 @@ class MovingFoundations(Foundations):
     """Foundations whose shapes are seen from displaced points.
 
     Attributes:
-        motion: how far the shapes have moved at the contact points.
         sliding: the pairs, by their numbers.
         shapes_of_tools: of the foundations, where they are, by their numbers.
         at: the displacement of now.
     """
 
-    motion: Callable[[ContactBoundary], Array | None]
     sliding: Mapping[int, MovingPair]
     shapes_of_tools: Mapping[int, MovingShape] = MappingProxyType({})
     at: fem.Function
@@ -79,7 +88,7 @@ class MovingFoundations(Foundations):
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """See ``Foundations``."""
-        return self.motion(boundary)
+        return motion_at(boundary, self.shapes_of_tools, self.at.x.array.reshape(-1, self._dimension))
 
     def measured(self, shape: Any) -> bool:
         """See ``Foundations``: along the axis of a body of revolution alone, as forces around it cancel."""
@@ -142,7 +151,13 @@ class LinearisedProblem(FormSolver):
         at: the displacement where both are evaluated.
         bcs, contact, boundaries, settings: see ``ContactProblem``.
 
+    Raises:
+        FormError: a tool is not possible.
+
     Attributes:
+        stated: the foundations and pairs as they were given; ``contact`` has gaps and directions in place of shapes.
+        shapes: of the foundations that have one, by their numbers.
+        extent: of the mesh, the diagonal of its box, length.
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
@@ -169,8 +184,10 @@ class LinearisedProblem(FormSolver):
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        increment = fem.Function(at.function_space)
-        forms, increment = given_forms(tangent, residual, contact, increment, boundaries=boundaries)
+        increment, self.stated, self._at = fem.Function(at.function_space), contact, at
+        self.shapes = dict[int, MovingShape]()
+        seen = [entry if entry.shape is None else self._seen(k, entry) for k, entry in enumerate(contact)]
+        forms, increment = given_forms(tangent, residual, seen, increment, boundaries=boundaries)
         super().__init__(
             forms,
             increment,
@@ -178,26 +195,41 @@ class LinearisedProblem(FormSolver):
             settings_of(settings),
             (petsc_options_prefix, petsc_options),
         )
-        self._at, self._evaluated, self._definite = at, evaluated, True
-        dim = at.function_space.mesh.geometry.dim
+        self._evaluated, self._definite, mesh = evaluated, True, at.function_space.mesh
+        dim = mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative: RelativeStiffness | None = None
-        self.foundations.at, self._diameter = at, super()._size()
+        self._diameter = super()._size()
+        bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x.astype(np.float64))
+        self.extent = float(np.linalg.norm(np.ptp(bounds, axis=0)))
+        foundations = self.foundations
+        self.shapes |= {k: self._shape_of(k, entry) for k, entry in enumerate(contact) if entry.shape is not None}
+        foundations.at, foundations.sliding, foundations.shapes_of_tools = at, {}, self.shapes
+        foundations.check_driven(self.settings.algorithm)
 
-    def begin(
-        self,
-        motion: Callable[[ContactBoundary], Array | None],
-        spin: Callable[[ContactBoundary], Array | None],
-        shapes: Mapping[int, MovingShape],
-    ) -> None:
-        """Take the motion of shapes from here, and their rotations.
+    def _seen(self, number: int, entry: Any) -> Any:
+        """A foundation with a shape as the linearised problem has it: a gap and a direction."""
 
-        Raises:
-            FormError: a tool is not possible.
-        """
-        self.foundations.motion, self._spin_of, self.foundations.sliding = motion, spin, {}
-        self.foundations.shapes_of_tools = shapes
-        self.foundations.check_driven(self.settings.algorithm)
+        def seen() -> tuple[Array, Array]:
+            moving = self.shapes[number]
+            return moving.seen_from(self.places[moving.nodes])
+
+        return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
+
+    def _shape_of(self, number: int, entry: Any) -> MovingShape:
+        """The shape of a foundation at its nodes."""
+        space, values = self.space, self.foundations._values[number]
+        dim, turns = space.mesh.geometry.dim, entry.measure is None and not averaging(space)
+        shape = fitting(number, entry.shape, dim, turns=turns)
+        self.foundations.check_shape(number, shape)
+        added = values(entry.gap, f"contact[{number}].gap")[values.nodes]
+        x = node_positions(space)[values.nodes, :dim].astype(np.float64)
+        return MovingShape(shape, shape, added, values.nodes, x, turns)
+
+    @property
+    def places(self) -> Array:
+        """Displacements of the nodes, shape (nodes, d)."""
+        return self._at.x.array.reshape(-1, self._at.function_space.mesh.geometry.dim)
 
     @property
     def moving_tools(self) -> MovingTools:
@@ -239,18 +271,15 @@ class LinearisedProblem(FormSolver):
         for pair in self.pairs.values():
             pair.move(self._at)
 
-    def bend(self, hessians: Array) -> None:
-        """Give the tangent the curvature of the shapes with the tractions of the last solution.
-
-        Args:
-            hessians: see ``hessians_at``, at the displacement of now.
-        """
-        state, blocks = self.state, curvature_of(hessians, self.state)
+    def bend(self) -> None:
+        """Give the tangent the curvature of the shapes with the tractions of the last solution; collective."""
+        if (state := self._state) is None:
+            return
+        hessians = hessians_at(state.boundary, self.shapes, self.places, self.extent)
+        nodal = blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.moving_tools, None
-        nodal = blocks
         if tools.there:
-            places = self._at.x.array.reshape(-1, blocks.shape[1])
-            self.relative = tools.relative_stiffness(state, blocks, places)
+            self.relative = tools.relative_stiffness(state, blocks, self.places)
             nodal = np.where((self.relative.tool >= 0)[:, None, None], 0.0, blocks)
         joint = joint_stiffness(self.pairs, state)
         self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
@@ -264,7 +293,7 @@ class LinearisedProblem(FormSolver):
         boundary, previous, tools = self.boundary, self.previous_step, self.moving_tools
         origin = np.zeros_like(begun.data.mu_hat) if begun.data.slip_origin is None else begun.data.slip_origin
         dim, nodes = boundary.x.shape[1], boundary.nodes
-        way = self._at.x.array.reshape(-1, dim)[nodes]
+        way = self.places[nodes]
         places = way - tools.at_points(boundary)
         if previous is not None:
             earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
@@ -360,7 +389,7 @@ class LinearisedProblem(FormSolver):
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         """See ``FormSolver``."""
-        return spins_of(self.pairs, boundary, self._spin_of(boundary))
+        return spins_of(self.pairs, boundary, spin_at(boundary, self.shapes))
 
     def _judged(self, outcome: Outcome) -> None:
         """None: the solution of the nonlinear problem gets one."""
@@ -498,22 +527,14 @@ class LinearisedProblem(FormSolver):
         return LinearSolution(self._state, self.outcome, self._solution)
 
     def go_back(self, solution: LinearSolution) -> None:
-        """Make an earlier solution the last one; the next solve assembles anew."""
+        """Make an earlier solution the last one; the next solve assembles anew; collective."""
+        self.fields.take(self.space, solution.state)
         self._state, self.outcome, self._solution = solution.state, solution.outcome, solution.begins
         dim = self._at.function_space.mesh.geometry.dim
         self._last_pattern, self.curvature, self._hessians = None, NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative = None
 
     # --- what the certificate and the verdict on stability ask for ---
-
-    @property
-    def nodal_values(self) -> Any:
-        """Of the foundations: a callable for each that evaluates at its nodes."""
-        return self.foundations._values
-
-    def check_shape(self, number: int, shape: Any) -> None:
-        """See ``Foundations``."""
-        self.foundations.check_shape(number, shape)
 
     @property
     def law(self) -> Law:

@@ -18,13 +18,12 @@ from signorini_fx.quantities.statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.safety import Safety
-from signorini_fx.results.sections import SectionForce
+from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.results.stresses import RawStresses
 
 
 @dataclass(frozen=True)
-class ResidualMechanics:
+class ResidualMechanics(Mechanics):
     """See ``results.mechanics.Mechanics``.
 
     Attributes:
@@ -80,14 +79,6 @@ class ResidualMechanics:
         return FormResultants(
             statement, tagged, y, contact, balance, sides, [], named, held, displaced=displaced, loads=loads
         )
-
-    def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
-        """None: a residual names no sections."""
-        return []
-
-    def safety(self, model: Model, contact: ContactState, step: float) -> Safety | None:
-        """None: a residual does not say which loads are live."""
-        return None
 
     def stated(self, model: Model) -> NoReturn:
         """See ``Mechanics``.

@@ -29,22 +29,21 @@ _NEWTON_FAILS = "Newton's method fails, which does not prove that there is no so
 FINAL = (Status.STABILITY_UNKNOWN, Status.NO_MEMORY)
 
 
-def failure(status: Status, certificate: Certificate | None, says_no: str, inner: str, overlap: str) -> str:
+def failure(status: Status, certificate: Certificate | None, says_no: str, detail: str) -> str:
     """How a solve ends that has no solution, in words.
 
     Args:
         status: of the solve.
         certificate: of its last iterate; None: that has none.
         says_no: why there may be no solution; empty: nothing says so.
-        inner: how the last contact problem of a tangent ended that had no solution.
-        overlap: where a shape is inside the body, what is wrong between two bodies, or by how much a deformation is
-            too large; empty: none of these.
+        detail: where a shape is inside the body, what is wrong between two bodies, by how much a deformation is too
+            large, or how the contact problem of a tangent has ended; empty: none of these.
     """
     reason = says_no
-    if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES) or (status is Status.MAX_ITERATIONS and overlap):
-        reason = overlap
+    if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES) or (status is Status.MAX_ITERATIONS and detail):
+        reason = detail
     elif status is Status.NOT_SOLVED:
-        reason = says_no or inner
+        reason = says_no or detail
     elif certificate is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
         reason = f"{certificate.worst_name} {certificate.worst:.1e}"
     ended = "deformation too large for small strains" if status is Status.TOO_LARGE else status.value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,10 +14,8 @@ from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.named_parts import named_parts
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
-from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic import ElasticBody
-from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
@@ -55,7 +53,6 @@ class SolvedBody:
         u: fem.Function,
         certificate: Certificate,
         mechanics: ResidualMechanics,
-        foundations: tuple[Sequence[Foundation | Pair], Mapping[int, MovingShape]],
         solves: int,
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
@@ -66,27 +63,19 @@ class SolvedBody:
             u: the displacement.
             certificate: of it.
             mechanics: its forces and contact sides.
-            foundations: as the user gave them, and the shapes of those that have one, by their numbers.
             solves: linear solves.
             status: how it has ended.
         """
         assert linear.outcome is not None
-        contact, shapes = foundations
-        placed = (replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(contact))
+        shapes = linear.shapes
+        placed: Any = [
+            replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(linear.stated)
+        ]
         number, y = linear.begun.step, u.copy()
         y.name = u.name
-        step = step_result(
-            counted_path(number),
-            number,
-            number,
-            status,
-            y,
-            linear.state,
-            certificate,
-            deformation_of(linear.elastic, u, linear.scales.size),
-            solves,
-        )
-        step = replace(step, tools=linear.moving_tools.motions)
+        deformation = deformation_of(linear.elastic, u, linear.scales.size)
+        reached = status, y, linear.state, certificate, deformation, solves
+        step = replace(step_result(counted_path(number), number, number, *reached), tools=linear.moving_tools.motions)
         forms, algebra = replace(linear.forms, contact=tuple(placed)), linear.task.linear_algebra
         return cls(forms, linear.elastic, linear.outcome, linear.begun.law, algebra, mechanics, step)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +10,9 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, LinearSolution
-from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.results.certificate.certificate import Certificate
 
 Array = npt.NDArray[np.float64]
-Fields = tuple[fem.Function, ...]
 
 
 @dataclass(frozen=True)
@@ -24,7 +21,6 @@ class Snapshot:
 
     Attributes:
         displacement: values of ``u``, ghosts included.
-        fields: values of pressure, shear, gap and slip.
         linear: the contact problem of the last iteration.
         certificate: of the solution; None: there is none.
         iterations: of Newton's method.
@@ -33,7 +29,6 @@ class Snapshot:
     """
 
     displacement: Array
-    fields: tuple[Array, ...]
     linear: LinearSolution
     certificate: Certificate | None
     iterations: int
@@ -41,26 +36,18 @@ class Snapshot:
     tools: Array
 
     @classmethod
-    def of(
-        cls,
-        u: fem.Function,
-        fields: Fields,
-        linear: LinearisedProblem,
-        shapes: Mapping[int, MovingShape],
-        solved: tuple[Certificate | None, int],
-    ) -> Snapshot:
+    def of(cls, u: fem.Function, linear: LinearisedProblem, solved: tuple[Certificate | None, int]) -> Snapshot:
         """What there is now; ``solved``: certificate and iterations."""
-        now = {number: moving.shape for number, moving in shapes.items()}
-        values, tools = tuple(field.x.array.copy() for field in fields), linear.moving_tools.coordinates
-        return cls(u.x.array.copy(), values, linear.solved, *solved, now, tools)
+        now = {number: moving.shape for number, moving in linear.shapes.items()}
+        return cls(u.x.array.copy(), linear.solved, *solved, now, linear.moving_tools.coordinates)
 
-    def restore(self, u: fem.Function, fields: Fields, linear: LinearisedProblem) -> tuple[Certificate | None, int]:
-        """Go back to it; the shapes stay where they are placed.
+    def restore(self, u: fem.Function, linear: LinearisedProblem) -> tuple[Certificate | None, int]:
+        """Go back to it; shapes stay where they are placed, but for those that forces move; collective.
 
         Returns:
             Certificate and iterations.
         """
-        for function, values in zip((u, *fields), (self.displacement, *self.fields), strict=True):
-            function.x.array[:] = values
+        u.x.array[:] = self.displacement
         linear.go_back(self.linear)
+        linear.moving_tools.carry_to(self.tools)
         return self.certificate, self.iterations

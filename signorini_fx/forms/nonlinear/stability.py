@@ -32,14 +32,12 @@ class Stability:
         linear: the contact problem of the last iteration of Newton's method.
         tangents: the user's and the derivative of F.
         forces_at: F at the owned unknowns for values of ``u``, which it gets; None: it has none there; collective.
-        bend: gives ``linear`` the curvature of the shapes at ``u``; collective.
     """
 
     u: fem.Function
     linear: LinearisedProblem
     tangents: Tangents
     forces_at: Callable[[Array], Array | None]
-    bend: Callable[[], None]
 
     def verdict(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
@@ -50,14 +48,13 @@ class Stability:
         # Without an energy a symmetric part that is not definite proves nothing.
         return Status.UNSTABLE if self.linear.symmetric else Status.STABILITY_UNKNOWN
 
-    def reason_for_none(self, before: Array, size: float) -> str:
+    def reason_for_none(self, before: Array) -> str:
         """Why there may be no solution, at an iterate; empty: nothing says so; collective.
 
         Args:
             before: the last solution, values of ``u``.
-            size: of the body, length.
         """
-        comm = self.u.function_space.mesh.comm
+        comm, size = self.u.function_space.mesh.comm, self.linear.extent
         away = float(parallel.largest(comm, np.abs(self.u.x.array - before), 0.0))
         if not away <= max(size, float(parallel.largest(comm, np.abs(before), 0.0))):
             return "the displacement runs away" if self.leads(before) else ""
@@ -101,8 +98,8 @@ class Stability:
 
     def _negative(self, tangent: fem.Form) -> int:
         """In how many directions that contact admits a tangent, or its symmetric part, is negative; collective."""
-        self.bend()
         linear = self.linear
+        linear.bend()
         bcs = conditions_of(linear.bcs, self.u.function_space)
         nodes = linear.state.boundary.nodes
         turning, curvature, relative = turning_of(linear.state, linear.scales.size), linear.curvature, linear.relative

@@ -1,0 +1,205 @@
+"""The way of a nonlinear body through load steps: what is tried next where a step has no solution, or may jump."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+from dolfinx import fem
+
+from signorini_fx.errors import FormError
+from signorini_fx.forms.nonlinear import outcomes
+from signorini_fx.forms.nonlinear.equilibrium import EquilibriumSolver, NoEquilibrium
+from signorini_fx.forms.nonlinear.leaps import Leaps, SnapThrough
+from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.restart import RestartedBody
+from signorini_fx.forms.nonlinear.snapshot import Snapshot
+from signorini_fx.forms.nonlinear.step_sizes import Way
+from signorini_fx.machine import parallel
+from signorini_fx.records import Status, Timings
+from signorini_fx.results.solution import StepResult
+from signorini_fx.solving.load_steps import Marks, Stepping
+from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.tuned import SMALL_INCREMENT
+
+
+@dataclass
+class Continuation:
+    """Goes through load steps, each of which an ``EquilibriumSolver`` attempts.
+
+    Attributes:
+        solver: of one step.
+        leaps: what the load steps have shown.
+        steps: those with a solution.
+        mechanics: their displacements and what the residual says of them.
+    """
+
+    solver: EquilibriumSolver
+    leaps: Leaps
+    steps: list[StepResult] = field(default_factory=list)
+    mechanics: list[tuple[fem.Function, ResidualMechanics]] = field(default_factory=list)
+    _solves_before: int = 0
+
+    def forget(self) -> None:
+        """What was before the next solve, and what was shown of a way whose first step had no solution."""
+        solver = self.solver
+        self.steps, self.mechanics, solver.timings = [], [], Timings()
+        self.leaps, self._solves_before = Leaps(self.leaps.yields), len(solver.linear.history.iterations)
+        if solver.solved is not None and solver.solved.step.status is not Status.CONVERGED:
+            solver.solved = None
+
+    def follow(
+        self, way: Way, on_step: Callable[[StepResult], object], checkpoint: MeshCheckpoint | None = None
+    ) -> None:
+        """Solve the steps of a way, see ``Stepping``; collective.
+
+        Raises:
+            NoEquilibrium: one has no solution, and no smaller one is to be tried.
+            FormError: likewise.
+            SnapThrough: a step may jump, and must not.
+        """
+        self.forget()
+        stepping = Stepping[StepResult](
+            self.solver.linear.history,
+            self.solver.timings,
+            ended=lambda: way.sizes.ended,
+            solved=partial(self._next_step, way),
+            recalled=partial(self._recall, way),
+            store=partial(self._store, way),
+        )
+        stepping.all(on_step, checkpoint)
+
+    def _next_step(self, way: Way) -> StepResult | None:
+        """Solve the next step of a way; None: it has no solution and will be another one; collective.
+
+        Raises:
+            Exception: see ``follow``.
+        """
+        begun, sizes = self.solver.snapshot(), way.sizes
+        end = sizes.next
+        try:
+            way.announce(end)
+            way.apply(end)
+            self._attempt(way, begun)
+        except Exception as error:
+            self._give_up(way, begun, error)
+            return None
+        sizes.accept(self.solver.iterations, grows=self.leaps.end is None)
+        return self.end_step(way, end)
+
+    def _attempt(self, way: Way, begun: Snapshot) -> None:
+        """Solve a step, with the problem as it is at its end; collective.
+
+        Args:
+            way: that of the step.
+            begun: the body when it begins.
+
+        Raises:
+            NoEquilibrium: it has no solution.
+            SnapThrough: it may jump, and must not.
+        """
+        sizes, solver, leaps, ended = way.sizes, self.solver, self.leaps, self.solver.status
+        begin, end, space = sizes.reached, sizes.next, solver.linear.space
+        solver.attempt(damps=not sizes.may_halve)
+        moved = float(parallel.largest(space.mesh.comm, np.abs(solver.u.x.array - begun.displacement), 0.0))
+        predicted = max(solver.predicted, SMALL_INCREMENT * solver.linear.extent)
+        if not leaps.suspects(moved, predicted, begin, end, large=sizes.large):
+            leaps.pass_by(begin, end)
+        elif sizes.jumps or not (self._ends_before_jumps(way) or sizes.may_halve):
+            leaps.take(f"{sizes.kind}s", sizes.shown(begin), sizes.shown(end))
+        else:
+            solver.status = ended
+            raise SnapThrough("the body may jump")
+        solver.take()
+
+    def _ends_before_jumps(self, way: Way) -> bool:
+        """Whether a step that may jump is none of the way, and no smaller one is tried."""
+        return way.controlled and bool(self.steps)
+
+    def _give_up(self, way: Way, begun: Snapshot, error: Exception) -> None:
+        """Go back to where a step has begun that has no solution, and say where it is to end instead; collective.
+
+        Args:
+            way: that of the step.
+            begun: the body when it begins.
+            error: why there is none.
+
+        Raises:
+            Exception: no other step is to be tried.
+        """
+        sizes, leaps, snaps, solver = way.sizes, self.leaps, isinstance(error, SnapThrough), self.solver
+        history, status = solver.linear.history, solver.status
+        final = not sizes.may_halve or status in outcomes.FINAL
+        if status is not None and not snaps and solver.without:
+            status = Status.LIMIT
+        if final and isinstance(error, NoEquilibrium) and solver.solved is None:
+            assert status is not None
+            solver.take_before(status, len(history.iterations) - self._solves_before)
+            if (before := solver.solved) is not None:
+                solver.solved = replace(before, step=way.named(sizes.next, before.step))
+        solver.begin_again(begun, way.back)
+        end, reached = f"{sizes.kind} {sizes.shown(sizes.next):g}", sizes.shown(sizes.reached)
+        history.add(f"{end} is given up, back at {reached:g}: {error}")
+        if not isinstance(error, NoEquilibrium | FormError | SnapThrough):
+            raise error
+        if snaps and self._ends_before_jumps(way):
+            raise error
+        if snaps or not final:
+            sizes.halve()
+        elif not sizes.jumps and leaps.end is not None and leaps.ends_beyond(sizes.reached, sizes.next):
+            sizes.reach(leaps.end)
+        else:
+            last = outcomes.last_solution(reached if self.steps else None, sizes.to)
+            if isinstance(error, FormError):
+                raise outcomes.at_load(error, end, last) from error.__cause__
+            assert status is not None
+            solver.status = status
+            text = outcomes.end_of_ramp(status, solver.failure, end, last, solver.opinion.advice_on(status))
+            raise NoEquilibrium(text) from error.__cause__
+
+    def end_step(self, way: Way, end: float) -> StepResult:
+        """Make the last solution that of a step, and begin the next one; ``end``: where the step ends; collective."""
+        solved = self.solver.solved
+        assert solved is not None
+        step = way.named(end, replace(solved.step, step=len(self.steps) + 1))
+        self.solver.solved = replace(solved, step=step)
+        self.steps.append(step)
+        self.mechanics.append((step.displacement, solved.mechanics))
+        self.solver.advance()
+        return step
+
+    def _store(self, way: Way, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
+        """Store a step in a checkpoint; for the arguments see ``Stepping``; collective."""
+        figures = {"newton": self.solver.iterations, "leaps": self.leaps.stored()}
+        body = RestartedBody(self.solver.linear, self.solver.timings, figures)
+        body.store(checkpoint, step, self.solver.tangent_at, way.sizes, marks)
+
+    def _recall(self, way: Way, checkpoint: MeshCheckpoint) -> StepResult | None:
+        """Go to the next step as an earlier run has left it, and certify it anew; None: it is not there, or is solved
+        again; collective.
+        """
+        solver, number = self.solver, self.solver.linear.step
+        history, timings = solver.linear.history, solver.timings
+        end = checkpoint.place(number)
+        if end is None:
+            return None
+        begun = solver.snapshot()
+        with timings.phase("restart"):
+            way.apply(end)
+            recalled = RestartedBody(solver.linear, timings).recall(checkpoint, solver.residual)
+        if recalled is not None:
+            if (status := solver.certify(begun)) is Status.CONVERGED:
+                newton, solves, leaps = (
+                    checkpoint.figure(number, name) for name in ("newton", "linear_solves", "leaps")
+                )
+                solver.status, solver.iterations, solver.linear_solves = status, newton, solves
+                solver.take()
+                recalled.accept(history, timings, way.sizes)
+                self.leaps.resume(leaps)
+                return self.end_step(way, end)
+            history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
+            checkpoint.forget(number)
+        solver.begin_again(begun, way.back)
+        return None

@@ -1,0 +1,370 @@
+"""One equilibrium of a nonlinear body: Newton's method from where the body is, and the verdicts on where it ends.
+
+Newton's method for the body has the semi-smooth method for contact inside: each of its iterations is a linear
+``ContactProblem`` for the whole displacement, see ``linearised``.  Contact pressure and friction are those of the new
+displacement, so the old ones only enter through the curvature of the shapes.  A line search follows
+d . (R(u + s d) + B^T (lambda, mu)), the slope of the energy with contact where there is one; it needs no energy
+(P. Wriggers, Computational Contact Mechanics, 2006, chapter 10).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.errors import FormError
+from signorini_fx.forms.elasticity import MatrixError, MatrixFault
+from signorini_fx.forms.nonlinear import outcomes
+from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.forms.nonlinear.line_search import length_of_increment
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.moving_pairs import alternating_points
+from signorini_fx.forms.nonlinear.overlap import overlap, overlap_of_bodies
+from signorini_fx.forms.nonlinear.residual import Residual
+from signorini_fx.forms.nonlinear.results import SolvedBody
+from signorini_fx.forms.nonlinear.snapshot import Snapshot
+from signorini_fx.forms.nonlinear.stability import Stability
+from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.shapes_inside import BodyCells
+from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
+from signorini_fx.records import Status, Timings
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.tuned import LEAST_INCREMENT, SMALL_INCREMENT
+
+Array = npt.NDArray[np.float64]
+
+
+class NoEquilibrium(Exception):
+    """A solve, or a way through load steps, has ended without a solution; its text says how, and what to do."""
+
+
+class SecondOpinion:
+    """What is known of a residual beside itself: nothing, unless a class that is derived knows it."""
+
+    def too_large(self) -> str:
+        """By how much the deformation is too large, in words; empty: it is not; collective."""
+        return ""
+
+    def forces(self, residual: Array) -> Array:
+        """The residual as the certificate takes it, forces of shape (owned dofs,); collective."""
+        return residual
+
+    def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
+        """The same with the loads that are not in F."""
+        return mechanics
+
+    def advice_on(self, status: Status) -> str:
+        """What to do about the outcome of a solve."""
+        return outcomes.advice_on_forms(status)
+
+
+@dataclass
+class EquilibriumSolver:
+    """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they are.
+
+    Attributes:
+        u: the displacement.
+        linear: the contact problem of an iteration, with the shapes.
+        residual: F.
+        tangents: the user's and the derivative of F.
+        commit: the user's function at the end of a step.
+        max_newton: iterations.
+        asks_stability: whether an equilibrium must be stable.
+        opinion: what is known beside F.
+        status: how the last attempt has ended; None: by an error, or there is none.
+        certificate: of the last solution, or the last iterate; None: there is none.
+        iterations: of the last attempt.
+        linear_solves: of the last attempt.
+        predicted: how far the first tangent of the last attempt moves the body, length.
+        failure: how the last attempt has ended that has no solution, in words.
+        without: why there may be no solution, in words; empty: nothing says so.
+        tangent_at: where the last tangent was formed: values of the displacement, and coordinates of tools.
+        last: the last solution that was taken, or what there was before; None: nothing was tried so far.
+        solved: the last solution that was taken, for results; None: there is none.
+        timings: of the attempts.
+    """
+
+    u: fem.Function
+    linear: LinearisedProblem
+    residual: Residual
+    tangents: Tangents
+    commit: Callable[[], object]
+    max_newton: int
+    asks_stability: bool
+    opinion: SecondOpinion = field(default_factory=SecondOpinion)
+    status: Status | None = None
+    certificate: Certificate | None = None
+    iterations: int = 0
+    linear_solves: int = 0
+    predicted: float = 0.0
+    failure: str = ""
+    without: str = ""
+    tangent_at: tuple[Array, Array] = field(init=False)
+    last: Snapshot | None = None
+    solved: SolvedBody | None = None
+    timings: Timings = field(default_factory=Timings)
+    _detail: str = ""  # see ``outcomes.failure``
+    _mechanics: ResidualMechanics = field(init=False)  # of the certificate
+
+    @cached_property
+    def stability(self) -> Stability:
+        """The verdict on where the body is."""
+        return Stability(self.u, self.linear, self.tangents, self.residual.at)
+
+    @cached_property
+    def _cells(self) -> BodyCells:
+        return BodyCells.of(self.linear.space, self.linear.space.mesh.geometry.dim)
+
+    def attempt(self, *, damps: bool = True) -> None:
+        """Solve with the values that Constants, Functions, conditions and shapes have now; collective.
+
+        The body is at the solution then; ``take`` makes it the last one.
+
+        Args:
+            damps: whether no smaller step will be tried, so that the tangent is damped where nothing else helps, and a
+                failure is asked why there may be no solution.
+
+        Raises:
+            NoEquilibrium: there is no solution: ``status`` says why, and all else is as the last solution was.
+            FormError: see ``NonlinearContactProblem.solve``.
+        """
+        for number, moving in self.linear.shapes.items():
+            moving.check(number, self.linear.space.mesh.comm)
+        last = self.last = self.last or self.snapshot()
+        self.certificate, self.status, self.without, self._detail = None, None, "", ""
+        solves = len(self.linear.history.iterations)
+        try:
+            with self.timings.phase("iterate"):
+                status = self._iterate(damps=damps)
+            if status is Status.CONVERGED and self.asks_stability:
+                status = self.stability.verdict()
+            elif damps and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self.without:
+                self.without = self.stability.reason_for_none(last.displacement)
+        except Exception:
+            self.go_back(last)
+            raise
+        self.status, self.linear_solves = status, len(self.linear.history.iterations) - solves
+        if status is Status.CONVERGED:
+            return
+        self.failure = outcomes.failure(status, self.certificate, self.without, self._detail)
+        self.go_back(last)
+        raise NoEquilibrium(f"{self.failure}: {self.opinion.advice_on(status)}")
+
+    def certify(self, begun: Snapshot) -> Status:
+        """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
+        collective.
+        """
+        self.last = self.last or begun
+        with self.timings.phase("certify"):
+            return self._judge()
+
+    def take(self) -> None:
+        """Make what there is now the last solution; collective."""
+        assert self.certificate is not None
+        self.last = self.snapshot()
+        self.solved = SolvedBody.of(self.linear, self.u, self.certificate, self._mechanics, self.linear_solves)
+
+    def take_before(self, status: Status, solves: int) -> None:
+        """Show the body as it is, without contact, in place of a first solution that there is not, unless its residual
+        or tangent cannot be evaluated; collective.
+
+        Args:
+            status: how the search for it has ended.
+            solves: linear solves of that.
+        """
+        with suppress(FormError, MatrixError, PairingError):
+            if (residual := self.residual.at(self.u.x.array.copy())) is None:
+                return
+            self.linear.slide()
+            self.linear.leave_open(status)
+            self.solved = SolvedBody.of(self.linear, self.u, *self._certified(residual), solves, status)
+
+    def advance(self) -> None:
+        """See ``NonlinearContactProblem.advance``."""
+        if self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution to advance from")
+        self.linear.tools = self.linear.moving_tools.motions
+        self.linear.advance()
+        self.commit()
+        for moving in self.linear.shapes.values():
+            moving.settled = moving.shape
+        for pair in self.linear.pairs.values():
+            pair.move(self.u)
+            pair.settle()
+
+    def snapshot(self) -> Snapshot:
+        """All that an attempt changes, and where the shapes are."""
+        return Snapshot.of(self.u, self.linear, (self.certificate, self.iterations))
+
+    def go_back(self, snapshot: Snapshot) -> None:
+        """Go back to where the body was; loads and shapes stay as they are now, but for tools that forces move;
+        collective.
+        """
+        self.certificate, self.iterations = snapshot.restore(self.u, self.linear)
+        with suppress(FormError):  # before the first solution it may not be possible
+            self.residual.updated()
+
+    def begin_again(self, begun: Snapshot, load: Callable[[], object]) -> None:
+        """Go back to where a step has begun, with its load and its shapes; collective."""
+        load()
+        for number, shape in begun.shapes.items():
+            self.linear.shapes[number].put(shape)
+        self.go_back(begun)
+
+    # --- Newton's method ----------------------------------------------------------------------------------------------
+
+    def _iterate(self, *, damps: bool) -> Status:
+        """Newton's method from the present ``u``; ``damps``: whether its tangent may be damped; collective.
+
+        It ends where increments are small and the certificate holds.  Where increments are small and it does not, as
+        with a tangent that is not the derivative of F, iterations go on for as long as they make it better.  In a body
+        that comes to rest without load increments are relative to nothing: with a J, which may be another tangent, the
+        residual is round-off once they are no longer halved.
+        """
+        comm, u, worst, before = self.linear.space.mesh.comm, self.u, np.inf, np.inf
+        self.linear.begin_anew()
+        residual: Array | None = None
+        for iteration in range(1, self.max_newton + 1):
+            self.iterations = iteration
+            old, tools = self.tangent_at = u.x.array.copy(), self.linear.moving_tools.coordinates
+            residual = self.residual.at(old) if residual is None else residual
+            if residual is None:
+                return Status.INVERTED
+            try:
+                self.linear.slide()
+            except PairingError as error:
+                self._detail = str(error)
+                return Status.FOLDED
+            self.linear.bend()
+            try:
+                increment, length, residual = self._increment(old, residual, search=iteration > 1, damps=damps)
+            except ConvergenceError as error:
+                return self._not_solved(error.solution.status)
+            except MatrixError as error:
+                if error.fault is MatrixFault.NOT_FINITE:
+                    return Status.NOT_FINITE
+                raise
+            if length == 0.0:
+                return Status.INVERTED
+            if iteration == 1:
+                self.predicted = float(parallel.largest(comm, np.abs(increment), 0.0))
+            u.x.array[:] = old + length * increment
+            moved = length * (self.linear.reached - tools)
+            self.linear.moving_tools.carry_to(tools + moved)
+            change, size = (
+                max(float(parallel.largest(comm, np.abs(values), 0.0)), float(np.abs(further).max(initial=0.0)))
+                for values, further in ((length * increment, moved), (u.x.array, tools + moved))
+            )
+            small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self.linear.extent
+            shortened, before = self.tangents.given and 2 * change < before, change
+            if small or (least and not (shortened and iteration < self.max_newton)):
+                status = self._judge()
+                if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:
+                    return status
+                worst = self.certificate.worst
+        self._detail = alternating_points(self.linear.pairs)
+        return Status.MAX_ITERATIONS
+
+    def _increment(
+        self, old: Array, residual: Array, *, search: bool, damps: bool
+    ) -> tuple[Array, float, Array | None]:
+        """An increment, the share of it to take, and F there, see ``length_of_increment``; collective.
+
+        Where the tangent is not definite on what contact admits, as beyond a limit point, the contact problem has no
+        solution, or its solution goes up.  With enough of its diagonal added it goes down.
+
+        Args:
+            old: values of ``u``.
+            residual: F there.
+            search: see ``length_of_increment``.
+            damps: see ``_iterate``.
+
+        Raises:
+            ConvergenceError: the contact problem has no solution.
+            MatrixError: the tangent is not finite, or not symmetric.
+        """
+        linear = self.linear
+        while True:
+            linear.residual = residual
+            try:
+                linear.solve()
+            except ConvergenceError as error:
+                if damps and error.solution.status in outcomes.DAMPED and linear.damp():
+                    continue
+                raise
+            finally:
+                linear.residual = None
+            increment = linear.u.x.array - old
+            at = old, increment, residual
+            length, forces, descends = length_of_increment(linear, self.residual.at, at, search=search)
+            if descends or not damps or not linear.damp():
+                linear.damp_less()
+                return increment, length, forces
+            self.residual.at(old)  # the next tangent is taken there, too
+
+    def _not_solved(self, inner: Status) -> Status:
+        """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
+        the body.
+        """
+        if inner in outcomes.OF_LINEAR_BODIES:
+            if self.stability.leads(self.u.x.array.copy()):
+                self.without = f"the tangent does not hold it: {inner.value}"
+            return Status.NOT_SOLVED
+        if inner is not Status.CYCLING:
+            return inner
+        self._detail = inner.value
+        return Status.NOT_SOLVED
+
+    # --- what is said of a solution -----------------------------------------------------------------------------------
+
+    def _judge(self) -> Status:
+        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective."""
+        self._detail = self.opinion.too_large()
+        if self._detail:
+            return Status.TOO_LARGE
+        linear, values = self.linear, self.u.x.array.copy()
+        residual = self.residual.at(values)
+        if residual is None:
+            return Status.INVERTED
+        assert self.last is not None
+        self._detail = overlap(self.u, self._cells, linear.shapes, self.last)
+        if self._detail:
+            return Status.INSIDE
+        self._detail = overlap_of_bodies(self.u, self._cells, linear.pairs, self.last)
+        if self._detail:
+            return Status.PASSED
+        try:
+            linear.slide()
+        except PairingError as error:
+            self._detail = str(error)
+            return Status.FOLDED
+        for pair in linear.pairs.values():
+            if reached := pair.at_end(linear.state):
+                self._detail = reached
+                return Status.AT_END
+        lost = round_off(self.u, residual, self.residual.at)
+        self.residual.at(values)
+        self.certificate, self._mechanics = self._certified(residual, lost)
+        return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
+
+    def _certified(self, residual: Array, lost: Array | None = None) -> tuple[Certificate, ResidualMechanics]:
+        """The certificate of what there is now, with the forces that it is of; collective.
+
+        Args:
+            residual: F there.
+            lost: see ``mechanics_at``.
+        """
+        linear, tractions = self.linear, Tractions.of(self.linear.state)
+        mechanics = mechanics_at(self.u, self.opinion.forces(residual), linear, lost)
+        conditions = tractions, linear.law, linear.previous_step, linear.driven_tools
+        return certified(self.u, mechanics, linear.shapes, *conditions), self.opinion.loaded(mechanics)
