@@ -732,6 +732,8 @@ DEEPEST_OVERLAP = 0.2
 COVERED_TWICE = 1e-3
 # Share of its weight that a function must keep to carry a point.  No record.
 KEPT_WEIGHT = 0.03
+# Share of a held point of one side that is over held nodes of the other side, above which nothing can move it.  Choice.
+MOSTLY_HELD = 0.5
 # The direction and the normal of a facet enclose an angle with at most this tangent.  Choice: 45 degrees.
 TURNED_DIRECTION = 1.0
 # Of two sides that face each other the product of the normals is below this.  Choice: 102 degrees.

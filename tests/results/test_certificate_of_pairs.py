@@ -198,8 +198,10 @@ def test_a_wrong_reach_is_noticed(factor, reach, monkeypatch):
 
 
 def feet():
-    """Forms of a user: two feet on a plate, pressed down; the left side of one is held, also where it stands."""
-    blocks = ((7, 3), (0.0, 0.0), (3.0, 1.0)), ((20, 3), (0.2, 1.0), (1.0, 2.0)), ((4, 3), (2.0, 1.0), (2.8, 2.0))
+    """Forms of a user: two feet on a plate, pressed down; the left side of one is held, beyond the end of the plate,
+    which just reaches beyond a node.
+    """
+    blocks = ((7, 3), (0.276, 0.0), (3.0, 1.0)), ((20, 3), (0.2, 1.0), (1.0, 2.0)), ((4, 3), (2.0, 1.0), (2.8, 2.0))
     mesh = assembled("quadrilateral", *(grid("quadrilateral", *block) for block in blocks), comm=COMM)
     space, a, v = forms(mesh, 1, 100.0)
     top, side, bottom = (
@@ -236,7 +238,8 @@ def lighter(slave, master, *rest, **settings):
 @pytest.mark.parametrize(("change", "least"), [(None, 0.0), (one_foot, 0.4), (lighter, 0.1)])
 def test_points_that_no_others_miss(change, least, monkeypatch):
     """A foot that stands alone loses all of its points, and none of the others has a facet with one that is lost; a
-    point that has taken over functions of a held node has a wrong area.  Forces and moments of what is left balance.
+    point that has taken over the function of a node at the end has a wrong area.  Forces and moments of what is left
+    balance.
     """
     paired_integrals.tried_by(monkeypatch)
     monkeypatch.setattr(paired_points, "couple", COUPLE if change is None else change)

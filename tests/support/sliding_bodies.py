@@ -240,13 +240,13 @@ def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, slope
     )
 
 
-def as_linear_bodies(scene):
+def as_linear_bodies(scene, **settings):
     """The solved contact problem of the tangent at no displacement, with the pair of linear bodies."""
     space = scene.u.function_space
     trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
     a = ufl.replace(ufl.derivative(scene.form, scene.u, trial), {scene.u: fem.Function(space)})
     nothing = ufl.inner(fem.Constant(scene.mesh, np.zeros(len(scene.u))), test) * ufl.dx
-    linear = ContactProblem(a, nothing, bcs=scene.bcs, contact=scene.pair, algorithm="alm")
+    linear = ContactProblem(a, nothing, bcs=scene.bcs, contact=scene.pair, **{"algorithm": "alm", **settings})
     linear.solve()
     return linear
 

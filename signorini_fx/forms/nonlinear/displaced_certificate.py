@@ -58,13 +58,11 @@ def mechanics_at(
     claims = dict[int, SlidingClaim]()
     for number, pair in linear.pairs.items():
         sides = pair.sides
-        points = sides.points, sides.unable, sides.reach
+        points = sides.points, sides.unable, sides.held, sides.reach
         facets, factor = (linear.forms.facets[number], linear.forms.masters[number]), data[number].shape.factor
-        if dim == 2:
-            claims[number] = sliding_claim(space, (sides.slave.surface, *points), facets, ends, factor)
-        else:
-            surfaces = sides.slave.surface, sides.master.surface
-            claims[number] = sliding_claim_in_space(space, surfaces, points, facets, ends, factor)
+        surfaces = sides.slave.surface, sides.master.surface
+        claim = sliding_claim if dim == 2 else sliding_claim_in_space
+        claims[number] = claim(space, surfaces, points, facets, ends, factor)
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)

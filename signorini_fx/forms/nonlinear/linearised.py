@@ -123,6 +123,7 @@ class MovingFoundations(Foundations):
         allowance = self._values[number](self._contact[number].allowance, f"contact[{number}].allowance")
         gap = allowance.copy()
         gap[pair.sides.local_points()] += pair.opening
+        pair.allowance = allowance[: pair.allowance.size]
         return gap, allowance
 
 

@@ -9,11 +9,14 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.algebra.contact.points import inside
+from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
+from signorini_fx.solving.check.pushed_nodes import HeldNodes
 from signorini_fx.tuned import LEAST_SEEN, NEAR_PARTNER
 
 Array = npt.NDArray[np.float64]
@@ -31,6 +34,7 @@ class MovingPair:
         begun: which nodes the points met there.
         covered: share of the area of each point that saw the other side there.
         near: whether the last increment has hardly moved points along the other side.
+        allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
         changed: which points have begun or ceased to see the other side by each of the last two moves, shape (2, n).
     """
 
@@ -41,11 +45,13 @@ class MovingPair:
     begun: Frames = field(init=False)
     covered: Array = field(init=False)
     near: bool = field(init=False)
+    allowance: Array = field(init=False)
     changed: npt.NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
         self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))
         self.coupling = self.sides.at(self.displacement)
+        self.allowance = np.zeros(self.sides.space.dofmap.index_map.size_local)
         self.settle()
 
     def move(self, u: fem.Function) -> None:
@@ -96,6 +102,20 @@ class MovingPair:
         """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         return self.sides.holding(self.coupling, state.in_contact[rows], sticks[rows])
+
+    def held_nodes(self, *, bilateral: bool) -> HeldNodes:
+        """The nodes that supports hold on both sides, and that carry no point; collective.
+
+        Args:
+            bilateral: whether contact cannot open.
+        """
+        coupling, sides = self.coupling, self.sides
+        count = coupling.helpless.size
+        allowance = from_owners(self.allowance[:, None], sides.slave.nodes[coupling.helpless], sides.comm)[:, 0]
+        depth = inside(-(coupling.helpless_gap + allowance), bilateral)
+        off, paired = np.full(count, bilateral), np.ones(count, dtype=bool)
+        x = sides.slave.surface.x[coupling.helpless]
+        return HeldNodes(np.full(count, sides.index, np.int32), depth, off, paired, x)
 
     def at_end(self, state: ContactState) -> str:
         """Where a point in contact sees less than half of the other side that it saw as the step began: "" nowhere;

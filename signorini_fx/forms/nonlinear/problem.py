@@ -36,6 +36,8 @@ from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
+from signorini_fx.solving.check.pushed_nodes import pushed_nodes
+from signorini_fx.solving.load_steps import Marks, Stepping
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.tuned import LOAD_DIFFERENCE, SMALLEST_STEP
 
@@ -170,9 +172,12 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        if self.linear.solved.state is None:
+        linear = self.linear
+        if linear.solved.state is None:
             return ()
-        return (*self._continuation.leaps.findings, *findings_of_last(self.linear))
+        held = [pair.held_nodes(bilateral=self.contact[k].bilateral) for k, pair in linear.pairs.items()]
+        pushed = pushed_nodes(linear.space.mesh.comm, [held], linear.scales.size)
+        return (*self._continuation.leaps.findings, *findings_of_last(linear), *pushed)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

@@ -1,7 +1,8 @@
 """Where supports hold both sides of a pair of bodies, so that they alone decide about the distance there.
 
-A node of the side with the points that supports hold along its normal has no contact point: those beside it take over
-its function.  If the place of the other side over it is held along that normal too, nothing can move it out.
+A node of the side with the points that supports hold along its normal carries a point, which moves the other side.  If
+the place of the other side over it is held along that normal too, nothing can move it out: it has no contact point, and
+those beside it take over its function.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ class HeldPairs:
         distance: that of both sides along them, which is a part of the gap, length, shape (m,).
         others: global numbers of the nodes of the other side over them, shape (k,).
         shares: of each of these in the place over a node, sparse, shape (m, k).
+        alone: whether all of these are held along the normal, so that supports alone say what the distance is, shape
+            (m,).
         gap: length, shape (m,); None: not known yet.
         bilateral: whether contact cannot open.
     """
@@ -59,6 +62,7 @@ class HeldPairs:
     distance: Array
     others: Nodes
     shares: sp.csr_array
+    alone: Flags
     gap: Array | None = None
     bilateral: bool = False
 
@@ -77,27 +81,30 @@ class HeldPairs:
         Args:
             sides: the side with the points, and the other one.
             names: global numbers of their nodes, shape (N,) each.
-            held: the nodes of the first one that supports hold along their normals, shape (N,).
+            held: the nodes of the first one that carry no point because both sides are held there, shape (N,).
             supports: the frames of the nodes of the other one, and what is prescribed in them, see ``held_along``.
             coupling: of both sides.
             adjust: up to which distance they count as closed, length; None: nowhere.
         """
         (slave, master), dim = sides, sides[0].dimension
-        rows: dict[int, tuple[Nodes, Array]] = {}
+        rows: dict[int, tuple[Nodes, Array, bool]] = {}
         for node, facet, place in _over(slave, coupling.overlap, held):
             shape = master.functions.values(place[None])[0]
             nodes = master.nodes[facet][np.abs(shape) > SAME_PLACE_IN_CELL]
             normal = np.tile(slave.nodal_normals[node], (nodes.size, 1))
-            if held_along(normal, supports[0][nodes], supports[1][nodes]).all():
-                rows[node] = nodes, shape[np.abs(shape) > SAME_PLACE_IN_CELL]
+            certain = bool(held_along(normal, supports[0][nodes], supports[1][nodes]).all())
+            if node not in rows or certain:
+                rows[node] = nodes, shape[np.abs(shape) > SAME_PLACE_IN_CELL], certain
         at = np.array(list(rows), dtype=np.int64)
         shares = sp.lil_array((at.size, len(master.x)))
-        for row, (nodes, share) in enumerate(rows.values()):
+        for row, (nodes, share, _) in enumerate(rows.values()):
             shares[row, nodes] = share
+        alone = np.array([certain for _, _, certain in rows.values()], dtype=bool)
         normal = slave.nodal_normals[at].reshape(-1, dim)
         distance = closed_within(np.einsum("md,md->m", normal, shares @ master.x - slave.x[at]), adjust)
         over = np.flatnonzero(shares.sum(axis=0))
-        return cls(names[0][at], slave.x[at], normal, distance, names[1][over], sp.csr_array(shares.tocsr()[:, over]))
+        reached = sp.csr_array(shares.tocsr()[:, over])
+        return cls(names[0][at], slave.x[at], normal, distance, names[1][over], reached, alone)
 
     def with_gap(self, gap: Array, comm: MPI.Comm, *, by_geometry: bool, bilateral: bool) -> HeldPairs:
         """The same with its gap; collective.

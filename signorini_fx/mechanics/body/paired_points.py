@@ -22,6 +22,7 @@ from signorini_fx.mechanics.body.held_pairs import HeldPairs, held_along
 from signorini_fx.mechanics.body.mirrored_points import mirrored
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, couple
 from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
 from signorini_fx.tuned import ZERO_SUM
@@ -98,19 +99,19 @@ class FacingSides:
         frames: in which supports are told of at the nodes of both, shape (N, d, d).
         entries: at the nodes of both, which components are prescribed, which to zero at all times, and whether another
             contact or the other side owns the node, shape (N, 2 d + 1).
-        supported: nodes of the slave that are held along their normals, shape (N,).
+        held: nodes that are held along their normals.
     """
 
     slave: PairedSide
     master: PairedSide
     frames: tuple[Array, Array]
     entries: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
-    supported: npt.NDArray[np.bool_]
+    held: HeldSides
 
     @property
     def unable(self) -> npt.NDArray[np.bool_]:
-        """Nodes of the slave that cannot carry a point, shape (N,)."""
-        return np.asarray(self.supported | self.entries[0][:, -1])
+        """Nodes of the slave that cannot carry a point, as another contact owns them, shape (N,)."""
+        return np.asarray(self.entries[0][:, -1])
 
     @classmethod
     def of(
@@ -167,7 +168,8 @@ class FacingSides:
         normals = slave.surface.nodal_normals
         supported = held_along(normals, frames, entries[:, :dim])
         supported[~normals.any(axis=1)] = False  # nodes that no point belongs to
-        return cls(slave, master, (frames, axes), (entries, reached), supported)
+        held = HeldSides(supported, held_along(master.surface.directions, axes, reached[:, :dim]))
+        return cls(slave, master, (frames, axes), (entries, reached), held)
 
 
 @dataclass(frozen=True)
@@ -228,6 +230,7 @@ class PairedSides:
                 slave.surface,
                 master.surface,
                 facing.unable,
+                facing.held,
                 bonded=pair.bonded,
                 nominal=not pair.by_geometry,
                 reach=pair.reach,
@@ -237,7 +240,7 @@ class PairedSides:
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
         turns, held = None if turned is None else facing.frames[0][coupling.nodes], None
-        if (alone := facing.supported & ~facing.entries[0][:, -1]).any():
+        if (alone := coupling.helpless & ~facing.unable).any():
             sides, names = (slave.surface, master.surface), (slave.nodes, master.nodes)
             axes, reached = facing.frames[1], facing.entries[1][:, : slave.surface.dimension]
             held = HeldPairs.of(sides, names, alone, (axes, reached), coupling, pair.adjust)

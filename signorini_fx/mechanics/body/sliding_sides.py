@@ -17,6 +17,7 @@ from signorini_fx.mechanics.body.averages import Averages, from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.body.paired_points import FacingSides, PairedSide
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, slide
 from signorini_fx.tuned import PARTNERS_REACH
 
@@ -33,7 +34,8 @@ class SlidingSides:
         slave: the side with the points.
         master: the other one.
         points: its nodes that have a point, numbers of the side, shape (n,).
-        unable: its nodes that cannot carry one, shape (N,).
+        unable: its nodes that cannot carry one, as another contact owns them, shape (N,).
+        held: nodes that supports hold along the undeformed normals.
         reach: distance beyond which facets are no partners, length.
         fixed: which components are prescribed at the nodes of both sides, shape (m, d).
         facets: of the slave, owned, local numbers.
@@ -45,6 +47,7 @@ class SlidingSides:
     master: PairedSide
     points: npt.NDArray[np.int64]
     unable: npt.NDArray[np.bool_]
+    held: HeldSides
     reach: float
     fixed: npt.NDArray[np.bool_]
     facets: Indices
@@ -84,12 +87,12 @@ class SlidingSides:
             raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
         points = np.flatnonzero(~facing.unable & (slave.surface.area > 0.0) & ~slave.surface.without_area)
         if not points.size:
-            raise FormError([(name, "bcs or other contacts own all nodes of its side: exchange facets and against")])
+            raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
         if reach is None:
             reach = _default_reach(slave.surface.x, master.surface.x)
         nodes = np.concatenate((slave.nodes, master.nodes))
-        held = from_owners(fixed.astype(np.float64), nodes, space.mesh.comm) > 0
-        return cls(space, slave, master, points, facing.unable, reach, held, facets[0], index)
+        prescribed = from_owners(fixed.astype(np.float64), nodes, space.mesh.comm) > 0
+        return cls(space, slave, master, points, facing.unable, facing.held, reach, prescribed, facets[0], index)
 
     @property
     def nodes(self) -> npt.NDArray[np.int64]:
@@ -122,7 +125,7 @@ class SlidingSides:
         count = self.slave.nodes.size
         slave = self.slave.surface.displaced(displacement[:count])
         master = self.master.surface.displaced(displacement[count:])
-        return slide(slave, master, self.points, self.unable, self.reach)
+        return slide(slave, master, self.points, self.unable, self.reach, self.held)
 
     def local_points(self) -> npt.NDArray[np.int32]:
         """Local numbers of the nodes of the points of this rank."""

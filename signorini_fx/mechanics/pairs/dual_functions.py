@@ -8,16 +8,46 @@ belong to nodes that cannot carry a point, are added to their neighbours.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.surface import PairSurface
-from signorini_fx.tuned import KEPT_WEIGHT, SINGULAR
+from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, SINGULAR
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class HeldSides:
+    """Nodes of both sides that supports hold along their normals.
+
+    A held node of the slave carries a point as any other: its function moves the master.  Where the master over it is
+    held, too, nothing can move, and its neighbours take over its function.
+
+    Attributes:
+        slave: shape (N,).
+        master: shape (M,).
+    """
+
+    slave: Flags
+    master: Flags
+
+    def helpless(self, met: Any) -> Flags:
+        """Nodes of the slave that are held over what is held of the master, by more than half, shape (N,).
+
+        Args:
+            met: integrals of the functions of the nodes of the slave times those of the master, sparse or dense, shape
+                (N, M).
+        """
+        of_held = np.asarray(met @ self.master.astype(np.float64)).ravel()
+        return np.asarray(self.slave & (of_held > MOSTLY_HELD * np.asarray(met.sum(axis=1)).ravel()))
 
 
 def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:

@@ -31,7 +31,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.pairs.dual_functions import carried, dual_coefficients, extended, hats
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, dual_coefficients, extended, hats
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
@@ -69,6 +69,7 @@ class Coupling:
         reach: distance beyond which facets were no partners, length.
         directions: of projection at the nodes of the slave with test functions, of length one, shape (N, d); None: the
             normals of the slave, as sides are nominally in contact.
+        helpless: nodes of the slave that carry no point because both sides are held there, shape (N,).
     """
 
     nodes: Indices
@@ -86,6 +87,7 @@ class Coupling:
     hats: bool
     reach: float
     directions: Array | None
+    helpless: npt.NDArray[np.bool_]
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -160,6 +162,7 @@ def couple(
     slave: PairSurface,
     master: PairSurface,
     unable: npt.NDArray[np.bool_],
+    held: HeldSides | None = None,
     *,
     bonded: bool = False,
     nominal: bool = False,
@@ -172,7 +175,8 @@ def couple(
     Args:
         slave: the side with the points.
         master: the other one.
-        unable: nodes of the slave that cannot carry a point, because supports or another contact own them.
+        unable: nodes of the slave that cannot carry a point, because another contact owns them.
+        held: nodes that supports hold; None: there are none.
         bonded: whether the sides are tied, which on quadratic triangles takes the hats of the vertices.
         nominal: whether the sides are nominally in contact, so that their normals are the same but for their meshes.
         reach: distance beyond which facets are no partners, length; None: a default.
@@ -205,9 +209,10 @@ def couple(
     ]
     sums, arms = ([_over_ranks(comm, matrix) for matrix in matrices] for matrices in (sums, arms))
 
-    nodes, shares = carried(slave, tested.covered, weight, unable)
+    helpless = np.zeros(count, dtype=bool) if held is None else held.helpless(sums[1])
+    nodes, shares = carried(slave, tested.covered, weight, unable | helpless)
     if not nodes.size:
-        raise PairingError("supports or other contacts own all nodes of its covered part")
+        raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
     weight = shares @ weight
@@ -238,6 +243,7 @@ def couple(
         hats=tested.hats,
         reach=reach,
         directions=directions,
+        helpless=helpless,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:

@@ -33,7 +33,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 
-from signorini_fx.mechanics.pairs.dual_functions import carried, dual_coefficients
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, dual_coefficients
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, sparse_sums, turning_of
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals
@@ -77,6 +77,8 @@ class SlidingCoupling:
         gap: length, shape (n,); infinite without a partner.
         frames: of the points.
         covered: share of the area of each node that sees the master, shape (n,).
+        helpless: nodes that carry no point because both sides are held there, shape (h,).
+        helpless_gap: of their functions, length, shape (h,).
         normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
             (n, d m).
         tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
@@ -92,6 +94,8 @@ class SlidingCoupling:
     gap: Array
     frames: Frames
     covered: Array
+    helpless: Indices
+    helpless_gap: Array
     normal_rows: sp.csr_array
     tangent_rows: sp.csr_array
     centre: Array
@@ -236,7 +240,12 @@ class _TurningPieces:
 
 
 def slide(
-    slave: PairSurface, master: PairSurface, points: Indices, unable: npt.NDArray[np.bool_], reach: float
+    slave: PairSurface,
+    master: PairSurface,
+    points: Indices,
+    unable: npt.NDArray[np.bool_],
+    reach: float,
+    held: HeldSides | None = None,
 ) -> SlidingCoupling:
     """The map of two deformed sides, in space of degree 1.
 
@@ -246,6 +255,7 @@ def slide(
         points: nodes of the slave that have a point, ascending, shape (n,).
         unable: nodes of the slave that cannot carry a point, shape (N,).
         reach: distance beyond which facets are no partners, length.
+        held: nodes that supports hold; None: there are none.
 
     Raises:
         PairingError: a facet sees two sheets of the master.
@@ -253,7 +263,9 @@ def slide(
     tested, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
     weight = tested.moments(slave, np.ones((*tested.weighted.shape[:2], 1)), MPI.COMM_SELF)[:, 0]
-    nodes, shares = carried(slave, tested.covered, weight, unable)
+    sharing, opposite, arms = _integrals(slave, master, tested)
+    helpless = np.zeros(len(slave.x), dtype=bool) if held is None else held.helpless(opposite)
+    nodes, shares = carried(slave, tested.covered, weight, unable | helpless)
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
@@ -266,7 +278,7 @@ def slide(
     weights = np.where(partnered, placing @ (shares @ weight), slave.area[points])
     covered = (placing @ (shares @ weight)) / slave.area[points]
     mean = sp.csr_array(placing @ sp.diags_array(1.0 / (shares @ weight)) @ shares)  # of moments of the functions
-    sharing, opposite, arms = _integrals(slave, master, tested)
+    lonely_gap = _gap_of_nodes(slave, master, (sharing, opposite), weight, helpless)
     sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
     normals, distance = _directed(slave, master, sharing, opposite), opposite @ master.x - sharing @ slave.x
     distance[lonely] = 0.0
@@ -297,7 +309,31 @@ def slide(
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
     rows = sp.csr_array(normal_rows), sp.csr_array(tangent_rows)
-    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *rows, centre, pieces)
+    idle = np.flatnonzero(helpless), lonely_gap
+    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, centre, pieces)
+
+
+def _gap_of_nodes(
+    slave: PairSurface,
+    master: PairSurface,
+    products: tuple[sp.csr_array, sp.csr_array],
+    weight: Array,
+    chosen: npt.NDArray[np.bool_],
+) -> Array:
+    """The distance of both sides along their mean normal, averaged by the functions of some nodes, length, shape (m,).
+
+    Args:
+        slave: the side with the nodes.
+        master: the other one.
+        products: see ``_integrals``.
+        weight: integrals of the functions, shape (N,).
+        chosen: which nodes, shape (N,).
+    """
+    rows = np.flatnonzero(chosen)
+    scale = sp.diags_array(1.0 / weight[rows])
+    sharing, opposite = (sp.csr_array(scale @ matrix[rows]) for matrix in products)
+    normals = _directed(slave, master, sharing, opposite)
+    return np.asarray(np.einsum("nd,nd->n", normals, opposite @ master.x - sharing @ slave.x))
 
 
 def _integrals(

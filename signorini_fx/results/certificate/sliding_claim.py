@@ -28,7 +28,7 @@ from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.raw import rows_of
-from signorini_fx.mechanics.pairs.dual_functions import carried, extended
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, extended
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION
 
@@ -315,10 +315,12 @@ class SlidingClaim:
 
     Attributes:
         space: of the displacement.
-        surface: the slave, of which the solver says who carries points.
+        surface, other_surface: slave and master, of which the solver says who carries points, and what planes of
+            symmetry are.
         chains: both sides.
         carriers: nodes of the slave that have points, shape (p,) on all ranks.
         unable: nodes of the slave that cannot carry one, shape (N,).
+        held: nodes of both sides that supports hold.
         reach: distance beyond which facets are no partners, length.
         slave: owned facets of the side with the points, local numbers, as the problem names them.
         master: those of the other side.
@@ -327,9 +329,11 @@ class SlidingClaim:
 
     space: fem.FunctionSpace
     surface: PairSurface
+    other_surface: PairSurface
     chains: tuple[Chain, Chain]
     carriers: Numbers
     unable: npt.NDArray[np.bool_]
+    held: HeldSides
     reach: float
     slave: npt.NDArray[np.int32]
     master: npt.NDArray[np.int32]
@@ -503,7 +507,8 @@ class SlidingClaim:
         count = slave.nodes.size
         x, y = slave.x + values[:count], master.x + values[count:]
         side = surface.displaced(values[:count])
-        own_normals, other_normals = slave.normals(x), master.normals(y)
+        own_normals = slave.normals(x)
+        other_normals = self.other_surface.in_planes(master.normals(y), np.arange(len(y)))
         if surface.across is not None:
             own_normals = side.in_planes(own_normals, np.arange(count))
         ways, rays = own_normals, Rays.none()
@@ -512,7 +517,7 @@ class SlidingClaim:
             psi = self._functions(rays)
             sums = psi.sum(axis=1)
             covered = np.unique(rays.facet)
-            unable = self.unable if turn else np.zeros(count, dtype=bool)
+            unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
             able, shares = carried(side, rows_of(slave.facets[covered], surface.nodes), sums, unable)
             if turn or not able.size:
                 break
@@ -621,19 +626,33 @@ class SlidingClaim:
         seen, count = self.present, self.chains[0].nodes.size
         side = self.surface.displaced(self.ends[0][:count])
         covered = rows_of(self.chains[0].facets[np.unique(seen.rays.facet)], self.surface.nodes)
-        able, shares = carried(side, covered, self._sums(seen.rays), self.unable)
+        functions = self._functions(seen.rays)
+        sums = np.asarray(functions.sum(axis=1)).ravel()
+        able, shares = carried(side, covered, sums, self._unable(seen.rays, functions))
         of_point = np.zeros((self.carriers.size, count))
         of_point[np.searchsorted(self.carriers, able)] = shares.toarray()
         return of_point, able
 
-    def _sums(self, rays: Rays) -> Array:
-        """The integrals of the dual functions of the nodes of the slave, shape (N,)."""
-        return np.asarray(self._functions(rays).sum(axis=1))
+    def _unable(self, rays: Rays, functions: Any) -> npt.NDArray[np.bool_]:
+        """Nodes of the slave that carry no point with these functions at rays, shape (N, r)."""
+        master = self.chains[1]
+        met = sp.csr_array(functions) @ self._at_nodes(master, rays.over, rays.place)
+        return np.asarray(self.unable | self.held.helpless(met))
+
+    def _at_nodes(self, chain: Chain, facets: Numbers, places: Array) -> Any:
+        """The functions of the nodes of a side at rays, scipy sparse, shape (r, N)."""
+        return sparse_rows(_hats(places, chain.width), chain.facets[facets], chain.nodes.size)
 
 
 def _at(chain: Chain, values: Array, facets: Numbers, places: Array) -> Array:
     """Values between those at the nodes of a side, at places on facets."""
     return np.asarray(np.einsum("rk,rkd->rd", _hats(places, chain.width), values[chain.facets[facets]]))
+
+
+def sparse_rows(values: Array, nodes: Numbers, count: int) -> Any:
+    """The matrix of values of nodes at rays, shape (r, k), scipy sparse, shape (r, count)."""
+    rows = np.broadcast_to(np.arange(len(values))[:, None], values.shape)
+    return sp.csr_array(sp.coo_array((values.ravel(), (rows.ravel(), nodes.ravel())), shape=(len(values), count)))
 
 
 def _rings(chain: Chain, facets: Numbers, places: Array, areas: Array) -> Array:
@@ -666,7 +685,8 @@ def at_ends(
 
 def sliding_claim(
     space: fem.FunctionSpace,
-    side: tuple[PairSurface, Numbers, npt.NDArray[np.bool_], float],
+    sides: tuple[PairSurface, PairSurface],
+    points: tuple[Numbers, npt.NDArray[np.bool_], HeldSides, float],
     facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
     ends: tuple[fem.Function, fem.Function | None],
     factor: Array | None = None,
@@ -675,12 +695,13 @@ def sliding_claim(
 
     Args:
         space: of the displacement.
-        side: the slave, its nodes with points, those that cannot carry one, and the reach.
+        sides: slave and master.
+        points: nodes of the slave with points, those that cannot carry one, those of both sides that supports hold, and
+            the reach.
         facets: of both sides, owned, local numbers.
         ends: displacements now and at the beginning of the step; None: none.
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
     """
     both = Chain.of(space, facets[0], factor), Chain.of(space, facets[1])
-    surface, carriers, unable, reach = side
-    surface = replace(surface, measure=None if factor is None else both[0].measure)
-    return SlidingClaim(space, surface, both, carriers, unable, reach, *facets, at_ends(space, both, ends))
+    surface = replace(sides[0], measure=None if factor is None else both[0].measure)
+    return SlidingClaim(space, surface, sides[1], both, *points, *facets, at_ends(space, both, ends))

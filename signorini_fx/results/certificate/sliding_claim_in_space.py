@@ -12,7 +12,7 @@ does otherwise:
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -27,9 +27,9 @@ from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.raw import rows_of
-from signorini_fx.mechanics.pairs.dual_functions import carried, extended
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, extended
 from signorini_fx.mechanics.pairs.surface import PairSurface
-from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends
+from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends, sparse_rows
 from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -266,13 +266,7 @@ def _seen_from_facets(
 
 @dataclass(frozen=True)
 class SpaceSlidingClaim(SlidingClaim):
-    """A pair of sides in space as the certificate sees it, see ``SlidingClaim``.
-
-    Attributes:
-        other_surface: the master, of which the solver says what planes of symmetry are.
-    """
-
-    other_surface: PairSurface = field(kw_only=True)
+    """A pair of sides in space as the certificate sees it, see ``SlidingClaim``."""
 
     @cached_property
     def _sheets(self) -> tuple[Sheet, Sheet]:
@@ -402,9 +396,9 @@ class SpaceSlidingClaim(SlidingClaim):
         facet_of_side = self._facets_of_surface
         for turn in range(2):
             rays = _rays(slave, x, of_facets, master, y, self.reach)
-            psi = self._dual(rays)
+            psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
-            unable = self.unable if turn else np.zeros(count, dtype=bool)
+            unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
             able, shares = carried(side, facet_of_side[np.unique(rays.facet)], sums, unable)
             if turn or not able.size:
                 break
@@ -422,7 +416,7 @@ class SpaceSlidingClaim(SlidingClaim):
         partnered[at], weight[at] = True, (shares @ sums)
         mean = sp.csr_array(sp.diags_array(1.0 / weight) @ functions)
         sharing, opposite = (
-            (mean @ _hats_at(sheet, facet, places)).toarray()
+            (mean @ self._at_nodes(sheet, facet, places)).toarray()
             for sheet, facet, places in ((slave, rays.facet, rays.at), (master, rays.over, rays.place))
         )
         lonely = np.flatnonzero(~partnered)
@@ -431,7 +425,7 @@ class SpaceSlidingClaim(SlidingClaim):
         gap = np.where(partnered, mean @ rays.distance, self.reach)
         return SeenSides(x, y, ways, rays, functions, weight, sharing, opposite, normal, partnered, gap)
 
-    def _dual(self, rays: Rays) -> Any:
+    def _functions(self, rays: Rays) -> Any:
         """The dual functions of the nodes of the slave at rays times their areas, scipy sparse, shape (N, r)."""
         slave = self._sheets[0]
         values = np.zeros((rays.area.size, slave.width))
@@ -530,23 +524,15 @@ class SpaceSlidingClaim(SlidingClaim):
                     np.linalg.pinv(inertia, rcond=1e-12, hermitian=True) @ couple, r
                 )
 
-    def _sums(self, rays: Rays) -> Array:
+    def _at_nodes(self, chain: Chain, facets: Numbers, places: Array) -> Any:
         """See ``SlidingClaim``."""
-        return np.asarray(self._dual(rays).sum(axis=1)).ravel()
-
-
-def _hats_at(sheet: Sheet, facets: Numbers, places: Array) -> Any:
-    """The functions of the nodes of a side at rays, scipy sparse, shape (r, N)."""
-    values = _hats(places, sheet.width)
-    rows = np.broadcast_to(np.arange(len(values))[:, None], values.shape)
-    entries = values.ravel(), (rows.ravel(), sheet.facets[facets].ravel())
-    return sp.csr_array(sp.coo_array(entries, shape=(len(values), sheet.nodes.size)))
+        return sparse_rows(_hats(places, chain.width), chain.facets[facets], chain.nodes.size)
 
 
 def sliding_claim_in_space(
     space: fem.FunctionSpace,
     sides: tuple[PairSurface, PairSurface],
-    points: tuple[Numbers, npt.NDArray[np.bool_], float],
+    points: tuple[Numbers, npt.NDArray[np.bool_], HeldSides, float],
     facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
     ends: tuple[fem.Function, fem.Function | None],
     factor: Array | None = None,
@@ -556,7 +542,8 @@ def sliding_claim_in_space(
     Args:
         space: of the displacement.
         sides: slave and master.
-        points: nodes of the slave with points, those that cannot carry one, and the reach.
+        points: nodes of the slave with points, those that cannot carry one, those of both sides that supports hold, and
+            the reach.
         facets: of both sides, owned, local numbers.
         ends: displacements now and at the beginning of the step; None: none.
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
@@ -564,4 +551,4 @@ def sliding_claim_in_space(
     sheets = Sheet.of(space, facets[0], factor), Sheet.of(space, facets[1])
     surface = replace(sides[0], measure=None if factor is None else sheets[0].measure)
     at = at_ends(space, sheets, ends)
-    return SpaceSlidingClaim(space, surface, sheets, *points, *facets, at, other_surface=sides[1])
+    return SpaceSlidingClaim(space, surface, sides[1], sheets, *points, *facets, at)

@@ -90,7 +90,7 @@ def held_before(body: Model, step: float) -> list[HeldNodes]:
     depth = boundary.points.held_inside(np.einsum("nd,nd->n", boundary.normal, moved) - data.gap, bilateral)
     single = np.zeros(boundary.size, dtype=bool)
     points = HeldNodes(boundary.part, depth, bilateral, single, boundary.x)
-    return [points, *_held_pairs(y, body.pairs, boundary.comm)]
+    return [points, *_held_pairs(y, body.pairs, boundary.comm, by_supports=True)]
 
 
 def pushed_before(body: Model) -> list[Finding]:
@@ -102,13 +102,17 @@ def pushed_before(body: Model) -> list[Finding]:
     return pushed_nodes(body.comm, [held_before(body, step) for step in range(body.statement.steps)], body.tagged.size)
 
 
-def _held_pairs(y: Array, pairs: Mapping[int, PairedSides], comm: MPI.Comm) -> list[HeldNodes]:
+def _held_pairs(
+    y: Array, pairs: Mapping[int, PairedSides], comm: MPI.Comm, *, by_supports: bool = False
+) -> list[HeldNodes]:
+    """Those of pairs; ``by_supports``: which supports alone decide about."""
     nodes = []
     for part, pair in pairs.items():
         if (held := pair.held) is not None:
             count = len(held.nodes)
             off, paired = np.full(count, held.bilateral), np.ones(count, dtype=bool)
-            nodes.append(HeldNodes(np.full(count, part, np.int32), held.inside(y, comm), off, paired, held.x))
+            depth = np.where(held.alone | (not by_supports), held.inside(y, comm), 0.0)
+            nodes.append(HeldNodes(np.full(count, part, np.int32), depth, off, paired, held.x))
     return nodes
 
 

@@ -1,0 +1,190 @@
+"""Sides of two bodies with nodes that supports hold: these push the other body, whichever side has the points.
+
+The reference is the problem with both sides exchanged, where the points are on the side that is free.
+"""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from support.sliding_bodies import SlidingBodies, as_linear_bodies
+from two_bodies import grid
+
+from signorini_fx import ConvergenceError, Coulomb, Status
+from signorini_fx.mechanics.body import sliding_sides
+from signorini_fx.mechanics.pairs.sliding import slide
+
+DEPTH = 0.02
+KINDS = {2: "quadrilateral", 3: "hexahedron"}
+
+
+def plate(dim, kind=None, cells=3, finer=1, upto=0.0, **settings):
+    """A plate of the length 1 and the thickness 0.1, held where x[0] is at most ``upto``, above a block that is held
+    below.
+
+    Args:
+        dim: of space.
+        kind: of the cells.
+        cells: of the block along each edge of its upper side.
+        finer: by what the plate has more cells.
+        upto: see above.
+        settings: see ``SlidingBodies``.
+    """
+    kind, up, away = kind or KINDS[dim], dim - 1, 1e-6  # which tells the nodes of both sides apart
+    low, high = [0.0] * (dim - 1), [1.0] * (dim - 1)
+    bodies = (
+        grid(kind, (*[cells] * (dim - 1), 2), [*low, -1.0], [*high, 0.0]),
+        grid(kind, (*[finer * cells] * (dim - 1), 1), [*low, away], [*high, 0.1]),
+    )
+    touching = [lambda x: np.isclose(x[up], 0.0), lambda x: np.isclose(x[up], away)]
+    held = [lambda x: np.isclose(x[up], -1.0), lambda x: (x[0] <= upto + 1e-9) & (x[up] >= away / 2)]
+    return SlidingBodies(kind, bodies, touching, held, reach=0.5, **settings)
+
+
+def pressed(scene, *way):
+    """The force across the sides on the lower body, of bodies that slide and of linear ones."""
+    force = scene.move(*[0.0] * (len(scene.u) - 1), -DEPTH, *way)[-1]
+    linear = sum(as_linear_bodies(scene).state.forces)[-1]
+    return np.abs([force, linear])
+
+
+@pytest.mark.parametrize(
+    ("dim", "kind", "upto"),
+    [
+        (2, "quadrilateral", 0.0),
+        (2, "triangle", 0.34),
+        (3, "hexahedron", 0.0),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                (2, "quadrilateral", 0.34),
+                (2, "triangle", 0.0),
+                (3, "hexahedron", 0.34),
+                (3, "tetrahedron", 0.0),
+                (3, "tetrahedron", 0.34),
+            )
+        ),
+    ],
+)
+def test_both_choices_of_the_slave(dim, kind, upto):
+    """An edge that is held, and a third of the side, on coarse meshes that match: linear bodies have one force, and
+    those that slide differ by what turns.
+    """
+    slid, linear = np.transpose([pressed(plate(dim, kind, upto=upto, slave=slave)) for slave in (0, 1)])
+    assert slid[1] == pytest.approx(slid[0], rel=0.005)
+    assert linear[1] == pytest.approx(linear[0], rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dim", [2, 3])
+def test_meshes_that_do_not_match(dim):
+    """What both choices differ by falls with the mesh."""
+    apart = []
+    for cells in (3, 6, 12)[: 5 - dim]:
+        forces = [pressed(plate(dim, cells=cells, finer=2, upto=0.34, slave=slave)) for slave in (0, 1)]
+        apart.append(np.abs(forces[1] / forces[0] - 1).max())
+    assert apart[-1] < 0.05
+    assert apart[-1] < 0.6 * apart[0]
+
+
+def punch(dim, cells, **settings):
+    """A parabola below a body of which all nodes are held, and a block with six cells below it that is held below."""
+    up, away = dim - 1, 1e-6
+
+    def height(x):
+        return 0.1 * np.sum(x[:up] ** 2, axis=0)
+
+    def bent(x):
+        return np.column_stack((x[:, :up], x[:, up] + height(x.T) * (0.3 - x[:, up]) / 0.3))
+
+    bodies = (
+        grid(KINDS[dim], (*[6] * up, 3), [*[-0.75] * up, -1.0], [*[0.75] * up, 0.0]),
+        grid(KINDS[dim], (*[cells] * up, 1), [*[-0.5] * up, away], [*[0.5] * up, 0.3], bent),
+    )
+    touching = [lambda x: np.isclose(x[up], 0.0), lambda x: x[up] <= height(x) + 2 * away]
+    held = [lambda x: np.isclose(x[up], -1.0), lambda x: x[up] >= away / 2]
+    return SlidingBodies(KINDS[dim], bodies, touching, held, reach=0.5, **settings)
+
+
+@pytest.mark.parametrize(
+    ("dim", "cells"),
+    [(2, 7), (2, 14), *(pytest.param(3, cells, marks=pytest.mark.slow) for cells in (7, 10))],
+)
+def test_a_side_that_is_held_everywhere(dim, cells):
+    """With all of its nodes held a slave is a rigid body, also where it has more nodes than the block that it dents:
+    pressed down and along with friction, it has the forces of a rigid master.
+    """
+    forces, way = [], [0.01, *[0.0] * (dim - 2), -0.02]
+    for slave in (0, 1):
+        scene = punch(dim, cells, slave=slave, friction=Coulomb(0.3), algorithm="alm")
+        forces.append([scene.move(*way), sum(as_linear_bodies(scene).state.forces)])
+        assert max(scene.iterations) <= 6
+    assert np.abs(forces[0])[:, 0].min() > 0.1 * np.abs(forces[0]).max()
+    # More points hold the dent closer to the parabola.
+    assert -np.array(forces[1]) == pytest.approx(np.array(forces[0]), abs=0.055 * np.abs(forces).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "method", [{"algorithm": "ssn"}, {"linear_algebra": "krylov"}, {"linear_algebra": "full"}, {"coulomb": "newton"}]
+)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_methods(dim, method):
+    """All methods have one force, with more held points than there are nodes below them."""
+    scene = punch(dim, 14 if dim == 2 else 7, slave=1, friction=Coulomb(0.3))
+    scene.move(0.01, *[0.0] * (dim - 2), -0.03)
+    forces = [sum(as_linear_bodies(scene, **settings).state.forces) for settings in ({}, method)]
+    assert forces[1] == pytest.approx(forces[0], abs=1e-3 * np.abs(forces[0]).max())
+
+
+def shelf(dim, slave, finer=2, comm=MPI.COMM_SELF):
+    """A block and a plate on it that are both held where x[0] = 0, the block at its other end, too."""
+    kind, up, away = KINDS[dim], dim - 1, 1e-6
+    low, high = [0.0] * up, [1.0] * up
+    bodies = (
+        grid(kind, (*[3] * up, 2), [*low, -1.0], [*high, 0.0]),
+        grid(kind, (*[3 * finer] * up, 1), [*low, away], [*high, 0.3]),
+    )
+    touching = [lambda x: np.isclose(x[up], 0.0), lambda x: np.isclose(x[up], away)]
+    held = [lambda x: (x[up] <= 0) & np.isclose(x[0], 0.0), lambda x: (x[up] > 0) & np.isclose(x[0], 0.0)]
+    return SlidingBodies(kind, bodies, touching, held, slave=slave, reach=0.5, comm=comm)
+
+
+def told(scene):
+    """What is told of nodes that supports hold."""
+    return [found.message for found in scene.problem.findings if "supports hold" in found.message]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_where_both_sides_are_held(dim, slave):
+    """Where nothing can move nothing is transmitted, and the user is told the place and the depth, on all ranks; not
+    where the bodies part.  Along the edge the sides of both are as in a plane of symmetry, of both choices.
+    """
+    scene = shelf(dim, slave, comm=MPI.COMM_WORLD)
+    still = [0.0] * (dim - 1)
+    scene.move(*still, DEPTH)
+    assert not told(scene)
+    scene.move(*still, -DEPTH)
+    (message,) = told(scene)
+    count = 1 if dim == 2 else (4, 7)[slave]
+    assert message.startswith(f"supports hold {count} contact node{'s' * (count > 1)} inside the other body, by 0.0")
+    assert " at (0, " in message
+    depth = float(message.split(" by ")[1].split()[0])
+    assert depth == pytest.approx(DEPTH, rel=0.03)
+    assert len(set(MPI.COMM_WORLD.allgather(message))) == 1
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_certificate_misses_held_points(monkeypatch, dim):
+    """A solver that gives the functions of held nodes to their neighbours is refused."""
+
+    def given_away(slave, master, points, unable, reach, held):
+        return slide(slave, master, points, unable | held.slave, reach)
+
+    monkeypatch.setattr(sliding_sides, "slide", given_away)
+    scene = plate(dim, slave=1)
+    with pytest.raises(ConvergenceError) as raised:
+        scene.move(*[0.0] * (dim - 1), -DEPTH)
+    assert scene.problem.status is Status.NOT_CERTIFIED
+    assert "entered" in str(raised.value)
