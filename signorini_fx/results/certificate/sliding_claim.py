@@ -282,10 +282,10 @@ class SeenSides:
         x, y: positions of the nodes of slave and master.
         ways: directions of the rays at the nodes of the slave, shape (N, d).
         rays: see ``Rays``.
-        functions: of the points at the rays times their areas, an array or scipy sparse, shape (n, r).
+        functions: of the points at the rays times their areas, scipy sparse, shape (n, r).
         weight: area, shape (n,).
-        sharing: D, shape (n, N).
-        opposite: M, shape (n, M).
+        sharing: D, scipy sparse, shape (n, N).
+        opposite: M, scipy sparse, shape (n, M).
         normal: of the points, shape (n, d).
         partnered: which points see the other side, shape (n,).
         gap: length, shape (n,).
@@ -297,8 +297,8 @@ class SeenSides:
     rays: Rays
     functions: Any
     weight: Array
-    sharing: Array
-    opposite: Array
+    sharing: Any
+    opposite: Any
     normal: Array
     partnered: npt.NDArray[np.bool_]
     gap: Array
@@ -364,7 +364,8 @@ class SlidingClaim:
 
     @cached_property
     def _begun(self) -> SeenSides:
-        return self._seen(self.ends[1])
+        """What they saw at the beginning of the step, without rays, of which there are many."""
+        return replace(self._seen(self.ends[1]), rays=Rays.none(), functions=None)
 
     @property
     def weight(self) -> Array:
@@ -401,11 +402,8 @@ class SlidingClaim:
         values = from_owners(owned, rows, self.comm)
         end_number = next((k for k, end in enumerate(self.ends) if np.array_equal(values, end)), None)
         seen = (self.present, self._begun)[end_number] if end_number is not None else self._seen(values)
-        begun = self._begun
-        at = begun.partnered
-        sharing = np.where(at[:, None], begun.sharing, seen.sharing)
-        opposite = np.where(at[:, None], begun.opposite, seen.opposite)
-        start = np.where(at[:, None], begun.tangent, seen.tangent)
+        begun, (sharing, opposite) = self._begun, self._met_since(seen)
+        start = np.where(begun.partnered[:, None], begun.tangent, seen.tangent)
         slip = np.sum(seen.tangent * (sharing @ seen.x - opposite @ seen.y), axis=1)
         slip -= np.sum(start * (sharing @ begun.x - opposite @ begun.y), axis=1)
         slip = np.where(seen.partnered, slip, 0.0)[self._mine]
@@ -413,11 +411,17 @@ class SlidingClaim:
         slip = np.where(np.einsum("ni,nij,nj->n", tangent, self.across, tangent) > SAME_DIRECTION, 0.0, slip)
         return np.asarray(slip[:, None] * tangent - seen.gap[self._mine, None] * normal)
 
+    def _met_since(self, seen: SeenSides) -> tuple[Any, Any]:
+        """D and M of the beginning of the step, and of points that saw nothing then those of ``seen``."""
+        then = sp.diags_array(self._begun.partnered.astype(np.float64))
+        now = sp.diags_array((~self._begun.partnered).astype(np.float64))
+        return then @ self._begun.sharing + now @ seen.sharing, then @ self._begun.opposite + now @ seen.opposite
+
     def terms(self, owned: Array) -> Array:
         """See ``Claim``."""
         count = self.chains[0].nodes.size
         values = np.abs(from_owners(owned, np.concatenate([chain.nodes for chain in self.chains]), self.comm))
-        sums = np.abs(self.present.sharing) @ values[:count] + np.abs(self.present.opposite) @ values[count:]
+        sums = abs(self.present.sharing) @ values[:count] + abs(self.present.opposite) @ values[count:]
         return np.asarray(sums[self._mine])
 
     def forces(self, traction: Array, owned: int) -> tuple[Numbers, Array, Array]:
@@ -436,7 +440,7 @@ class SlidingClaim:
         forces[:count] += seen.sharing.T @ drag
         forces[count:] -= seen.opposite.T @ drag
         self._add_couples(forces, drag)
-        area = np.concatenate((np.abs(seen.sharing).T @ seen.weight, np.abs(seen.opposite).T @ seen.weight))
+        area = np.concatenate((abs(seen.sharing).T @ seen.weight, abs(seen.opposite).T @ seen.weight))
         # A quadratic node on an axis of revolution has no share of any ring: its shares are round-off.
         rays = seen.rays
         area[:count] = np.maximum(area[:count], _rings(slave, rays.facet, rays.at, rays.area))
@@ -468,7 +472,7 @@ class SlidingClaim:
         """See ``Claim``; collective."""
         master = self.chains[1]
         numbers = from_owners(of_node[:, None].astype(np.float64), master.nodes, self.comm)[:, 0].astype(np.int64)
-        most = np.abs(self.present.opposite).argmax(axis=1)
+        most = np.asarray(abs(self.present.opposite).argmax(axis=1)).ravel()
         return np.where(self.present.partnered, numbers[most], -1)[self._mine]
 
     def moved(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
@@ -476,7 +480,7 @@ class SlidingClaim:
         count = self.chains[0].nodes.size
         names = np.concatenate([chain.nodes for chain in self.chains])
         values = from_owners(flags.astype(np.float64), names, self.comm)
-        reached = np.abs(self.present.sharing) @ values[:count] + np.abs(self.present.opposite) @ values[count:]
+        reached = abs(self.present.sharing) @ values[:count] + abs(self.present.opposite) @ values[count:]
         return np.asarray((reached > 0) & self.present.partnered[:, None])[self._mine]
 
     def error(self) -> float:
@@ -515,48 +519,74 @@ class SlidingClaim:
         for turn in range(2):
             rays = _rays(slave, x, ways, master, y, self.reach)
             psi = self._functions(rays)
-            sums = psi.sum(axis=1)
+            sums = np.asarray(psi.sum(axis=1)).ravel()
             covered = np.unique(rays.facet)
             unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
             able, shares = carried(side, rows_of(slave.facets[covered], surface.nodes), sums, unable)
             if turn or not able.size:
                 break
-            mean = np.asarray(shares @ psi) / (shares @ sums)[:, None]
+            mean = sp.diags_array(1.0 / (shares @ sums)) @ shares @ psi
             of_own = _at(slave, own_normals, rays.facet, rays.at)
             of_other = _at(master, other_normals, rays.over, rays.place)
             ways = own_normals - extended(side, able, mean @ of_other)
             ways[able] = mean @ of_own - mean @ of_other
             ways = side.in_planes(ways, np.arange(count))
-        carriers, at = self.carriers, np.searchsorted(self.carriers, able)
-        size = carriers.size
-        partnered, functions = np.zeros(size, dtype=bool), np.zeros((size, rays.at.size))
-        partnered[at], weight = True, np.array(surface.area[carriers])
-        functions[at] = np.asarray(shares @ psi)
-        weight[at] = functions[at].sum(axis=1)
-        mean = functions / weight[:, None]
-        sharing, opposite = np.zeros((size, count)), np.zeros((size, master.nodes.size))
-        met = (sharing, slave, rays.facet, rays.at), (opposite, master, rays.over, rays.place)
-        for matrix, chain, facet, place in met:
-            for values_there, nodes in zip(_hats(place, chain.width).T, chain.facets[facet].T, strict=True):
-                np.add.at(matrix.T, nodes, (mean * values_there).T)
-        sharing[~partnered, carriers[~partnered]] = 1.0
+        functions, partnered, weight, mean = self._carried(able, shares, psi)
+        sharing, opposite = self._shares_of(rays, mean, partnered)
         normal = sharing @ own_normals - opposite @ other_normals
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         gap = np.where(partnered, mean @ rays.distance, self.reach)
         return SeenSides(x, y, ways, rays, functions, weight, sharing, opposite, normal, partnered, gap)
 
-    def _functions(self, rays: Rays) -> Array:
-        """The dual functions of the nodes of the slave at rays times their areas, shape (N, r)."""
+    def _carried(self, able: Numbers, shares: Any, psi: Any) -> tuple[Any, npt.NDArray[np.bool_], Array, Any]:
+        """The functions of the points at rays, scipy sparse, shape (p, r), which points have some, their areas, and the
+        functions over these.
+
+        Args:
+            able: nodes of the slave that carry a point with functions.
+            shares: of the functions of all nodes in theirs.
+            psi: the functions of the nodes.
+        """
+        at, size = np.searchsorted(self.carriers, able), self.carriers.size
+        placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(size, at.size)))
+        functions = sp.csr_array(placing @ shares @ psi)
+        partnered, weight = np.zeros(size, dtype=bool), np.array(self.surface.area[self.carriers])
+        partnered[at] = True
+        weight[at] = shares @ np.asarray(psi.sum(axis=1)).ravel()
+        return functions, partnered, weight, sp.csr_array(sp.diags_array(1.0 / weight) @ functions)
+
+    def _shares_of(self, rays: Rays, mean: Any, partnered: npt.NDArray[np.bool_]) -> tuple[Any, Any]:
+        """D and M, see ``SeenSides``, of functions over areas at rays."""
+        slave, master = self.chains
+        lonely = np.flatnonzero(~partnered)
+        entries = np.ones(lonely.size), (lonely, self.carriers[lonely])
+        itself = sp.csr_array(sp.coo_array(entries, shape=(partnered.size, slave.nodes.size)))
+        sharing = sp.csr_array(mean @ self._at_nodes(slave, rays.facet, rays.at) + itself)
+        return sharing, sp.csr_array(mean @ self._at_nodes(master, rays.over, rays.place))
+
+    def _functions(self, rays: Rays) -> Any:
+        """The dual functions of the nodes of the slave at rays times their areas, scipy sparse, shape (N, r)."""
         slave = self.chains[0]
-        functions = np.zeros((slave.nodes.size, rays.at.size))
-        for facet in np.unique(rays.facet):
-            of_facet = np.flatnonzero(rays.facet == facet)
-            hats = _hats(rays.at[of_facet], slave.width).T
-            area = rays.area[of_facet]
-            mass = (hats * area) @ hats.T
-            dual = np.diag(mass.sum(axis=1)) @ np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ hats
-            functions[np.ix_(slave.facets[facet], of_facet)] = dual * area
-        return functions
+        hats = self._hats(rays.at, slave)
+        mass = np.zeros((len(slave.facets), slave.width, slave.width))
+        for k in range(slave.width):
+            for j in range(slave.width):
+                products = hats[:, k] * hats[:, j] * rays.area
+                mass[:, k, j] = np.bincount(rays.facet, products, minlength=len(mass))
+        covered = np.unique(rays.facet)
+        duals = np.zeros_like(mass)
+        inverse = np.linalg.pinv(mass[covered], rcond=1e-10, hermitian=True)
+        duals[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
+        values = np.zeros_like(hats)
+        for k in range(slave.width):
+            values += duals[rays.facet, :, k] * (hats[:, k] * rays.area)[:, None]
+        numbers = np.broadcast_to(np.arange(len(values))[:, None], values.shape)
+        places = slave.facets[rays.facet].ravel(), numbers.ravel()
+        return sp.csr_array(sp.coo_array((values.ravel(), places), shape=(slave.nodes.size, len(values))))
+
+    def _hats(self, places: Array, chain: Chain) -> Array:
+        """The functions of the nodes of facets of a side at places, shape (r, k)."""
+        return np.asarray(_hats(places, chain.width))
 
     @cached_property
     def _rates(self) -> tuple[Numbers, Array]:
@@ -605,14 +635,14 @@ class SlidingClaim:
         apart = seen.opposite @ seen.y - seen.sharing @ seen.x
         apart[~seen.partnered] = 0.0
         couples = _cross(apart, drag) / 2
-        of_point, _ = self._shares
+        of_point = self._shares
         for point in np.flatnonzero(couples != 0.0):
             for chain, facets, x, first in (
                 (slave, seen.rays.facet, seen.x, 0),
                 (master, seen.rays.over, seen.y, count),
             ):
                 arms = np.zeros(chain.nodes.size)
-                shares = of_point[point][slave.facets[seen.rays.facet]].sum(axis=1) * seen.rays.area
+                shares = of_point[[point]].toarray()[0][slave.facets[seen.rays.facet]].sum(axis=1) * seen.rays.area
                 for column in chain.facets[facets].T:
                     np.add.at(arms, column, shares)
                 r = x - (arms @ x) / arms.sum()
@@ -621,38 +651,35 @@ class SlidingClaim:
                 forces[first : first + chain.nodes.size] += couples[point] * (arms / polar)[:, None] * turned
 
     @cached_property
-    def _shares(self) -> tuple[Array, Numbers]:
-        """How points take over the functions of nodes of the slave, shape (p, N)."""
+    def _shares(self) -> Any:
+        """How points take over the functions of nodes of the slave, scipy sparse, shape (p, N)."""
         seen, count = self.present, self.chains[0].nodes.size
         side = self.surface.displaced(self.ends[0][:count])
         covered = rows_of(self.chains[0].facets[np.unique(seen.rays.facet)], self.surface.nodes)
         functions = self._functions(seen.rays)
         sums = np.asarray(functions.sum(axis=1)).ravel()
         able, shares = carried(side, covered, sums, self._unable(seen.rays, functions))
-        of_point = np.zeros((self.carriers.size, count))
-        of_point[np.searchsorted(self.carriers, able)] = shares.toarray()
-        return of_point, able
+        at, size = np.searchsorted(self.carriers, able), self.carriers.size
+        placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(size, at.size)))
+        return sp.csr_array(placing @ shares)
 
     def _unable(self, rays: Rays, functions: Any) -> npt.NDArray[np.bool_]:
         """Nodes of the slave that carry no point with these functions at rays, shape (N, r)."""
         master = self.chains[1]
-        met = sp.csr_array(functions) @ self._at_nodes(master, rays.over, rays.place)
+        met = functions @ self._at_nodes(master, rays.over, rays.place)
         return np.asarray(self.unable | self.held.helpless(met))
 
     def _at_nodes(self, chain: Chain, facets: Numbers, places: Array) -> Any:
         """The functions of the nodes of a side at rays, scipy sparse, shape (r, N)."""
-        return sparse_rows(_hats(places, chain.width), chain.facets[facets], chain.nodes.size)
+        values, nodes = self._hats(places, chain), chain.facets[facets]
+        rows = np.broadcast_to(np.arange(len(values))[:, None], values.shape)
+        entries = values.ravel(), (rows.ravel(), nodes.ravel())
+        return sp.csr_array(sp.coo_array(entries, shape=(len(values), chain.nodes.size)))
 
 
 def _at(chain: Chain, values: Array, facets: Numbers, places: Array) -> Array:
     """Values between those at the nodes of a side, at places on facets."""
     return np.asarray(np.einsum("rk,rkd->rd", _hats(places, chain.width), values[chain.facets[facets]]))
-
-
-def sparse_rows(values: Array, nodes: Numbers, count: int) -> Any:
-    """The matrix of values of nodes at rays, shape (r, k), scipy sparse, shape (r, count)."""
-    rows = np.broadcast_to(np.arange(len(values))[:, None], values.shape)
-    return sp.csr_array(sp.coo_array((values.ravel(), (rows.ravel(), nodes.ravel())), shape=(len(values), count)))
 
 
 def _rings(chain: Chain, facets: Numbers, places: Array, areas: Array) -> Array:

@@ -2,6 +2,7 @@
 
 Of the solver it takes who carries a point, which facets there are, and which nodes lie in planes of symmetry.  What it
 does otherwise:
+- facets that may see each other are looked for along lines through the middles of facets, in a tree of the others',
 - the polygon that two facets share is made of corners of the one inside the other, and of where their edges cross,
 - places on quadrilaterals are roots of quadratic equations, and each triangle of a polygon has a square of points,
 - derivatives of distances are taken by complex steps, and the rotation around a node is that of a pseudo-inverse, or of
@@ -20,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from signorini_fx.machine import parallel
@@ -29,7 +31,7 @@ from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, extended
 from signorini_fx.mechanics.pairs.surface import PairSurface
-from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends, sparse_rows
+from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends
 from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -40,6 +42,8 @@ _STEP = 1e-30
 # Points along each side of a square, from which those of a triangle are made: on triangles products of two linear
 # functions are integrated, on quadrilaterals what is rational.
 _POINTS = {3: 3, 4: 5}
+# How many facets, and how many rays, are looked at together, for memory.
+_FACETS_AT_ONCE, _RAYS_AT_ONCE = 1024, 65536
 
 
 def _unit(vectors: Any) -> Any:
@@ -141,43 +145,53 @@ class Sheet(Chain):
         return np.asarray((size * (self.measure[self.facets] @ _hats(at, self.width).T)) @ factors)
 
 
-def _inside(points: Array, window: Array, most: float) -> npt.NDArray[np.bool_]:
-    """Which points of the plane, shape (v, 2), are in a convex polygon, corners counterclockwise, or outside by at most
-    this length.
+def _inside(points: Array, window: Array, most: Array) -> npt.NDArray[np.bool_]:
+    """Which points of the plane, shape (m, v, 2), are in convex polygons, corners counterclockwise, shape (m, k, 2), or
+    outside by at most these lengths, shape (m,); shape (m, v).
     """
-    edges = np.roll(window, -1, axis=0) - window
-    away = points[:, None] - window
-    height = edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0]
-    return np.asarray((height >= -most * np.linalg.norm(edges, axis=1)).all(axis=1))
+    edges = np.roll(window, -1, axis=1) - window
+    away = points[:, :, None] - window[:, None]
+    height = edges[:, None, :, 0] * away[..., 1] - edges[:, None, :, 1] * away[..., 0]
+    return np.asarray((height >= -most[:, None, None] * np.linalg.norm(edges, axis=2)[:, None]).all(axis=2))
 
 
-def _common(first: Array, second: Array) -> Array | None:
-    """The polygon that two convex ones share, corners counterclockwise, shape (v, 2); None: they share none.
+def _common(first: Array, second: Array) -> tuple[Array, Numbers]:
+    """The polygons that pairs of convex ones share, corners counterclockwise: shape (m, v, 2), of which the first
+    corners are there, and how many, shape (m,).
 
-    Where edges of both are on one line but for round-off, its corners are theirs, as no crossing is to be had.
+    Where edges of both are on one line but for round-off, corners are theirs, as no crossing is to be had.
+
+    Args:
+        first: corners counterclockwise, shape (m, k, 2).
+        second: likewise, shape (m, l, 2).
     """
-    start, along = first[:, None], (np.roll(first, -1, axis=0) - first)[:, None]
-    begin, across = second[None], (np.roll(second, -1, axis=0) - second)[None]
+    start, along = first[:, :, None], (np.roll(first, -1, axis=1) - first)[:, :, None]
+    begin, across = second[:, None], (np.roll(second, -1, axis=1) - second)[:, None]
     turn = along[..., 0] * across[..., 1] - along[..., 1] * across[..., 0]
     away = begin - start
     crosses = np.abs(turn) > PARALLEL * np.linalg.norm(along, axis=-1) * np.linalg.norm(across, axis=-1)
     apart = away[..., 0] * across[..., 1] - away[..., 1] * across[..., 0]
     at = np.divide(apart, turn, out=np.zeros_like(turn), where=crosses)
-    crossings = (start + at[..., None] * along)[crosses]
-    points = np.concatenate((first, second, crossings))
-    most = SAME_NUMBER * max(float(np.ptp(polygon, axis=0).max()) for polygon in (first, second))
-    points = points[_inside(points, first, most) & _inside(points, second, most)]
-    if len(points) < 3:
-        return None
-    arms = points - points.mean(axis=0)
-    return np.asarray(points[np.argsort(np.arctan2(arms[:, 1], arms[:, 0]))])
+    count = len(first)
+    crossings = (start + at[..., None] * along).reshape(count, -1, 2)
+    points = np.concatenate((first, second, crossings), axis=1)
+    kept = np.ones(points.shape[:2], dtype=bool)
+    kept[:, first.shape[1] + second.shape[1] :] = crosses.reshape(count, -1)
+    most = SAME_NUMBER * np.maximum(*(np.ptp(polygon, axis=1).max(axis=1) for polygon in (first, second)))
+    kept &= _inside(points, first, most) & _inside(points, second, most)
+    number = kept.sum(axis=1)
+    middle = np.where(kept[..., None], points, 0.0).sum(axis=1) / np.maximum(number, 1)[:, None]
+    arms = points - middle[:, None]
+    angle = np.where(kept, np.arctan2(arms[..., 1], arms[..., 0]), np.inf)
+    order = np.argsort(angle, axis=1, kind="stable")[:, : int(number.max(initial=1))]
+    return np.take_along_axis(points, order[..., None], axis=1), np.where(number < 3, 0, number)
 
 
-def _area(polygon: Array) -> float:
-    """Of a polygon, corners counterclockwise, shape (v, 2)."""
-    arms = polygon - polygon[0]
-    after = np.roll(arms, -1, axis=0)
-    return float(np.sum(arms[:, 0] * after[:, 1] - arms[:, 1] * after[:, 0]) / 2)
+def _areas(polygons: Array, number: Numbers) -> Array:
+    """Of polygons, corners counterclockwise, of which the first ones are there, shapes (m, v, 2) and (m,)."""
+    valid = np.arange(polygons.shape[1]) < number[:, None]
+    arms = np.where(valid[..., None], polygons - polygons[:, :1], 0.0)
+    return np.asarray((arms[:, :-1, 0] * arms[:, 1:, 1] - arms[:, :-1, 1] * arms[:, 1:, 0]).sum(axis=1) / 2)
 
 
 def _inverse(corners: Array, p: Array) -> Array:
@@ -202,66 +216,121 @@ def _inverse(corners: Array, p: Array) -> Array:
     return np.column_stack((-np.sum(offset * along, axis=1) / np.sum(along**2, axis=1), t))
 
 
+def _near_lines(middles: Array, ways: Array, tree: cKDTree, width: Array, reach: float) -> tuple[Numbers, Numbers]:
+    """Which points of a tree may be within a distance from lines through others, at most so far along them as the
+    reach and this distance: a few more, numbers of both, shape (m,).
+
+    Args:
+        middles: points on the lines, shape (n, 3).
+        ways: their directions, of length one, shape (n, 3).
+        tree: of the other points.
+        width: the distances, shape (n,).
+        reach: length.
+    """
+    low, high = tree.mins, tree.maxes
+    beyond = float(np.linalg.norm(np.maximum(high, middles.max(axis=0)) - np.minimum(low, middles.min(axis=0))))
+    widest = float(width.max())
+    length = min(reach, beyond) + widest
+    stations = np.arange(-int(np.ceil(length / (2 * widest))), int(np.ceil(length / (2 * widest))) + 1) * 2 * widest
+    # A place on the line is at most as far from a station as it is wide.
+    radius = np.sqrt(2.0) * widest * (1 + SAME_NUMBER)
+    met = [np.zeros((0, 2), dtype=np.int64)]
+    for station in stations:
+        places = middles + station * ways
+        close = np.flatnonzero(np.isfinite(tree.query(places, distance_upper_bound=radius)[0]))
+        found = tree.query_ball_point(places[close], radius)
+        sizes = np.array([len(numbers) for numbers in found], dtype=np.int64)
+        if sizes.sum():
+            met.append(np.column_stack((np.repeat(close, sizes), np.concatenate(found).astype(np.int64))))
+    own, other = np.divmod(np.unique(np.concatenate(met) @ np.array([tree.n, 1])), tree.n)
+    return own, other
+
+
 def _rays(slave: Sheet, x: Array, ways: Array, master: Sheet, y: Array, reach: float) -> Rays:
     """All pairs of points that see each other along directions of the facets of the slave, of length one, shape (f, 3);
     the nodes of both sides are at x and y.
     """
-    points, weights = _rule(_POINTS[max(slave.width, master.width)])
-    outward, facing = slave.facing(x), master.facing(y)
-    opposite = y[master.facets]
-    columns = list(_seen_from_facets(slave, x, ways, opposite, facing @ outward.T < FACING_SIDES, (points, weights)))
-    if not columns:
-        return Rays.none()
-    facet, at, over, places, area = (np.concatenate(column) for column in zip(*columns, strict=True))
-    apart = np.einsum("rk,rkd->rd", _hats(places, master.width), opposite[over])
-    apart = apart - np.einsum("rk,rkd->rd", _hats(at, slave.width), x[slave.facets[facet]])
-    _, pair = np.unique(facet * len(master.facets) + over, return_inverse=True)
-    pair = pair.ravel()
-    means = np.stack([np.bincount(pair, area * part) for part in apart.T], axis=1) / np.bincount(pair, area)[:, None]
-    near = np.flatnonzero(np.linalg.norm(means[pair], axis=1) <= reach)
-    distance = np.sum(apart * ways[facet], axis=1)
-    return Rays(facet[near], at[near], over[near], places[near], distance[near], area[near])
+    rule = _rule(_POINTS[max(slave.width, master.width)])
+    both = x[slave.facets], y[master.facets]
+    middles = [corners.mean(axis=1) for corners in both]
+    sizes = [
+        np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
+        for corners, middle in zip(both, middles, strict=True)
+    ]
+    tree, outward, facing = cKDTree(middles[1]), slave.facing(x), master.facing(y)
+    parts = [_none()]
+    for first in range(0, len(slave.facets), _FACETS_AT_ONCE):
+        chosen = np.arange(first, min(first + _FACETS_AT_ONCE, len(slave.facets)))
+        number, over = _near_lines(middles[0][chosen], ways[chosen], tree, sizes[0][chosen] + sizes[1].max(), reach)
+        number = chosen[number]
+        faces = np.einsum("md,md->m", facing[over], outward[number]) < FACING_SIDES
+        parts.append(_seen_from_facets(slave, both, ways, (number[faces], over[faces]), rule, reach))
+    facet, at, over, place, distance, area = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Rays(facet, at, over, place, distance, area)
+
+
+def _none() -> tuple[Any, ...]:
+    """What ``_seen_from_facets`` finds of no pairs."""
+    numbers, places, values = np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0)
+    return numbers, places, numbers, places, values, values
 
 
 def _seen_from_facets(
-    slave: Sheet, x: Array, ways: Array, opposite: Array, faces: npt.NDArray[np.bool_], rule: tuple[Array, Array]
-) -> Iterator[tuple[Any, ...]]:
-    """Of each facet of the slave the points that see one of the other side: numbers of both, places and areas."""
-    points, weights = rule
-    for number, nodes in enumerate(slave.facets):
-        corners, way = x[nodes], ways[number]
-        middle = corners.mean(axis=0)
-        first = _unit(np.cross(way, np.eye(3)[np.abs(way).argmin()]))
-        axes = np.stack((first, np.cross(way, first)))
-        flat, flat_master = (corners - middle) @ axes.T, (opposite - middle) @ axes.T
-        near = faces[:, number] & (flat_master.min(axis=1) <= flat.max(axis=0)).all(axis=1)
-        near &= (flat_master.max(axis=1) >= flat.min(axis=0)).all(axis=1)
-        size = _area(flat)
-        triangles, partners = [], []
-        for k in np.flatnonzero(near):
-            polygon = _common(flat, flat_master[k][::-1])
-            if polygon is None or _area(polygon) <= NO_PART * size:
-                continue
-            ends = polygon[1:-1], polygon[2:]
-            fan = np.stack((np.broadcast_to(polygon[0], ends[0].shape), *ends), axis=1)
-            triangles.append(fan)
-            partners.append(np.full(len(fan), k))
-        if not triangles:
-            continue
-        fans, over = np.concatenate(triangles), np.concatenate(partners)
-        arms = fans[:, 1] - fans[:, 0], fans[:, 2] - fans[:, 0]
-        double = arms[0][:, 0] * arms[1][:, 1] - arms[0][:, 1] * arms[1][:, 0]
-        p = (fans[:, :1] + points[:, :1] * arms[0][:, None] + points[:, 1:] * arms[1][:, None]).reshape(-1, 2)
-        over = np.repeat(over, len(points))
-        at = _inverse(np.broadcast_to(flat, (len(p), *flat.shape)), p)
-        slopes = _slopes(at, slave.width)
-        image = slopes @ flat
-        ratio = np.abs(image[0, :, 0] * image[1, :, 1] - image[0, :, 1] * image[1, :, 0])
-        stretched = slopes @ slave.x[nodes]
-        undeformed = np.linalg.norm(np.cross(stretched[0], stretched[1]), axis=1)
-        area = (double[:, None] * weights).ravel() * undeformed / ratio
-        area = area * (_hats(at, slave.width) @ slave.measure[nodes])
-        yield np.full(over.size, number), at, over, _inverse(flat_master[over], p), area
+    slave: Sheet,
+    corners: tuple[Array, Array],
+    ways: Array,
+    pairs: tuple[Numbers, Numbers],
+    rule: tuple[Array, Array],
+    reach: float,
+) -> tuple[Any, ...]:
+    """The points of pairs of facets that see each other: numbers and places of both, distances and areas, see ``Rays``.
+
+    Args:
+        slave: the side with the points.
+        corners: of the facets of both sides, shapes (f, k, 3) and (g, l, 3).
+        ways: see ``_rays``.
+        pairs: the facets of both sides, in order, shape (m,) each.
+        rule: points of a triangle, and their weights.
+        reach: distance beyond which facets are no partners, length.
+    """
+    (points, weights), (number, over), (own, opposite) = rule, pairs, corners
+    middle, first = own.mean(axis=1), np.eye(3)[np.abs(ways).argmin(axis=1)]
+    first = _unit(np.cross(ways, first))
+    axes = np.stack((first, np.cross(ways, first)), axis=1)
+    flat = np.einsum("fkd,fad->fka", own - middle[:, None], axes)
+    size = _areas(flat, np.full(len(flat), flat.shape[1]))
+    over_flat = np.einsum("mkd,mad->mka", opposite[over] - middle[number][:, None], axes[number])
+    near = (over_flat.min(axis=1) <= flat.max(axis=1)[number]).all(axis=1)
+    near &= (over_flat.max(axis=1) >= flat.min(axis=1)[number]).all(axis=1)
+    number, over, over_flat = number[near], over[near], over_flat[near]
+    polygons, count = _common(flat[number], over_flat[:, ::-1])
+    large = _areas(polygons, count) > NO_PART * size[number]
+    number, over, over_flat = number[large], over[large], over_flat[large]
+    polygons, count = polygons[large], count[large]
+    if not number.size:
+        return _none()
+    # A fan of triangles around the first corner of each.
+    pair, k = np.nonzero(np.arange(1, polygons.shape[1] - 1) < (count - 1)[:, None])
+    start, arms = polygons[pair, 0], [polygons[pair, k + end] - polygons[pair, 0] for end in (1, 2)]
+    double = arms[0][:, 0] * arms[1][:, 1] - arms[0][:, 1] * arms[1][:, 0]
+    p = start[:, None] + points[:, :1] * arms[0][:, None] + points[:, 1:] * arms[1][:, None]
+    p, pair = p.reshape(-1, 2), np.repeat(pair, len(points))
+    facet = number[pair]
+    at, place = _inverse(flat[facet], p), _inverse(over_flat[pair], p)
+    slopes = _slopes(at, slave.width)
+    image = np.einsum("ark,rkd->ard", slopes, flat[facet])
+    ratio = np.abs(image[0, :, 0] * image[1, :, 1] - image[0, :, 1] * image[1, :, 0])
+    stretched = np.einsum("ark,rkd->ard", slopes, slave.x[slave.facets[facet]])
+    undeformed = np.linalg.norm(np.cross(stretched[0], stretched[1]), axis=1)
+    hats = _hats(at, slave.width)
+    area = (double[:, None] * weights).ravel() * undeformed / ratio
+    area = area * np.sum(hats * slave.measure[slave.facets[facet]], axis=1)
+    apart = np.einsum("rk,rkd->rd", _hats(place, opposite.shape[1]), opposite[over[pair]])
+    apart = apart - np.einsum("rk,rkd->rd", hats, own[facet])
+    means = np.stack([np.bincount(pair, area * part) for part in apart.T], axis=1) / np.bincount(pair, area)[:, None]
+    seen = np.flatnonzero(np.linalg.norm(means, axis=1)[pair] <= reach)
+    distance = np.sum(apart * ways[facet], axis=1)
+    return facet[seen], at[seen], over[pair][seen], place[seen], distance[seen], area[seen]
 
 
 @dataclass(frozen=True)
@@ -287,10 +356,9 @@ class SpaceSlidingClaim(SlidingClaim):
         values = from_owners(owned, np.concatenate([chain.nodes for chain in self.chains]), self.comm)
         end_number = next((k for k, end in enumerate(self.ends) if np.array_equal(values, end)), None)
         seen = (self.present, self._begun)[end_number] if end_number is not None else self._seen(values)
-        begun, at = self._begun, self._begun.partnered[:, None]
-        sharing, opposite = np.where(at, begun.sharing, seen.sharing), np.where(at, begun.opposite, seen.opposite)
+        begun, (sharing, opposite) = self._begun, self._met_since(seen)
         tangents = self._tangents(seen)
-        start = np.where(at[..., None], self._tangents(begun), tangents)
+        start = np.where(begun.partnered[:, None, None], self._tangents(begun), tangents)
         way = np.einsum("ndk,nd->nk", tangents, sharing @ seen.x - opposite @ seen.y)
         way -= np.einsum("ndk,nd->nk", start, sharing @ begun.x - opposite @ begun.y)
         slip = np.where(seen.partnered[:, None], np.einsum("ndk,nk->nd", tangents, way), 0.0)[self._mine]
@@ -301,32 +369,30 @@ class SpaceSlidingClaim(SlidingClaim):
         """Those of the points, which turn with the facets of the slave around their nodes, and with the least rotation
         from the normal of these, shape (p, 3, 2).
         """
-        slave = self._sheets[0]
-        outward = self.surface.in_planes(slave.normals(slave.x), np.arange(len(slave.x)))
-        tangents = np.zeros((self.carriers.size, 3, 2))
-        for point, node in enumerate(self.carriers):
-            around, normal = self._around[node], outward[node]
-            rings = [x[around.indices] - x[node] for x in (seen.x, slave.x)]
-            turned, _ = Rotation.align_vectors(*rings, weights=around.data)
-            first = _unit(np.cross(normal, np.eye(3)[np.abs(normal).argmax() - 1]))
-            normal, turned_pair = turned.apply(normal), turned.apply(np.stack((first, np.cross(normal, first))))
-            axis = np.cross(normal, seen.normal[point])
-            size = np.linalg.norm(axis)
-            if size > 0:
-                angle = np.arctan2(size, normal @ seen.normal[point])
-                turned_pair = Rotation.from_rotvec(axis / size * angle).apply(turned_pair)
-            tangents[point] = turned_pair.T
-        return tangents
+        slave, count = self._sheets[0], self.carriers.size
+        normal = self.surface.in_planes(slave.normals(slave.x), np.arange(len(slave.x)))[self.carriers]
+        around = self._around[self.carriers]
+        row = np.repeat(np.arange(count), np.diff(around.indptr))
+        arms, undeformed = (x[around.indices] - x[self.carriers[row]] for x in (seen.x, slave.x))
+        turned = _rotations_of(arms, undeformed, around.data, row, count)
+        first = _unit(np.cross(normal, np.eye(3)[np.abs(normal).argmax(axis=1) - 1]))
+        pair = np.stack((first, np.cross(normal, first)), axis=1)
+        normal, pair = turned.apply(normal), np.stack([turned.apply(pair[:, k]) for k in range(2)], axis=1)
+        axis = np.cross(normal, seen.normal)
+        size = np.linalg.norm(axis, axis=1)
+        angle = np.arctan2(size, np.sum(normal * seen.normal, axis=1))
+        least = Rotation.from_rotvec(np.divide(angle, size, out=np.zeros(count), where=size > 0)[:, None] * axis)
+        return np.stack([least.apply(pair[:, k]) for k in range(2)], axis=2)
 
     @cached_property
-    def _around(self) -> list[Any]:
-        """The areas of the facets around each node that are around others, too: those and itself, scipy sparse rows."""
-        slave = self._sheets[0]
-        areas: Any = sp.lil_array((slave.nodes.size, slave.nodes.size))
-        for nodes, area in zip(slave.facets, slave.areas, strict=True):
-            areas[np.ix_(nodes, nodes)] += area * np.ones((slave.width, slave.width))
-        rows = sp.csr_array(areas)
-        return [rows[[node]] for node in range(slave.nodes.size)]
+    def _around(self) -> Any:
+        """The areas of the facets around each node that are around others, too, or around itself, scipy sparse, shape
+        (N, N).
+        """
+        slave, count = self._sheets[0], self._sheets[0].nodes.size
+        rows, columns = np.repeat(slave.facets, slave.width, axis=1), np.tile(slave.facets, (1, slave.width))
+        areas = np.repeat(slave.areas, slave.width**2)
+        return sp.csr_array(sp.coo_array((areas, (rows.ravel(), columns.ravel())), shape=(count, count)))
 
     def forces(self, traction: Array, owned: int) -> tuple[Numbers, Array, Array]:
         """See ``Claim``; collective."""
@@ -338,21 +404,22 @@ class SpaceSlidingClaim(SlidingClaim):
         pressure = np.where(seen.partnered, np.sum(gathered * seen.normal, axis=1), 0.0)
         drag = seen.weight[:, None] * (gathered - np.sum(gathered * seen.normal, axis=1)[:, None] * seen.normal)
         forces = np.zeros((names.size, 3))
-        by_slave, by_master, turn = self._derivatives
-        pushing = -(seen.functions.T @ pressure)[:, None]
-        np.add.at(forces, slave.facets[seen.rays.facet], pushing[..., None] * by_slave)
-        np.add.at(forces, count + master.facets[seen.rays.over], pushing[..., None] * by_master)
-        couples = np.zeros((count, 3))
+        pressures, couples = seen.functions.T @ pressure, np.zeros((count, 3))
         middle = _hats(np.full(2, 1 / 3 if slave.width == 3 else 1 / 2), slave.width)
-        for column, share in zip(slave.facets[seen.rays.facet].T, middle, strict=True):
-            np.add.at(couples, column, share * np.cross(seen.ways[column], pushing * turn))
-        for node in np.flatnonzero(couples.any(axis=1)):
-            around, rotation = self._rotations[node]
-            forces[around] += (couples[node] @ rotation).reshape(-1, 3)
+        for part, by_slave, by_master, turn in self._derivatives():
+            pushing = -pressures[part, None]
+            facets = slave.facets[seen.rays.facet[part]]
+            np.add.at(forces, facets, pushing[..., None] * by_slave)
+            np.add.at(forces, count + master.facets[seen.rays.over[part]], pushing[..., None] * by_master)
+            for column, share in zip(facets.T, middle, strict=True):
+                np.add.at(couples, column, share * np.cross(seen.ways[column], pushing * turn))
+        nodes, around, rotations = self._rotations
+        turned = np.einsum("na,naki->nki", couples[nodes], rotations)
+        np.add.at(forces, around, turned)
         forces[:count] += seen.sharing.T @ drag
         forces[count:] -= seen.opposite.T @ drag
         self._add_couples(forces, drag)
-        area = np.concatenate((np.abs(seen.sharing).T @ seen.weight, np.abs(seen.opposite).T @ seen.weight))
+        area = np.concatenate((abs(seen.sharing).T @ seen.weight, abs(seen.opposite).T @ seen.weight))
         # What turns directions acts on the neighbours of points, too.
         area[:count] = np.maximum(area[:count], 0.5 * (forces[:count].any(axis=1)) * self.surface.area)
         first, last = self.space.dofmap.index_map.local_range
@@ -367,19 +434,18 @@ class SpaceSlidingClaim(SlidingClaim):
         errors = [
             float(np.max(np.abs(matrix[seen.partnered].sum(axis=1) - 1.0))) for matrix in (seen.sharing, seen.opposite)
         ]
-        by_slave, by_master, turn = self._derivatives
-        places = seen.x[slave.facets[seen.rays.facet]], seen.y[master.facets[seen.rays.over]]
         middle, size = seen.x.mean(axis=0), float(np.ptp(seen.x, axis=0).max())
-        errors.append(float(np.max(np.abs(by_slave.sum(axis=1) + by_master.sum(axis=1)))))
-        moments = np.cross(places[0] - middle, by_slave).sum(axis=1)
-        moments += np.cross(places[1] - middle, by_master).sum(axis=1)
         shares = _hats(np.full(2, 1 / 3 if slave.width == 3 else 1 / 2), slave.width)
-        sums = np.einsum("k,rkd->rd", shares, seen.ways[slave.facets[seen.rays.facet]])
-        errors.append(float(np.max(np.abs(moments + np.cross(sums, turn)))) / size)
-        for around, rotation in self._rotations.values():
-            arms, turned = seen.x[around] - middle, rotation.reshape(3, -1, 3)
-            as_one = np.einsum("ild,lda->ia", turned, np.cross(np.eye(3)[None], arms[:, None]).transpose(0, 2, 1))
-            errors.append(float(np.max(np.abs(as_one - np.eye(3)))))
+        for part, by_slave, by_master, turn in self._derivatives():
+            facets, over = slave.facets[seen.rays.facet[part]], master.facets[seen.rays.over[part]]
+            errors.append(float(np.max(np.abs(by_slave.sum(axis=1) + by_master.sum(axis=1)))))
+            moments = np.cross(seen.x[facets] - middle, by_slave).sum(axis=1)
+            moments += np.cross(seen.y[over] - middle, by_master).sum(axis=1)
+            sums = np.einsum("k,rkd->rd", shares, seen.ways[facets])
+            errors.append(float(np.max(np.abs(moments + np.cross(sums, turn)))) / size)
+        _, around, rotations = self._rotations
+        as_one = np.einsum("naki,nkib->nab", rotations, _turns(seen.x[around] - middle))
+        errors.append(float(np.max(np.abs(as_one - np.eye(3)))))
         return parallel.global_max(self.comm, max(errors))
 
     # --- at one displacement ---
@@ -402,102 +468,81 @@ class SpaceSlidingClaim(SlidingClaim):
             able, shares = carried(side, facet_of_side[np.unique(rays.facet)], sums, unable)
             if turn or not able.size:
                 break
-            mean = sp.csr_array(sp.diags_array(1.0 / (shares @ sums)) @ shares @ psi)
+            mean = sp.diags_array(1.0 / (shares @ sums)) @ shares @ psi
             of_own = np.einsum("rk,rkd->rd", _hats(rays.at, slave.width), own_normals[slave.facets[rays.facet]])
             of_other = np.einsum("rk,rkd->rd", _hats(rays.place, master.width), other_normals[master.facets[rays.over]])
             ways = own_normals - extended(side, able, mean @ of_other)
             ways[able] = mean @ of_own - mean @ of_other
             ways = side.in_planes(ways, np.arange(count))
             of_facets = _unit(np.einsum("k,fkd->fd", middle, ways[slave.facets]))
-        at, size = np.searchsorted(self.carriers, able), self.carriers.size
-        partnered, weight = np.zeros(size, dtype=bool), np.array(self.surface.area[self.carriers])
-        placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(size, at.size)))
-        functions = sp.csr_array(placing @ shares @ psi)
-        partnered[at], weight[at] = True, (shares @ sums)
-        mean = sp.csr_array(sp.diags_array(1.0 / weight) @ functions)
-        sharing, opposite = (
-            (mean @ self._at_nodes(sheet, facet, places)).toarray()
-            for sheet, facet, places in ((slave, rays.facet, rays.at), (master, rays.over, rays.place))
-        )
-        lonely = np.flatnonzero(~partnered)
-        sharing[lonely, self.carriers[lonely]] = 1.0
+        functions, partnered, weight, mean = self._carried(able, shares, psi)
+        sharing, opposite = self._shares_of(rays, mean, partnered)
         normal = side.in_planes(sharing @ own_normals - opposite @ other_normals, self.carriers)
         gap = np.where(partnered, mean @ rays.distance, self.reach)
         return SeenSides(x, y, ways, rays, functions, weight, sharing, opposite, normal, partnered, gap)
 
-    def _functions(self, rays: Rays) -> Any:
-        """The dual functions of the nodes of the slave at rays times their areas, scipy sparse, shape (N, r)."""
-        slave = self._sheets[0]
-        values = np.zeros((rays.area.size, slave.width))
-        order = np.argsort(rays.facet, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(rays.facet[order])) + 1) if order.size else []:
-            hats = _hats(rays.at[rows], slave.width).T
-            mass = (hats * rays.area[rows]) @ hats.T
-            dual = np.diag(mass.sum(axis=1)) @ np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ hats
-            values[rows] = (dual * rays.area[rows]).T
-        numbers = np.broadcast_to(np.arange(len(values))[:, None], values.shape)
-        places = slave.facets[rays.facet].ravel(), numbers.ravel()
-        return sp.csr_array(sp.coo_array((values.ravel(), places), shape=(slave.nodes.size, len(values))))
+    def _hats(self, places: Array, chain: Chain) -> Array:
+        """See ``SlidingClaim``."""
+        return np.asarray(_hats(places, chain.width))
 
     @cached_property
     def _facets_of_surface(self) -> Numbers:
         """Of each facet of the slave its number on the surface of the solver, which has the same nodes."""
         return rows_of(self._sheets[0].facets, self.surface.nodes)
 
-    @cached_property
-    def _derivatives(self) -> tuple[Array, Array, Array]:
-        """The derivatives of the distance along each ray by the corners of its facets on both sides, shapes (r, k, 3)
-        and (r, l, 3), and by the sum that its direction is along, shape (r, 3).
+    def _derivatives(self) -> Iterator[tuple[slice, Array, Array, Array]]:
+        """Of parts of the rays the derivatives of the distance along each by the corners of its facets on both sides,
+        shapes (r, k, 3) and (r, l, 3), and by the sum that its direction is along, shape (r, 3).
         """
         seen, (slave, master), rays = self.present, self._sheets, self.present.rays
         middle = _hats(np.full(2, 1 / 3 if slave.width == 3 else 1 / 2), slave.width)
-        facets = slave.facets[rays.facet]
-        parts = [
-            np.array(values, dtype=np.complex128)
-            for values in (
-                seen.x[facets],
-                seen.y[master.facets[rays.over]],
-                np.einsum("k,rkd->rd", middle, seen.ways[facets])[:, None],
-            )
-        ]
-        hats, over = _hats(rays.at, slave.width), _hats(rays.place, master.width)
-        slopes = _slopes(rays.place, master.width)
-
-        def distance(corners: Any, opposite: Any, sums: Any) -> Any:
-            way = _unit(sums[:, 0])
-            along = np.einsum("ark,rkd->ard", slopes, opposite)
-            normal = np.cross(along[0], along[1])
-            apart = np.einsum("rk,rkd->rd", over, opposite) - np.einsum("rk,rkd->rd", hats, corners)
-            # One step of Newton's method from the place has the derivative of the distance.
-            return np.sum(apart * normal, axis=1) / np.sum(way * normal, axis=1)
-
-        rates = [np.zeros(part.shape) for part in parts]
-        for part, rate in zip(parts, rates, strict=True):
-            for k in range(part.shape[1]):
+        for first in range(0, rays.area.size, _RAYS_AT_ONCE):
+            part = slice(first, first + _RAYS_AT_ONCE)
+            facets, opposite = slave.facets[rays.facet[part]], seen.y[master.facets[rays.over[part]]]
+            hats, over = _hats(rays.at[part], slave.width), _hats(rays.place[part], master.width)
+            slopes = _slopes(rays.place[part], master.width)
+            # What corners move: the point, the one over it, and the tangents there; the last one is the direction.
+            vectors = [
+                np.array(values, dtype=np.complex128)
+                for values in (
+                    np.einsum("rk,rkd->rd", hats, seen.x[facets]),
+                    np.einsum("rk,rkd->rd", over, opposite),
+                    *np.einsum("ark,rkd->ard", slopes, opposite),
+                    np.einsum("k,rkd->rd", middle, seen.ways[facets]),
+                )
+            ]
+            rates = [np.zeros(values.shape) for values in vectors]
+            for values, rate in zip(vectors, rates, strict=True):
                 for component in range(3):
-                    value = part[:, k, component].copy()
-                    part[:, k, component] += 1j * _STEP
-                    rate[:, k, component] = distance(*parts).imag / _STEP
-                    part[:, k, component] = value
-        return rates[0], rates[1], rates[2][:, 0]
+                    values[:, component] += 1j * _STEP
+                    rate[:, component] = _distance(*vectors).imag / _STEP
+                    values[:, component] -= 1j * _STEP
+            by_master = over[..., None] * rates[1][:, None]
+            by_master += sum(slope[..., None] * rate[:, None] for slope, rate in zip(slopes, rates[2:4], strict=True))
+            yield part, hats[..., None] * rates[0][:, None], by_master, rates[4]
 
     @cached_property
-    def _rotations(self) -> dict[int, tuple[Numbers, Array]]:
-        """Of each node of a facet with rays the nodes around it, and their rotation from their displacements, by least
-        squares with areas, shapes (k,) and (3, 3 k).
+    def _rotations(self) -> tuple[Numbers, Numbers, Array]:
+        """The nodes of facets with rays, the nodes around each, itself again where there are fewer, and its rotation
+        from their displacements, by least squares with areas, shapes (n,), (n, k) and (n, 3, k, 3).
         """
         seen, slave = self.present, self._sheets[0]
-        rotations = {}
-        for node in np.unique(slave.facets[np.unique(seen.rays.facet)]):
-            around = self._around[node]
-            ring, root = around.indices.astype(np.int64), np.sqrt(around.data)
-            arms = seen.x[ring] - seen.x[node]
-            moved = np.zeros((ring.size, 3, 6))
-            moved[:, :, :3] = np.eye(3)
-            moved[:, :, 3:] = np.cross(np.eye(3)[None], arms[:, None]).transpose(0, 2, 1)
-            inverse = np.linalg.pinv((root[:, None, None] * moved).reshape(-1, 6))
-            rotations[int(node)] = ring, inverse[3:] * np.repeat(root, 3)
-        return rotations
+        nodes = np.unique(slave.facets[np.unique(seen.rays.facet)])
+        rows = self._around[nodes]
+        number = np.diff(rows.indptr)
+        row = np.repeat(np.arange(nodes.size), number)
+        column = np.arange(row.size) - np.repeat(rows.indptr[:-1], number)
+        around = np.tile(nodes[:, None], (1, number.max(initial=0)))
+        area = np.zeros(around.shape)
+        around[row, column], area[row, column] = rows.indices, rows.data
+        rotations = np.zeros((nodes.size, 3, around.shape[1], 3))
+        for first in range(0, nodes.size, _FACETS_AT_ONCE):
+            part = slice(first, first + _FACETS_AT_ONCE)
+            arms, root = seen.x[around[part]] - seen.x[nodes[part], None], np.sqrt(area[part])[..., None, None]
+            moved = np.concatenate((np.broadcast_to(np.eye(3), (*arms.shape, 3)), _turns(arms)), axis=3)
+            inverse = np.linalg.pinv((root * moved).reshape(len(arms), -1, 6))
+            rotations[part] = inverse[:, 3:].reshape(len(arms), 3, -1, 3) * root[:, None, ..., 0]
+        return nodes, around, rotations
 
     def _add_couples(self, forces: Array, drag: Array) -> None:
         """See ``SlidingClaim``."""
@@ -505,28 +550,60 @@ class SpaceSlidingClaim(SlidingClaim):
         apart = seen.opposite @ seen.y - seen.sharing @ seen.x
         apart[~seen.partnered] = 0.0
         couples = np.cross(apart, drag) / 2
-        of_point = self._shares[0][seen.partnered]
-        for sheet, facets, x, first in (
-            (slave, seen.rays.facet, seen.x, 0),
-            (master, seen.rays.over, seen.y, count),
-        ):
-            met = np.zeros((count, sheet.nodes.size))
-            for slave_column in slave.facets[seen.rays.facet].T:
-                for column in sheet.facets[facets].T:
-                    np.add.at(met, (slave_column, column), seen.rays.area)
-            acting = np.flatnonzero(couples[seen.partnered].any(axis=1))
-            of_points = of_point @ met
-            for k in acting:
-                couple, arms = couples[seen.partnered][k], of_points[k]
-                r = x - (arms @ x) / arms.sum()
-                inertia = np.sum(arms[:, None] * r**2) * np.eye(3) - (arms[:, None] * r).T @ r
-                forces[first : first + sheet.nodes.size] += arms[:, None] * np.cross(
-                    np.linalg.pinv(inertia, rcond=1e-12, hermitian=True) @ couple, r
-                )
+        acting = np.flatnonzero(couples.any(axis=1))
+        rays, of_point = seen.rays, sp.csr_array(self._shares[acting])
+        seen_from = sp.diags_array(rays.area) @ _incidence(slave.facets[rays.facet], count)
+        for sheet, facets, x, first in ((slave, rays.facet, seen.x, 0), (master, rays.over, seen.y, count)):
+            total = sheet.nodes.size
+            arms = sp.csr_array(of_point @ (seen_from.T @ _incidence(sheet.facets[facets], total)))
+            row, node, share = np.repeat(np.arange(acting.size), np.diff(arms.indptr)), arms.indices, arms.data
+            r = x[node] - ((arms @ x) / np.asarray(arms.sum(axis=1)).reshape(-1, 1))[row]
+            inertia = np.zeros((acting.size, 3, 3))
+            squares = np.sum(r**2, axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None]
+            np.add.at(inertia, row, share[:, None, None] * squares)
+            spin = np.einsum("nij,nj->ni", np.linalg.pinv(inertia, rcond=1e-12, hermitian=True), couples[acting])
+            np.add.at(forces, first + node, share[:, None] * np.cross(spin[row], r))
 
-    def _at_nodes(self, chain: Chain, facets: Numbers, places: Array) -> Any:
-        """See ``SlidingClaim``."""
-        return sparse_rows(_hats(places, chain.width), chain.facets[facets], chain.nodes.size)
+
+def _distance(start: Any, end: Any, first: Any, second: Any, along: Any) -> Any:
+    """From points to facets, along directions: one step of Newton's method from the places on them has the derivative
+    of the distance; all of shape (r, 3), complex.
+    """
+    normal = np.cross(first, second)
+    return np.sum((end - start) * normal, axis=1) / np.sum(_unit(along) * normal, axis=1)
+
+
+def _turns(arms: Array) -> Array:
+    """How places at arms, shape (..., 3), move as a rotation about three axes begins, shape (..., 3, 3)."""
+    return np.stack([np.cross(axis, arms) for axis in np.eye(3)], axis=-1)
+
+
+def _incidence(nodes: Numbers, count: int) -> Any:
+    """One where a row of nodes, shape (r, k), has a node, scipy sparse, shape (r, count)."""
+    rows = np.repeat(np.arange(len(nodes)), nodes.shape[1])
+    return sp.csr_array(sp.coo_array((np.ones(rows.size), (rows, nodes.ravel())), shape=(len(nodes), count)))
+
+
+def _rotations_of(arms: Array, undeformed: Array, areas: Array, row: Numbers, count: int) -> Any:
+    """The rotations that take undeformed arms to those of now, by least squares with areas: n of them, of the unit
+    quaternions of the largest eigenvalue (P. B. Davenport, NASA TN D-4696, 1968).
+
+    Args:
+        arms: shape (m, 3).
+        undeformed: likewise.
+        areas: shape (m,).
+        row: which rotation each belongs to, shape (m,).
+        count: n.
+    """
+    moments = np.zeros((count, 3, 3))
+    np.add.at(moments, row, areas[:, None, None] * arms[:, :, None] * undeformed[:, None])
+    trace = np.trace(moments, axis1=1, axis2=2)
+    matrix = np.zeros((count, 4, 4))
+    matrix[:, :3, :3] = moments + moments.swapaxes(1, 2) - trace[:, None, None] * np.eye(3)
+    for k in range(3):
+        matrix[:, k, 3] = matrix[:, 3, k] = moments[:, (k + 2) % 3, (k + 1) % 3] - moments[:, (k + 1) % 3, (k + 2) % 3]
+    matrix[:, 3, 3] = trace
+    return Rotation.from_quat(np.linalg.eigh(matrix)[1][..., -1])
 
 
 def sliding_claim_in_space(
