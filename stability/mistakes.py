@@ -4528,6 +4528,27 @@ MUTANTS = (
         tests=("bounds_of_two_bodies::test_pressure_over_an_open_gap",),
     ),
     Mutant(
+        "bounds/graded_moduli",
+        "(high - low) / 2 * self._size(first) * self._size(second) + high * unknown",
+        "high * unknown",
+        "bounds of forces: moduli are between their bounds at the middle of these",
+        tests=("bounds_of_graded_bodies::test_norms_of_stresses",),
+    ),
+    Mutant(
+        "bounds/graded_moduli",
+        "part.of(elastic) - part.strain[..., None] * self.free.stress[part.rows, None]",
+        "part.of(elastic)",
+        "bounds of heated bodies whose moduli vary: heat does not stress them",
+        tests=("bounds_of_graded_bodies::test_norms_of_stresses",),
+    ),
+    Mutant(
+        "bounds/graded_moduli",
+        "t.moduli.times(factor), None if free is None else free.times(factor)",
+        "t.moduli.times(factor), free",
+        "bounds of heated bodies whose moduli vary: the stress of heat has that in the middle of a cell of the mesh",
+        tests=("bounds_of_graded_bodies::test_norms_of_stresses",),
+    ),
+    Mutant(
         "bounds/johnson_mercier",
         "(np.sqrt(1 + count) - 1) / count",
         "np.sqrt(1 + count) / count",

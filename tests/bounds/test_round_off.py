@@ -12,9 +12,15 @@ from signorini_fx.addons.bounds.simplices import EDGES, IsotropicModuli, Simplic
 from signorini_fx.addons.bounds.stress_products import energy
 from signorini_fx.scenes.reading import parse_scene
 
+GRADED = {"grading": "1 - 0.1*x[0] - 0.1*x[0]**2"}
 
-def pushed_from_both_sides(seed):
+
+def pushed_from_both_sides(seed, **more):
     """A block on another one, which contact alone holds; loads from the left and the right nearly cancel.
+
+    Args:
+        seed: of the draw.
+        more: of the materials; with an expansion the blocks are heated.
 
     Returns:
         The scene, and the force on the upper block along x and y per area of its sides and of its top.
@@ -34,7 +40,7 @@ def pushed_from_both_sides(seed):
             {"name": "up", "mesh": mesh(height, int(chance.integers(2, 12))), "shift": [0.0, 1.0]},
             {"name": "low", "mesh": mesh(1.0, 3)},
         ],
-        "material": [{"region": name, "young": 1000.0, "poisson": 0.3} for name in ("up", "low")],
+        "material": [{"region": name, "young": 1000.0, "poisson": 0.3} | more for name in ("up", "low")],
         "displacement": [{"boundary": "low.bottom", "x": 0.0, "y": 0.0}],
         "traction": [
             {"boundary": "up.left", "x": left},
@@ -47,6 +53,8 @@ def pushed_from_both_sides(seed):
             "friction": {"law": "tresca", "bound": 10.0},
         },
     }
+    if "expansion" in more:
+        scene["temperature"] = [{"change": "40*x[0]"}]
     return parse_scene(scene), (-(Fraction(left) + Fraction(right)), Fraction(3))
 
 
@@ -59,11 +67,20 @@ def force_of_statics(solution, per_area, direction):
     return sum(Fraction(c) * force * area for c, force, area in zip(direction, per_area, areas, strict=True))
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))])
-def test_a_force_that_statics_determines(seed):
+@pytest.mark.parametrize(
+    ("seed", "more"),
+    [
+        (0, {}),
+        (1, {}),
+        (2, GRADED),
+        *(pytest.param(seed, {}, marks=pytest.mark.slow) for seed in range(2, 10)),
+        *(pytest.param(seed, GRADED | {"expansion": 1e-5}, marks=pytest.mark.slow) for seed in range(3)),
+    ],
+)
+def test_a_force_that_statics_determines(seed, more):
     """Its interval holds it to the last digit, also where it is zero or 1e-9 of the loads, and is not wider than it
     takes."""
-    scene, per_area = pushed_from_both_sides(seed)
+    scene, per_area = pushed_from_both_sides(seed, **more)
     solution = alone(scene)
     for direction in ((1.0, 0.0), (0.0, 1.0), (0.6, 0.8)):
         low, high = solution.force_bounds("up.bottom", direction)

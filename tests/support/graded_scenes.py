@@ -1,11 +1,12 @@
 """Random scenes with graded moduli, and true errors of their displacements against solutions on finer meshes, whose
 moduli are constant in each cell.
 
-    ./env python3 tests/support/graded_scenes.py plane | space | pair | shape [SEEDS] [FIRST]
+    ./env python3 tests/support/graded_scenes.py plane | space | pair | shape | pressed [SEEDS] [FIRST] [heated]
 
-prints guaranteed bounds over true errors, and what the finer solutions say against the interval of the energy.
+prints guaranteed bounds over true errors, and what the finer solutions say against other bounds.
 """
 
+import sys
 from functools import partial
 
 import heated_scenes
@@ -35,9 +36,14 @@ def graded(scene, seed):
     return parse_scene(fields | {"material": materials})
 
 
+def graded_and_heated(scene, seed):
+    """The scene with such moduli and with thermal strain."""
+    return graded(heated_scenes.heated(scene, seed), seed)
+
+
 drawn = partial(heated_scenes.drawn, change=graded)
 effectivity = partial(heated_scenes.effectivity, change=graded)
 
 
 if __name__ == "__main__":
-    heated_scenes.main(graded)
+    heated_scenes.main(graded_and_heated if "heated" in sys.argv else graded)

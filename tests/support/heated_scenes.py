@@ -1,6 +1,6 @@
 """Random scenes with thermal strain, and true errors of their displacements against solutions on finer meshes.
 
-    ./env python3 tests/support/heated_scenes.py plane | space | pair | shape [SEEDS] [FIRST]
+    ./env python3 tests/support/heated_scenes.py plane | space | pair | shape | pressed [SEEDS] [FIRST]
 
 prints guaranteed bounds over true errors, and what the finer solutions say against other bounds.
 """
@@ -23,7 +23,9 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.scenes.reading import parse_scene
 
-STUDIES = {"plane": error_bounds, "space": error_bounds_in_space, "shape": error_bounds, "pair": bounds_of_pairs}
+STUDIES = {"plane": error_bounds, "space": error_bounds_in_space, "pair": bounds_of_pairs} | dict.fromkeys(
+    ("shape", "pressed"), error_bounds
+)
 
 
 def temperatures(chance, axes, length):
@@ -76,12 +78,12 @@ def heated(scene, seed):
 
 
 def drawn(kind, seed, change=heated):
-    """A scene of a study: in the plane, on a foundation with a shape, in space, or of two bodies; ``change``: what is
-    made of the scene and the seed.
+    """A scene of a study: in the plane, on a foundation with a shape or pressed onto it by a support, in space, or of
+    two bodies; ``change``: what is made of the scene and the seed.
     """
     if kind == "shape":
         return change(bounds_on_shapes.on_shape(error_bounds.drawn(seed), seed), seed)
-    return change(STUDIES[kind].drawn(seed), seed)
+    return change(error_bounds.pressed(seed) if kind == "pressed" else STUDIES[kind].drawn(seed), seed)
 
 
 def effectivity(kind, seed, change=heated):

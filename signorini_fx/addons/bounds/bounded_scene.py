@@ -22,7 +22,7 @@ from signorini_fx.mechanics.effects.temperature import TemperatureChange
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Effect, InitialStrain
+from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.mechanics.statement.point_values import PointValues
@@ -58,7 +58,6 @@ RANKS, CURVED, POINT = "several ranks", "curved cells", "parts that share a poin
 HEXAHEDRA = "hexahedra"
 INCOMPRESSIBLE = "material without a change of volume"
 TURNING, NO_POLYNOMIAL = "Poisson's ratio or axes that vary", "grading that is no polynomial"
-GRADED_AND_HEATED = "graded material with initial strains"
 FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
 SHAPE = "some foundations with shapes"
 LONG_FACETS = (
@@ -77,7 +76,6 @@ REFUSES_BESIDES = {
     TURNING: "Poisson's ratio or axes that vary have no guaranteed bound yet",
     NO_POLYNOMIAL: "a grading has a guaranteed bound where it is a polynomial of degree 5 at most, but for jumps and "
     "kinks along straight lines, and on triangles, parallelograms of degree 1 and tetrahedra so far",
-    GRADED_AND_HEATED: "a graded body with initial strains has no guaranteed bound yet",
     FORM_AS_GAP: "a gap given as a form is not known between the nodes",
     FORM_AS_BOUND: "a friction bound given as a form is not known between the nodes",
 }
@@ -242,7 +240,6 @@ def refuse_unknown(d: Model) -> None:
         INCOMPRESSIBLE: not all(np.isfinite(material.lame).all() for material in materials),
         TURNING: any(material.model_copy(update={"grading": None}).varies for material in materials),
         NO_POLYNOMIAL: bool(gradings) and (quadratic or not all(map(_is_polynomial, gradings))),
-        GRADED_AND_HEATED: bool(gradings) and any(entry.acts for entry in d.statement.of(InitialStrain)),
         SHAPE: not all(_is_bounded(entry, d.tagged.dimension) for entry in shaped),
         RANKS: d.comm.size > 1,
         CURVED: compat.geometry_degree(mesh) > 1,

@@ -145,10 +145,10 @@ class Enclosure:
         """Of the functionals, twice, an energy."""
         if self.grading is not None:
             between = self.grading.square(from_strain(self.t, self.v.strain), self.stress.stress)
+        elif self.initial is not None:
+            between = square(self.t, self.difference) + self.initial.added(self.difference)
         else:
             between = square(self.t, self.difference)
-        if self.initial is not None:
-            between = between + self.initial.added(self.difference)
         return float((self.v.contact + between)[self.inside].sum())
 
     @property
@@ -234,10 +234,10 @@ class Bounded(PlainProblem):
                 v = min(v, again, key=lambda entry: entry.squares.sum())
         inside = np.ones(len(t.corners), dtype=bool)
         rounded = 2 * np.sqrt(of_strains(t, self.y, self.middle)) + np.sqrt(of_strains(t, v.y, v.middle))
-        if self.grading is not None:
-            rounded *= np.sqrt(self.grading.greatest)
         if self.initial is not None:
             rounded += ROUND_OFF * np.sqrt(square(t, self.initial.stress))
+        if self.grading is not None:
+            rounded *= np.sqrt(self.grading.greatest)
         squares = v.contact + between
         return Enclosure(
             v, squares, stress, self._missed, rounded**2, size, unknown, t, inside, self.initial, self.grading
@@ -245,9 +245,9 @@ class Bounded(PlainProblem):
 
     def _between(self, computed: Array, stress: EquilibratedStress) -> Array:
         """Squares of the distance of a stress from that of the computed displacement, energies, shape (n,)."""
-        elastic = elastic_stress(self.t, computed, self.initial)
         if self.grading is not None:
-            return self.grading.square(elastic, stress.stress)
+            return self.grading.square(from_strain(self.t, computed), stress.stress)
+        elastic = elastic_stress(self.t, computed, self.initial)
         return np.add(*self._squares(elastic - stress.stress, self.beyond))
 
     def _squares(self, difference: Array, beyond: StrainBeyond | None) -> tuple[Array, Array]:
@@ -273,9 +273,9 @@ class Bounded(PlainProblem):
         """Squares of the energy norm of the strain of a displacement without initial ones, and how far they are not
         known, see ``_squares``.
         """
-        elastic = elastic_stress(self.t, strain, self.initial)
         if self.grading is not None:
-            return self.grading.energy(elastic, elastic), np.zeros(len(strain))
+            return self.grading.energy(from_strain(self.t, strain))
+        elastic = elastic_stress(self.t, strain, self.initial)
         squares, unknown = self._squares(elastic, beyond)
         return squares if self.initial is None else squares + self.initial.prevented, unknown
 
@@ -381,7 +381,11 @@ class Bounded(PlainProblem):
         for k, pair in enumerate(EDGES_OF_FACET[d]):
             start[:, pair] += (ends - third) * bubble[:, k, None]
         initial = None if self.initial is None else self.initial.stress
-        stress = self.equilibration.stress(Loads(acting.body, traction, acting.unknown, initial), start)
+        return self.equilibrated(Loads(acting.body, traction, acting.unknown, initial), start)
+
+    def equilibrated(self, loads: Loads, prescribed: Array) -> EquilibratedStress:
+        """A stress in equilibrium, see ``Equilibration.stress``, with work per unit of the energy norm of the body."""
+        stress = self.equilibration.stress(loads, prescribed)
         return stress if self.grading is None else replace(stress, squares=stress.squares / self.grading.least)
 
     def _on_contact(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:

@@ -5,12 +5,13 @@ A displacement v has the stress gamma C eps(v), C that of the centre, so that in
     |gamma C eps(v) - tau|^2 = int 1 / gamma (gamma C eps(v) - tau) : C^-1 (gamma C eps(v) - tau),
 
 of which all but 1 / gamma is a polynomial between jumps and kinks of gamma, and this is at most one over the least
-coefficient of Bernstein of gamma there.
+coefficient of Bernstein of gamma there.  With an initial strain s the stress is gamma (C eps(v) - s f), see
+``initial_stress``, and s is evaluated at the points of quadrature.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from math import factorial, prod
@@ -20,7 +21,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints, in_region
-from signorini_fx.addons.bounds.initial_stress import simplex_rule
+from signorini_fx.addons.bounds.initial_stress import FreeStrain, simplex_rule
 from signorini_fx.addons.bounds.simplices import CORNERS_OF_PARTS, TWICE, Moduli, Simplices
 from signorini_fx.mechanics.body.moduli import middles
 from signorini_fx.mechanics.model import Model
@@ -40,73 +41,154 @@ class GradedPart:
     """Points of quadrature on one part of the cells.
 
     Attributes:
+        number: of the part.
         rows: the cell of each row, shape (m,).
         at: barycentric in the part, shape (m, q, d + 1).
         weight: volume, shape (m, q).
         share: gamma, shape (m, q).
+        strain: s, shape (m, q).
     """
 
+    number: int
     rows: Ints
     at: Array
     weight: Array
     share: Array
+    strain: Array
 
-    def integral(self, moduli: Moduli, sigma: Array, tau: Array, count: int) -> Array:
-        """Of sigma : C^-1 tau at the points, energies, shape (count,)."""
-        strain, unit = moduli.of(self.rows).scaled_strain(tau)
-        density = (sigma * strain * TWICE[self.at.shape[2] - 1]).sum(axis=2) / unit[:, None]
-        return np.bincount(self.rows, (density * self.weight).sum(axis=1), count).astype(np.float64)
+    def of(self, stress: Array) -> Array:
+        """A stress on the parts, see ``LocalStress.stress``, at the points, shape (m, q, 3 or 6)."""
+        return np.asarray(self.at @ stress[self.rows, self.number])
+
+
+# What is integrated, at the points of a part, energy density, shape (m, q).
+_Density = Callable[[GradedPart], Array]
 
 
 @dataclass(frozen=True)
 class GradedModuli:
-    """Gamma on n cells.
+    """Gamma on n cells.  Stresses are those on the parts of cells at their corners, see ``LocalStress.stress``.
 
     Attributes:
         moduli: C.
         least: of which gamma is at least, shape (n,).
         greatest: of which it is at most, shape (n,).
-        parts: points of quadrature.
+        rules: points of quadrature on the parts: the rule that counts, and others where it is not exact for s.
+        free: s, with the stress f of C; None: there is none.
     """
 
     moduli: Moduli
     least: Array
     greatest: Array
-    parts: tuple[GradedPart, ...]
+    rules: tuple[tuple[GradedPart, ...], ...]
+    free: FreeStrain | None = None
 
     def square(self, elastic: Array, tau: Array) -> Array:
-        """More than the squares of the norm of gamma C eps - tau, by cell, energies, shape (n,).
+        """More than the squares of the norm of gamma (C eps - s f) - tau, by cell, energies, shape (n,).
 
         Args:
-            elastic: C eps on the parts at their corners, see ``LocalStress.stress``.
-            tau: another stress, likewise.
+            elastic: C eps.
+            tau: another stress.
         """
-        squares = np.zeros(len(self.least))
-        for part, first, second in self._at_points(elastic, tau):
-            apart = part.share[..., None] * first - second
-            squares += part.integral(self.moduli, apart, apart, len(squares))
-        return squares / self.least
 
-    def energy(self, elastic: Array, second_elastic: Array) -> Array:
-        """Integrals of gamma C eps : eps' from C eps and C eps', by cell, energies, shape (n,)."""
-        energies = np.zeros(len(self.least))
-        for part, first, second in self._at_points(elastic, second_elastic):
-            energies += part.integral(self.moduli, part.share[..., None] * first, second, len(energies))
-        return energies
+        def density(part: GradedPart) -> Array:
+            apart = self._stress(part, elastic) - part.of(tau)
+            return self._product(part, apart, apart)
 
-    def _at_points(self, first: Array, second: Array) -> Iterator[tuple[GradedPart, Array, Array]]:
-        """Stresses at the points, shape (m, q, 3 or 6)."""
-        for number, part in enumerate(self.parts):
-            yield part, part.at @ first[part.rows, number], part.at @ second[part.rows, number]
+        squares, unknown = self._integral(density)
+        return (squares + unknown) / self.least
+
+    def energy(self, elastic: Array) -> tuple[Array, Array]:
+        """Squares of the norm of gamma (C eps - s f), the strain across the plane included, by cell, and how far they
+        are not known, energies, shapes (n,).
+
+        Args:
+            elastic: C eps.
+        """
+
+        def density(part: GradedPart) -> Array:
+            strained = self._strained(part, elastic)
+            squares = self._product(part, strained, strained)
+            if self.free is not None:
+                squares += self.free.prevented[part.rows, None] * part.strain**2
+            return part.share * squares
+
+        return self._integral(density)
+
+    def work(self, elastic: Array, other: Array) -> tuple[float, float]:
+        """The integral of gamma (C eps - s f) : eps', and how far it is not known, energies.
+
+        Args:
+            elastic: C eps.
+            other: C eps'.
+        """
+        work, unknown = self._integral(lambda part: self._product(part, self._stress(part, elastic), part.of(other)))
+        return float(work.sum()), float(unknown.sum())
+
+    def product(self, dual: tuple[Array, Array], primal: tuple[Array, Array]) -> tuple[Array, Array]:
+        """The product of tau' - gamma C eps' and tau - gamma (C eps - s f) in the complementary energy of gamma C, by
+        cell, and how far it may be from this, energies, shapes (n,): 1 / gamma is between its bounds.
+
+        Args:
+            dual: C eps' and tau'.
+            primal: C eps and tau.
+        """
+
+        def first(part: GradedPart) -> Array:
+            return part.of(dual[1]) - part.share[..., None] * part.of(dual[0])
+
+        def second(part: GradedPart) -> Array:
+            return part.of(primal[1]) - self._stress(part, primal[0])
+
+        product, unknown = self._integral(lambda part: self._product(part, first(part), second(part)))
+        high, low = 1 / self.least, 1 / self.greatest
+        around = (high - low) / 2 * self._size(first) * self._size(second) + high * unknown
+        return (high + low) / 2 * product, around
+
+    @property
+    def terms(self) -> int:
+        """Products of components that are summed up to an integral."""
+        return int(sum(part.weight.size for part in self.rules[0])) * len(TWICE[len(self.rules[0]) - 1])
+
+    def _strained(self, part: GradedPart, elastic: Array) -> Array:
+        """C eps - s f at the points, shape (m, q, 3 or 6)."""
+        if self.free is None:
+            return part.of(elastic)
+        return part.of(elastic) - part.strain[..., None] * self.free.stress[part.rows, None]
+
+    def _stress(self, part: GradedPart, elastic: Array) -> Array:
+        """Gamma (C eps - s f) at the points, shape (m, q, 3 or 6)."""
+        return part.share[..., None] * self._strained(part, elastic)
+
+    def _product(self, part: GradedPart, sigma: Array, tau: Array) -> Array:
+        """Sigma : C^-1 tau of stresses at the points, shape (m, q)."""
+        strain, unit = self.moduli.of(part.rows).scaled_strain(tau)
+        return np.asarray((sigma * strain * TWICE[part.at.shape[2] - 1]).sum(axis=2) / unit[:, None])
+
+    def _size(self, stress: Callable[[GradedPart], Array]) -> Array:
+        """More than the norm of a stress at the points, in the complementary energy of C, by cell, shape (n,)."""
+        squares, unknown = self._integral(lambda part: self._product(part, stress(part), stress(part)))
+        return np.sqrt(squares + unknown)
+
+    def _integral(self, density: _Density) -> tuple[Array, Array]:
+        """By cell, and how far rules differ in it, shapes (n,)."""
+        sums = []
+        for rule in self.rules:
+            of_parts = (
+                np.bincount(part.rows, (density(part) * part.weight).sum(axis=1), len(self.least)) for part in rule
+            )
+            sums.append(np.sum(list(of_parts), axis=0))
+        return sums[0], np.max([np.abs(sums[0] - one) for one in sums], axis=0)
 
 
-def graded_moduli(d: Model, t: Simplices, owner: Ints) -> GradedModuli | None:
+def graded_moduli(d: Model, t: Simplices, owner: Ints, free: FreeStrain | None) -> GradedModuli | None:
     """Those of a scene; None: moduli are constant in each cell.
 
     Args:
         d: the model.
         t: the cells, with the moduli in the middles of those of the mesh.
         owner: the cell of the mesh that each is in, shape (n,).
+        free: initial strains, with these moduli; None: there are none.
 
     Raises:
         Refused: a modulus may vanish.
@@ -128,19 +210,32 @@ def graded_moduli(d: Model, t: Simplices, owner: Ints) -> GradedModuli | None:
     cells = np.arange(len(owner))
     of_mesh = middles(d.tagged, owner.astype(np.int32)).T[:, None, : t.dimension]
     centre = grading(cells, t.x[t.corners].mean(axis=1)[:, None])[:, 0]
-    moduli = t.moduli.times(centre / grading(cells, of_mesh)[:, 0])
+    factor = centre / grading(cells, of_mesh)[:, 0]
     degree = int(max(value.degree for value in values if isinstance(value, Expression)))
     least, greatest = _bounds(t, grading, values, degree)
     room = SAME_NUMBER * np.abs(greatest)  # for the round-off of values whose terms may cancel
     least, greatest = least - room, greatest + room
     if not (least > 0).all():
         raise Refused("a guaranteed bound needs moduli that do not vanish inside cells: use smaller ones there")
-    parts = tuple(_points(t, part, grading, centre, values, degree) for part in range(t.dimension + 1))
-    return GradedModuli(moduli, np.asarray(least / centre), np.asarray(greatest / centre), parts)
+    sizes = (degree + 2,) if free is None else free.rules(degree + 1)
+    rules = tuple(
+        tuple(_points(t, part, grading, centre, values, free, size) for part in range(t.dimension + 1))
+        for size in sizes
+    )
+    moduli, free = t.moduli.times(factor), None if free is None else free.times(factor)
+    return GradedModuli(moduli, np.asarray(least / centre), np.asarray(greatest / centre), rules, free)
 
 
-def _points(t: Simplices, number: int, grading: _Grading, centre: Array, values: list[Any], degree: int) -> GradedPart:
-    """The points of quadrature on one part, exact for the squares of gamma times linear functions.
+def _points(
+    t: Simplices,
+    number: int,
+    grading: _Grading,
+    centre: Array,
+    values: list[Any],
+    free: FreeStrain | None,
+    size: int,
+) -> GradedPart:
+    """The points of quadrature on one part.
 
     Args:
         t: the cells.
@@ -148,16 +243,19 @@ def _points(t: Simplices, number: int, grading: _Grading, centre: Array, values:
         grading: of the scene.
         centre: the grading in the centres of the cells, shape (n,).
         values: of the scene that the grading is made of.
-        degree: the largest of these.
+        free: initial strains; None: there are none.
+        size: of the rule.
     """
     d, count = t.dimension, t.dimension + 1
     x = np.einsum("kc,ncd->nkd", CORNERS_OF_PARTS[d][number], t.x[t.corners])
-    rows, places = cut(x, values)
-    points, weights = simplex_rule(d, degree + 2)
+    rows, places = cut(x, [*values, *([] if free is None else free.values)])
+    points, weights = simplex_rule(d, size)
     at = points @ places
-    share = grading(rows, np.einsum("mqc,mcd->mqd", at, x[rows])) / centre[rows, None]
-    size = np.abs(np.linalg.det(places)) * t.volume[rows] / count
-    return GradedPart(rows, at, size[:, None] * weights, share)
+    of_points = np.einsum("mqc,mcd->mqd", at, x[rows])
+    share = grading(rows, of_points) / centre[rows, None]
+    strain = np.zeros(share.shape) if free is None else free.at(rows, of_points)
+    volume = np.abs(np.linalg.det(places)) * t.volume[rows] / count
+    return GradedPart(number, rows, at, volume[:, None] * weights, share, strain)
 
 
 def _bounds(t: Simplices, grading: _Grading, values: list[Any], degree: int) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ perpendicular to these, so that for a stress tau that is linear on the parts
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -27,9 +27,6 @@ from signorini_fx.mechanics.statement.cut_simplices import cut
 from signorini_fx.mechanics.statement.effect import InitialStrain
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.tuned import KNOWN_DEGREE
-
-# The strain s at points of cells, shape (m, q), of positions, length, shape (m, q, d).
-_Strain = Callable[[Ints, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -59,6 +56,39 @@ class StrainPoints(BoundPoints):
         values = np.zeros(self.x.shape[:2])
         values[rows] = BoundPoints(self.x[rows], self.normal[rows]).value(value)
         return values
+
+
+@dataclass(frozen=True)
+class FreeStrain:
+    """The initial strain s of n cells, known at all points, and the stress f that one of it takes.
+
+    Attributes:
+        at: s at points of cells, shape (m, q), of the numbers of these and positions, length, shape (m, q, d).
+        values: of the scene that s is made of.
+        stress: f, shape (n, 3 or 6).
+        prevented: twice the energy density of a strain of one that no displacement changes, stress, shape (n,).
+    """
+
+    at: Callable[[Ints, Array], Array]
+    values: list[Any]
+    stress: Array
+    prevented: Array
+
+    def times(self, factor: Array) -> FreeStrain:
+        """The same with moduli that are multiplied in each cell, shape (n,)."""
+        return replace(self, stress=factor[:, None] * self.stress, prevented=factor * self.prevented)
+
+    def rules(self, power: int) -> tuple[int, ...]:
+        """Sizes of ``simplex_rule`` for the products of two such strains with polynomials of degree 2 ``power``.
+
+        One that is exact for polynomials of ``KNOWN_DEGREE`` at most; of other strains the finest of three counts, with
+        what the others differ from it.
+        """
+        degree = max((value.degree for value in self.values if isinstance(value, Expression)), default=0)
+        exact = degree <= KNOWN_DEGREE and all(
+            isinstance(value, float) or (isinstance(value, Expression) and value.cuts_exactly) for value in self.values
+        )
+        return (int(degree) + power + 1,) if exact else tuple(KNOWN_DEGREE + power + k for k in (2, 1, 0))
 
 
 @dataclass(frozen=True)
@@ -95,13 +125,12 @@ class InitialStress:
         return np.asarray((np.abs(work) * self.unknown).sum(axis=(1, 2)))
 
 
-def initial_stress(d: Model, t: Simplices, owner: Ints, step: float) -> InitialStress | None:
-    """That of a scene; None: there is none.
+def free_strain(d: Model, owner: Ints, step: float) -> FreeStrain | None:
+    """That of a scene, with the moduli in the middles of the cells of the mesh; None: there is none.
 
     Args:
         d: the model.
-        t: the cells.
-        owner: the cell of the mesh that each is in, shape (n,).
+        owner: the cell of the mesh that each cell is in, shape (n,).
         step: place in the lists of factors.
 
     Raises:
@@ -119,17 +148,21 @@ def initial_stress(d: Model, t: Simplices, owner: Ints, step: float) -> InitialS
         return np.asarray(sum((factor * entry.strain_at(at) for factor, entry in acting), np.zeros(x.shape[:2])))
 
     values = [value for _, entry in acting for value in entry.given.values()]
-    parts = [_of_part(t, part, strain, values) for part in range(t.dimension + 1)]
+    return FreeStrain(strain, values, *stress_of_free_strain(d, owner))
+
+
+def initial_stress(t: Simplices, free: FreeStrain) -> InitialStress:
+    """Of the initial strain of cells."""
+    parts = [_of_part(t, part, free) for part in range(t.dimension + 1)]
     at_corners, missed, unknown = (np.stack(quantity, axis=1) for quantity in zip(*parts, strict=True))
-    stress, prevented = stress_of_free_strain(d, owner)
-    of_stress = t.strain(stress)
+    of_stress = t.strain(free.stress)
     squares = _squares(t, at_corners) + missed.sum(axis=1)
     return InitialStress(
-        at_corners[..., None] * stress[:, None, None],
+        at_corners[..., None] * free.stress[:, None, None],
         of_stress,
-        (stress * of_stress * TWICE[t.dimension]).sum(axis=1) * missed.sum(axis=1),
+        (free.stress * of_stress * TWICE[t.dimension]).sum(axis=1) * missed.sum(axis=1),
         unknown,
-        prevented * squares,
+        free.prevented * squares,
     )
 
 
@@ -146,32 +179,25 @@ def _squares(t: Simplices, linear: Array) -> Array:
     return np.asarray(t.volume / (count**2 * (count + 1)) * sums)
 
 
-def _of_part(t: Simplices, part: int, strain: _Strain, values: list[Any]) -> tuple[Array, Array, Array]:
+def _of_part(t: Simplices, part: int, free: FreeStrain) -> tuple[Array, Array, Array]:
     """The projection of s on one part of each cell at its corners, shape (n, d + 1); the integral of the square of what
     it misses, shape (n,); and how far its moments are not known, shape (n, d + 1).
 
     Args:
         t: the cells.
         part: its number.
-        strain: s.
-        values: of the scene that it is made of.
+        free: s.
     """
     d, count, n = t.dimension, t.dimension + 1, len(t.corners)
     x = np.einsum("kc,ncd->nkd", CORNERS_OF_PARTS[d][part], t.x[t.corners])
-    owner, places = cut(x, values)
+    owner, places = cut(x, free.values)
     share = np.abs(np.linalg.det(places)) * t.volume[owner] / count
-    # Squares of polynomials of these degrees are integrated exactly; of others the finest of three rules counts.
-    degree = max((value.degree for value in values if isinstance(value, Expression)), default=0)
-    exact = degree <= KNOWN_DEGREE and all(
-        isinstance(value, float) or (isinstance(value, Expression) and value.cuts_exactly) for value in values
-    )
-    rules = (int(degree) + 1,) if exact else tuple(KNOWN_DEGREE + k for k in (2, 1, 0))
     moments, missed = list[Array](), list[Array]()
     linear = np.zeros((n, count))
-    for size in rules:
+    for size in free.rules(0):
         points, weights = simplex_rule(d, size)
         at = points @ places
-        s = strain(owner, np.einsum("mqc,mcd->mqd", at, x[owner]))
+        s = free.at(owner, np.einsum("mqc,mcd->mqd", at, x[owner]))
         of_rule = np.zeros((n, count))
         np.add.at(of_rule, owner, share[:, None] * np.einsum("q,mqc,mq->mc", weights, at, s))
         if not moments:

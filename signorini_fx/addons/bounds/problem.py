@@ -28,7 +28,7 @@ from signorini_fx.addons.bounds.bounded_scene import (
 )
 from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, TRIPLE, bernstein, coefficients, times_linear
 from signorini_fx.addons.bounds.graded_moduli import graded_moduli
-from signorini_fx.addons.bounds.initial_stress import initial_stress
+from signorini_fx.addons.bounds.initial_stress import free_strain, initial_stress
 from signorini_fx.addons.bounds.matching_facets import MatchingFacets
 from signorini_fx.addons.bounds.moving_tools import MovingTool, tools_of
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
@@ -283,7 +283,6 @@ class PlainProblem:
             if factor != 0
         ]
         self.loads = (PlaneLoads if self._dimension == 2 else LinearLoads)(self.t, self.held, forces)
-        self.initial = initial_stress(d, self.t, self.owner, step)
         self.tools: list[MovingTool] = []
         if contact is not None and (bodies := self._statement.rigid_bodies):
             self.tools = tools_of(bodies, y, contact, self._statement.time_at(step), d.tagged.size)
@@ -385,11 +384,16 @@ class PlainProblem:
             self._matching[number] = matching
 
     def _grade(self) -> None:
-        """Moduli in the centres of the cells where they vary inside; then no parts of a cell have the same matrices."""
-        self.grading = graded_moduli(self._d, self.t, self.owner)
+        """Moduli in the centres of the cells where they vary inside; then no parts of a cell have the same matrices.
+        And the stress of initial strains, which has these moduli.
+        """
+        free = free_strain(self._d, self.owner, self._position)
+        self.grading = graded_moduli(self._d, self.t, self.owner, free)
         if self.grading is not None:
+            free = self.grading.free
             graded = replace(self.t, moduli=self.grading.moduli, parts=1)
             self.placed, self.t = graded if self.placed is self.t else self.placed, graded
+        self.initial = None if free is None else initial_stress(self.t, free)
 
     def _movable(self, t: Simplices) -> npt.NDArray[np.bool_]:
         """Vertices that may move along the boundary without any change of the problem: it is straight there, with the

@@ -14,10 +14,13 @@ R along c follow from a stress tau' and a displacement w or z that their dual pr
 
 For Q, tau' is in equilibrium with a unit load on the boundary, and w vanishes where forces of supports and contacts
 act.  For R, tau' has no load, and z is c on the boundary and vanishes where other forces of supports and contacts act.
-In both tau' has no traction on the contact boundary, because nothing is assumed of u - v there.
+In both tau' has no traction on the contact boundary, because nothing is assumed of u - v there.  With w = -z and -tau'
+instead of tau' both are the same but for Q(v).
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +30,8 @@ from signorini_fx.addons.bounds.applied_loads import PlaneLoads
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_error import ROUND_OFF
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
-from signorini_fx.addons.bounds.equilibrated_stress import Loads
-from signorini_fx.addons.bounds.error_bound import Bounded
+from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, Loads
+from signorini_fx.addons.bounds.error_bound import Bounded, Enclosure
 from signorini_fx.addons.bounds.initial_stress import elastic_stress
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.addons.bounds.round_off import of_boundary_values, of_strains, of_sum
@@ -38,7 +41,7 @@ from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.statements import Interval, Refused
-from signorini_fx.tuned import SAME_LENGTH
+from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 
 # Products that a cell adds to a sum, at most: those of three components on the thirds at their corners.
 _TERMS = 27
@@ -100,6 +103,27 @@ def force(
         return str(refused)
 
 
+@dataclass(frozen=True)
+class _Dual:
+    """What the dual problem of a quantity is approximated by.
+
+    Attributes:
+        w: the displacement at vertices, length, shape (v, 2).
+        stress: tau'.
+        constraints: of w.
+        missed: how far w is from these, length.
+        pieces: whose quantity it is.
+        prescribed: size of what is prescribed in directions that are known up to round-off, length.
+    """
+
+    w: Array
+    stress: EquilibratedStress
+    constraints: PrescribedComponents
+    missed: float
+    pieces: Ints
+    prescribed: float = 0.0
+
+
 class _Quantity(Bounded):
     """A problem with what bounds quantities of its solution."""
 
@@ -114,8 +138,6 @@ class _Quantity(Bounded):
         if d.tagged.dimension != 2:
             raise Refused("in space the error alone has a guaranteed bound")
         super().__init__(d, y, contact, step, before)
-        if self.grading is not None:
-            raise Refused("of a graded body the error alone has a guaranteed bound")
 
     def mean(self, boundary: str, direction: Array) -> Interval:
         """See ``mean_displacement``."""
@@ -125,7 +147,7 @@ class _Quantity(Bounded):
             raise Refused("a mean displacement has bounds where supports hold the body without its contact")
         unit = np.zeros((len(t.edges), 2, 2))
         unit[edges] = direction / t.area[edges].sum()  # what supports take of it neither stress nor w know
-        stress = self.equilibration.stress(Loads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
+        stress = self.equilibrated(Loads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
         load = np.zeros((len(t.x), 2))
         for k in (0, 1):
             np.add.at(load, t.edges[:, k], t.area[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
@@ -134,12 +156,8 @@ class _Quantity(Bounded):
         y, middle = self.enclosure.v.y, self.enclosure.v.middle
         share = t.area[edges] / t.area[edges].sum()
         mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
-        residual, unknown = self._residual(w)
-        difference = stress.stress - from_strain(t, self._strain(w))
-        tiny = self._round_off(w, difference, constraints, missed, pieces)
-        tiny += of_sum(2 * edges.size) * float(np.abs(direction).sum()) * self._far
-        low, high = self._within(difference, stress.missing, tiny, w, pieces)
-        return Interval(mean + residual + low - unknown, mean + residual + high + unknown, self.grounds)
+        tiny = of_sum(2 * edges.size) * float(np.abs(direction).sum()) * self._far
+        return self._interval(_Dual(w, stress, constraints, missed, pieces), mean, tiny)
 
     def force(self, boundary: str, direction: Array) -> Interval:
         """See ``force``."""
@@ -158,28 +176,24 @@ class _Quantity(Bounded):
         ):
             raise Refused(f"loads act on {boundary!r}: its own force is not known apart from them")
         value = np.zeros((len(t.edges), 2))
-        value[edges] = direction
+        value[edges] = -direction
         pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
         constraints = self._closed(value, pieces)
         if not constraints.fixes(t):
             raise Refused("a force has bounds where supports and contacts hold the body")
-        z, missed = smallest_energy(t, constraints)
+        w, missed = smallest_energy(t, constraints)
         if missed > SAME_LENGTH * np.abs(direction).max():
             raise Refused(
                 f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact"
             )
-        difference, missing = from_strain(t, self._strain(z)), 0.0
+        no_traction = np.zeros((len(t.edges), 2, 2))
+        stress = EquilibratedStress(np.zeros((len(t.corners), 3, 3, 3)), no_traction, np.zeros(len(t.corners)))
         if support:
-            no_traction = np.zeros((len(t.edges), 2, 2))
             unloaded = Loads(np.zeros((len(t.corners), 3, 2)), no_traction)
-            stress = self.equilibration.stress(unloaded, np.stack((value, value), axis=1))
-            difference, missing = difference - stress.stress, stress.missing
-        residual, unknown = self._residual(z)
+            stress = self.equilibrated(unloaded, np.stack((value, value), axis=1))
         exact = not constraints.value.any() and (np.count_nonzero(constraints.direction, axis=1) == 1).all()
         prescribed = 0.0 if exact else float(np.abs(direction).max())
-        tiny = self._round_off(z, difference, constraints, missed, pieces, prescribed)
-        low, high = self._within(difference, missing, tiny, z, pieces)
-        return Interval(low - residual - unknown, high - residual + unknown, self.grounds)
+        return self._interval(_Dual(w, stress, constraints, missed, pieces, prescribed))
 
     def _closed(self, value: Array, pieces: Ints) -> PrescribedComponents:
         """Components where forces of supports and contacts act; without friction there is none along a contact.
@@ -206,81 +220,90 @@ class _Quantity(Bounded):
 
     def _strain(self, w: Array) -> Array:
         """Of a displacement that is linear on triangles, at corners, shape (n, 3, 3)."""
-        return self.t.strain_at_corners(w, w[self.t.edges].mean(axis=1))
+        return self.t.strain_at_corners(w, self._middles(w))
+
+    def _interval(self, dual: _Dual, begin: float = 0.0, tiny: float = 0.0) -> Interval:
+        """A quantity that is ``begin``, which is known up to ``tiny``, plus the work of the solution.
+
+        This is L(w) - a(v, w) + int (tau' - C eps(w)) : eps(u - v).
+        """
+        t, enclosure = self.t, self.enclosure.of(self._joined(dual.pieces))
+        elastic, missing = from_strain(t, self._strain(dual.w)), dual.stress.missing
+        tau, difference = dual.stress.stress, dual.stress.stress - elastic
+        residual, unknown = self._residual(dual.w)
+        if self.grading is not None:
+            of_v = from_strain(t, enclosure.v.strain)
+            products, around = self.grading.product((elastic, tau), (of_v, enclosure.stress.stress))
+            squares = replace(self.grading, free=None).square(elastic, tau)
+        else:
+            products, squares = product(t, difference, enclosure.difference), square(t, difference)
+            around = np.zeros_like(squares) if self.initial is None else self.initial.unknown_work(difference)
+        size = float(np.sqrt(squares.sum()))
+        rounded = of_strains(t, dual.w, self._middles(dual.w))[enclosure.inside].sum()
+        norm = size + self._growth * float(np.sqrt(rounded))
+        half = enclosure.radius * norm + enclosure.distance * missing + self._round_off(dual, enclosure, size)
+        half += tiny + unknown + float(around[enclosure.inside].sum()) / 2
+        centre = begin + residual + float(products.sum()) / 2
+        return Interval(centre - half, centre + half, self.grounds)
+
+    @property
+    def _growth(self) -> float:
+        """The largest factor from norms of C to those of moduli that vary inside cells."""
+        return 1.0 if self.grading is None else float(np.sqrt(self.grading.greatest.max()))
+
+    def _middles(self, w: Array) -> Array:
+        """A displacement that is linear on triangles at the middles of the edges, shape (e, 2)."""
+        return np.asarray(w[self.t.edges].mean(axis=1))
 
     def _residual(self, w: Array) -> tuple[float, float]:
-        """The work L(w) - a(v, w), and how far L(w) is not known by quadrature."""
-        t = self.t
-        # The strain of w is constant: the mean of that of v is enough.
-        mean_stress = elastic_stress(t, self.enclosure.v.strain, self.initial).mean(axis=(1, 2))
-        inside = t.volume @ (mean_stress * self._strain(w)[:, 0] * TWICE[2]).sum(axis=1)
-        middle = w[t.edges].mean(axis=1)
-        unknown = self.loads.unknown_work(w, middle)
-        if self.initial is not None:
-            unknown += float(self.initial.unknown_work(from_strain(t, self._strain(w))).sum())
-        return float(self.loads.work(w, middle) - inside), unknown
+        """The work L(w) - a(v, w), and how far it is not known by quadrature."""
+        t, middle = self.t, self._middles(w)
+        elastic, unknown = from_strain(t, self._strain(w)), self.loads.unknown_work(w, middle)
+        if self.grading is not None:
+            inside, more = self.grading.work(from_strain(t, self.enclosure.v.strain), elastic)
+        else:
+            # The strain of w is constant: the mean of that of v is enough.
+            mean_stress = elastic_stress(t, self.enclosure.v.strain, self.initial).mean(axis=(1, 2))
+            inside = float(t.volume @ (mean_stress * self._strain(w)[:, 0] * TWICE[2]).sum(axis=1))
+            more = 0.0 if self.initial is None else float(self.initial.unknown_work(elastic).sum())
+        return float(self.loads.work(w, middle) - inside), unknown + more
 
-    def _within(self, stress: Array, missing: float, tiny: float, w: Array, pieces: Ints) -> tuple[float, float]:
-        """Bounds of the integral of a stress times eps(u - v).
-
-        Args:
-            stress: on the thirds at their corners, shape (n, 3, 3, 3).
-            missing: what of it is not in equilibrium, ``Equilibrated.missing``.
-            tiny: round-off of this and of other sums that are added.
-            w: the displacement that it is made of.
-            pieces: where the stress is.
-        """
-        t, enclosure = self.t, self.enclosure.of(self._joined(pieces))
-        centre = float(product(t, stress, enclosure.difference).sum()) / 2
-        # Plus the round-off of its strain.
-        norm = float(np.sqrt(square(t, stress).sum()))
-        norm += float(np.sqrt(of_strains(t, w, w[t.edges].mean(axis=1))[enclosure.inside].sum()))
-        half = enclosure.radius * norm + enclosure.distance * missing + tiny
-        if self.initial is not None:
-            half += float(self.initial.unknown_work(stress)[enclosure.inside].sum()) / 2
-        return centre - half, centre + half
-
-    def _round_off(
-        self,
-        w: Array,
-        stress: Array,
-        constraints: PrescribedComponents,
-        missed: float,
-        pieces: Ints,
-        prescribed: float = 0.0,
-    ) -> float:
+    def _round_off(self, dual: _Dual, enclosure: Enclosure, size: float) -> float:
         """Bound of the round-off of a quantity.
 
         Strains, sums, and what w misses of the values that are prescribed: w is less by another one, r, that is zero
         but near these, and forces of supports and contacts do the work a(u, r) - L(r) on it.
 
         Args:
-            w: the displacement of the dual problem, length, shape (v, 2).
-            stress: see ``_within``.
-            constraints: of w.
-            missed: how far it is from these, length.
-            pieces: whose quantity it is.
-            prescribed: size of what is prescribed in directions that are known up to round-off, length.
+            dual: of it.
+            enclosure: of the pieces that are joined with those of the quantity.
+            size: norm of tau' - C eps(w).
         """
-        t, inside, loads = self.t, self._joined(pieces), self.loads
+        t, w, inside, loads, growth = self.t, dual.w, enclosure.inside, self.loads, self._growth
         assert isinstance(loads, PlaneLoads)  # in space quantities have no bounds
-        enclosure = self.enclosure.of(inside)
-        v, middle = enclosure.v, w[t.edges].mean(axis=1)
+        v, middle = enclosure.v, self._middles(w)
 
         def norm(squares: Array) -> float:
-            return float(np.sqrt(squares[inside].sum()))
+            return growth * float(np.sqrt(squares[inside].sum()))
 
         of_v, of_w = norm(of_strains(t, v.y, v.middle)), norm(of_strains(t, w, middle))
         size_v, size_w = norm(energy(t, v.strain)), norm(energy(t, self._strain(w)))
-        size, between = norm(square(t, stress)), float(np.sqrt(enclosure.gap))
+        between = float(np.sqrt(enclosure.gap))
         strains = of_v * (size_w + of_w + size / 2) + of_w * (size_v + between / 2)
         if self.initial is not None:
             size_v += norm(square(t, self.initial.stress))
-        sums = loads.size_of_work(w, middle) + size_v * size_w + size * (between + enclosure.radius)
-        moved = missed + ROUND_OFF * (float(np.abs(w).max(initial=0.0)) + prescribed)
-        vertices = np.intersect1d(constraints.vertex, t.corners[inside])
+        work = size_v * size_w + size * (between + enclosure.radius)
+        sums = of_sum(_TERMS * len(t.corners)) * (loads.size_of_work(w, middle) + work)
+        if self.grading is not None:
+            # Stresses at points come from those at corners, whose squares are up to d + 2 times as large; and gamma is
+            # known as its bounds are.
+            work += size_w * (between + enclosure.radius) + size_v * size
+            steepest = float((self.grading.greatest / self.grading.least).max())
+            sums += ((t.dimension + 2) * of_sum(self.grading.terms) + SAME_NUMBER * steepest) * work
+        moved = dual.missed + ROUND_OFF * (float(np.abs(w).max(initial=0.0)) + dual.prescribed)
+        vertices = np.intersect1d(dual.constraints.vertex, t.corners[inside])
         near = np.zeros_like(w)
         near[vertices] = moved
-        forces = of_boundary_values(t, vertices, np.sqrt(2) * moved) * (enclosure.size + enclosure.distance)
-        forces += loads.size_of_work(near, near[t.edges].mean(axis=1))
-        return strains + of_sum(_TERMS * len(t.corners)) * sums + forces
+        of_values = growth * of_boundary_values(t, vertices, np.sqrt(2) * moved)
+        forces = of_values * (enclosure.size + enclosure.distance) + loads.size_of_work(near, self._middles(near))
+        return strains + sums + forces
