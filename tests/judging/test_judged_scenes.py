@@ -158,6 +158,31 @@ def test_what_is_not_judged_yet_is_said():
     assert "springs right is not judged yet" in str(judgement)
 
 
+@pytest.mark.parametrize("pairs", [0, 1, 4])
+@pytest.mark.parametrize("joined", [False, True])
+def test_a_mesh_of_other_cells_than_its_file_is_not_judged(tmp_path, pairs, joined):
+    """Whether they are divided or cut, and in one of several bodies: nodes are not those of the file."""
+    x = np.array([(i, j, 0) for j in (0, 1) for i in range(6)], dtype=float)
+    quads = [[i, i + 1, i + 7, i + 6] for i in range(5)]
+    halves = [half for a, b, c, d in quads[:pairs] for half in ([a, b, c], [a, c, d])]
+    cells = [("quad", quads[pairs:]), *([("triangle", halves)] if halves else [])]
+    meshio.write(tmp_path / "bar.vtu", meshio.Mesh(x, cells))
+    sides = {"low": "x[1] < 1e-9", "high": "x[1] > 1 - 1e-9"}
+    mesh = {"file": str(tmp_path / "bar.vtu"), "boundaries": sides}
+    scene = {"material": {"young": 1.0, "poisson": 0.3}}
+    if joined:
+        plain = {"generator": "rectangle", "parameters": {"cell": "triangle"} if pairs == 4 else {}}
+        scene["body"] = [{"name": "bar", "mesh": mesh}, {"name": "other", "mesh": plain, "shift": [0.0, 9.0]}]
+        scene["displacement"] = [{"boundary": "other.bottom", "x": 0.0, "y": 0.0}]
+    else:
+        scene |= {"mesh": mesh, "displacement": []}
+    scene["displacement"].append({"boundary": "high", "x": 0.0, "y": -0.1})
+    scene["contact"] = [{"boundary": "low", "gap": 0.0}]
+    reasons = judged_problem(scene)[1]
+    assert [reason for reason in reasons if "other cells than its file" in reason] == (reasons if pairs else [])
+    assert len(reasons) == (pairs > 0)
+
+
 def test_the_public_function():
     """``signorini_fx.judge`` is the one of the command."""
     assert sfx.judge is judge

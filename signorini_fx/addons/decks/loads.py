@@ -370,7 +370,7 @@ def _areas(deck: Deck, where: str) -> Floats:
     """The share of each node of the mesh in the area (in the plane: length) of a boundary."""
     facets = deck.mesh.facets[deck.mesh.boundaries[where]]
     shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
-    if (full_cell := completed("quad8")) is not None and "of their faces" in deck.mesh.note and deck.mesh.dim == 3:
+    if deck.mesh.completed and deck.mesh.dim == 3 and (full_cell := completed("quad8")) is not None:
         facets, shares = facets[:, :-1], shares @ full_cell[1]
     areas = np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
     give_to_ends(deck.mesh, areas)

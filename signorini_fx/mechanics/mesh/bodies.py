@@ -35,7 +35,7 @@ class BodyArrays:
         facets: facets with tags.
         middles: of the cells, shape (m, d).
         corners: nodes of the facets, corners first, shape (f, nodes of each, d).
-        boundaries, regions, origin, note: those of the ``TaggedMesh``.
+        boundaries, regions, origin, note, subdivided: those of the ``TaggedMesh``.
     """
 
     kind: tuple[str, int, int]
@@ -48,6 +48,7 @@ class BodyArrays:
     regions: Mapping[str, Tags]
     origin: Mapping[str, Any]
     note: str
+    subdivided: bool
 
     @property
     def dimension(self) -> int:
@@ -132,6 +133,7 @@ def together(
         "regions": regions,
         "origin": {"bodies": {name: dict(arrays.origin) for name, arrays in zip(names, meshes, strict=True)}},
         "note": "; ".join(f"{name}: {arrays.note}" for name, arrays in zip(names, meshes, strict=True) if arrays.note),
+        "subdivided": any(arrays.subdivided for arrays in meshes),
     }
 
 
@@ -183,6 +185,7 @@ def _arrays(tagged: Any) -> BodyArrays:
         regions=dict(tagged.regions),
         origin=dict(tagged.origin),
         note=tagged.note,
+        subdivided=tagged.subdivided,
     )
 
 

@@ -62,7 +62,8 @@ class TaggedMesh(TaggedMeshBase):
         cell_tags: tags on cells; None if the body is one region.
         regions: name of a part of the body -> its tag, or all its tags.
         origin: what a scene calls the file or the generator that it was made from; empty if the caller made it.
-        note: what was made of the cells of its file; empty if they are as they were.
+        note: what was made of the cells of its file, in words; empty if they are as they were.
+        subdivided: whether cells of its file are cut or divided into several.
     """
 
     mesh: dmesh.Mesh
@@ -72,6 +73,7 @@ class TaggedMesh(TaggedMeshBase):
     regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
     origin: Mapping[str, Any] = field(default_factory=dict)
     note: str = ""
+    subdivided: bool = False
 
     def __repr__(self) -> str:
         cells = self.mesh.topology.index_map(self.dimension).size_global
@@ -331,7 +333,7 @@ def read_mesh(
     """
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
-    def read() -> tuple[str, formats.Tags, formats.Tags, str]:
+    def read() -> tuple[str, formats.Tags, formats.Tags, str, bool]:
         arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sections, sizes)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
@@ -341,12 +343,13 @@ def read_mesh(
         of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
         arrays_on_root.append((arrays, of_side, of_cell))
-        return arrays.kind, sides, parts, arrays.note
+        return arrays.kind, sides, parts, arrays.note, arrays.subdivided
 
-    kind, sides, parts, note = parallel.on_root(comm, read)
+    kind, sides, parts, note, subdivided = parallel.on_root(comm, read)
     held = arrays_on_root.pop() if arrays_on_root else None
     mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held, touching)
-    return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), note=note)
+    tagged = TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts))
+    return replace(tagged, note=note, subdivided=subdivided)
 
 
 def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:

@@ -44,9 +44,11 @@ class MeshArrays:
             that belong to sections.
         boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
         regions: name -> rows of ``cells``, sorted; regions may overlap.
-        note: what was made of the cells of the file; empty if they are as they were.
+        note: what was made of the cells of the file, in words; empty if they are as they were.
         ends: the nodes in the middle of which each of the last ones is, which divide the cells of the file, shape
-            (k, 4), -1: none.
+            (k, 4) or (k, 8), -1: none.
+        subdivided: whether cells of the file are cut or divided into several.
+        completed: whether cells of the file have got nodes in the middle of their faces.
     """
 
     points: Floats
@@ -57,6 +59,8 @@ class MeshArrays:
     regions: Mapping[str, Ints]
     note: str = ""
     ends: Ints = field(default_factory=lambda: np.empty((0, 4), dtype=np.int64))
+    subdivided: bool = False
+    completed: bool = False
 
     @property
     def cell(self) -> Cell:
@@ -100,7 +104,7 @@ def from_raw(
     """The cells of a raw mesh with their exterior facets and all names.
 
     The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.  Some
-    kinds of cells are cut into simplices, or divided into quadrilaterals: ``cutting``, ``dividing``.
+    kinds of cells are cut into simplices, or divided into quadrilaterals or hexahedra: ``cutting``, ``dividing``.
 
     Args:
         raw: the mesh as read from its file.
@@ -120,6 +124,7 @@ def from_raw(
     raw, divisions, note = divided(raw)
     if not note:
         raw, note = cut(raw, name)
+    subdivided = bool(note)
     kind, body = _body(raw, name)
     if (full_cell := completed(kind)) is not None:
         count = sum(len(raw.blocks[n][1]) for n in body)
@@ -173,7 +178,18 @@ def from_raw(
     if problems:
         raise SceneError(problems)
     divisions = np.where(divisions < 0, -1, renumber[divisions])
-    return MeshArrays(points, kind, cells, facets, names, names_of_parts, note, divisions)
+    return MeshArrays(
+        points,
+        kind,
+        cells,
+        facets,
+        names,
+        names_of_parts,
+        note,
+        divisions,
+        subdivided=subdivided,
+        completed=full_cell is not None,
+    )
 
 
 def _corners_of(kind: str) -> int:
