@@ -21,7 +21,7 @@ from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import PARALLEL
 
 # Corners along each face, in the order of VTK.
-_FACES: dict[str, tuple[tuple[int, ...], ...]] = {
+FACES: dict[str, tuple[tuple[int, ...], ...]] = {
     "tetra": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
     "pyramid": ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
     "wedge": ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
@@ -61,7 +61,7 @@ def cut(raw: RawMesh, name: str) -> tuple[RawMesh, str]:
         MeshError: a cell is folded.
     """
     kinds = {kind for kind, nodes in raw.blocks if len(nodes)}
-    solid = {kind for kind in kinds if shape_of(kind) in _FACES}
+    solid = {kind for kind in kinds if shape_of(kind) in FACES}
     body = solid or {kind for kind in kinds if shape_of(kind) in ("triangle", "quad")}
     shapes = {shape_of(kind) for kind in body}
     curved = {kind != shape_of(kind) for kind in body}
@@ -139,7 +139,7 @@ class _Middles:
         node_of = {frozenset(corners): CORNERS[shape] + k for k, corners in enumerate(BETWEEN[shape])}
         node_count = nodes.shape[1]
         added: list[tuple[Ints, Ints]] = []
-        faces = [face for face in _FACES.get(shape, (tuple(range(CORNERS[shape])),)) if len(face) == 4]
+        faces = [face for face in FACES.get(shape, (tuple(range(CORNERS[shape])),)) if len(face) == 4]
         lacking = [corners for corners in faces if node_of[frozenset(corners)] >= node_count]
         for corners in [*lacking, tuple(range(8))] if node_count == 20 else lacking:
             element = completed("quad8" if len(corners) == 4 else "hexahedron20")
@@ -181,7 +181,7 @@ def _cells(points: Floats, cells: Ints, kind: str, name: str) -> Ints:
     Raises:
         MeshError: some of them are inside out.
     """
-    faces = _FACES[kind]
+    faces = FACES[kind]
     lowest = np.argmin(cells, axis=1)
     tetrahedra: Ints | None = None
     for corner in range(cells.shape[1]):
