@@ -241,9 +241,19 @@ HEATED += ["1", "*INITIAL CONDITIONS, TYPE=TEMPERATURE", "EVERY, 20.", "*BOUNDAR
 
 def test_temperatures(tmp_path, capsys):
     """Their change since the beginning, whatever the coefficient of expansion counts from; in plane strain, by hand."""
-    lines = ["*STEP", "*TEMPERATURE", "EVERY, 70.", "*END STEP", "*STEP", "*TEMPERATURE, OP=NEW", "*END STEP"]
+    lines = [
+        "*STEP",
+        "*STATIC",
+        "*TEMPERATURE",
+        "EVERY, 70.",
+        "*END STEP",
+        "*STEP",
+        "*STATIC",
+        "*TEMPERATURE, OP=NEW",
+        "*END STEP",
+    ]
     lines += ["*AMPLITUDE, NAME=half", "0., 0., 1., 0.5"]
-    lines += ["*STEP", "*TEMPERATURE, OP=NEW, AMPLITUDE=HALF", "EVERY, 240.", "*END STEP"]
+    lines += ["*STEP", "*STATIC", "*TEMPERATURE, OP=NEW, AMPLITUDE=HALF", "EVERY, 240.", "*END STEP"]
     scene, data, said = drafted(tmp_path, [*block(), *MATERIAL, *HEATED, *lines], capsys)
     assert data["material"] == {"young": 1000.0, "poisson": 0.25, "expansion": 1e-5}
     assert data["temperature"] == [{"change": 100.0, "factors": [0.5, 0.0, 1.0]}]
@@ -260,9 +270,25 @@ def test_temperatures_that_differ_from_node_to_node(tmp_path, capsys):
     lines = [line for line in block() if not line.startswith(("*SOLID", "1.0"))]
     lines += ["*ELSET, ELSET=REST, GENERATE", f"{NX + 1}, {NX * NY}, 1", "*SOLID SECTION, ELSET=LOW, MATERIAL=STEEL"]
     lines += ["*SOLID SECTION, ELSET=REST, MATERIAL=INVAR", *MATERIAL, *HEATED]
-    lines += ["*MATERIAL, NAME=INVAR", "*ELASTIC", "900., 0.3", "*STEP", "*TEMPERATURE", *rows, "1001, 5.", "*END STEP"]
-    lines += ["*STEP", "*TEMPERATURE, FILE=job.fil", "*END STEP"]
-    lines += ["*STEP", "*TEMPERATURE", *(f"{n}, {20 + 15 * a + 3.5 * b}" for n, (a, b) in enumerate(x, 1)), "*END STEP"]
+    lines += [
+        "*MATERIAL, NAME=INVAR",
+        "*ELASTIC",
+        "900., 0.3",
+        "*STEP",
+        "*STATIC",
+        "*TEMPERATURE",
+        *rows,
+        "1001, 5.",
+        "*END STEP",
+    ]
+    lines += ["*STEP", "*STATIC", "*TEMPERATURE, FILE=job.fil", "*END STEP"]
+    lines += [
+        "*STEP",
+        "*STATIC",
+        "*TEMPERATURE",
+        *(f"{n}, {20 + 15 * a + 3.5 * b}" for n, (a, b) in enumerate(x, 1)),
+        "*END STEP",
+    ]
     scene, data, said = drafted(tmp_path, lines, capsys)
     assert [one["expansion"] for one in data["material"]] == [1e-5, 0.0]
     assert data["temperature"] == [{"file": "draft_temperature_1.csv", "factors": [1.0, 1.0, 0.5]}]
@@ -357,8 +383,17 @@ def test_a_rigid_body_that_a_force_moves(tmp_path, capsys):
         "*BOUNDARY",
         *(f"{n}, 1, 2" for n in TOP),
     ]
-    lines += ["REF, 1, 1", "1001, 6, 6", "*STEP, NAME=touch", "*CLOAD", "REF, 2, 1.5", "1001, 2, 0.5", "*END STEP"]
-    lines += ["*STEP, NAME=press", "*BOUNDARY", "REF, 1, 1, 0.001", "*CLOAD", "REF, 2, 3.", "*END STEP"]
+    lines += [
+        "REF, 1, 1",
+        "1001, 6, 6",
+        "*STEP, NAME=touch",
+        "*STATIC",
+        "*CLOAD",
+        "REF, 2, 1.5",
+        "1001, 2, 0.5",
+        "*END STEP",
+    ]
+    lines += ["*STEP, NAME=press", "*STATIC", "*BOUNDARY", "REF, 1, 1, 0.001", "*CLOAD", "REF, 2, 3.", "*END STEP"]
     scene, data, said = drafted(tmp_path, lines, capsys)
     tool = {"shape": "plane", "point": [1.0, -0.01], "normal": [0.0, 1.0], "pivot": [0.5, -1.0]}
     tool["force"] = [0.0, "2.0 if t < 1.5 else 3.0"]
@@ -385,7 +420,7 @@ def test_a_rigid_coupling(tmp_path, capsys):
         "*BOUNDARY",
         *(f"{n}, 1, 2" for n in NODES[: NX + 1]),
     ]
-    lines += ["*STEP", "*CLOAD", "1001, 1, 0.4", "REF, 2, -6.", "2001, 3, 0.8", "*END STEP"]
+    lines += ["*STEP", "*STATIC", "*CLOAD", "1001, 1, 0.4", "REF, 2, -6.", "2001, 3, 0.8", "*END STEP"]
     scene, data, _ = drafted(tmp_path, lines, capsys)
     (contact,) = data["contact"]
     assert (contact["boundary"], contact["kind"]) == ("TOPS", "bonded")
@@ -413,6 +448,7 @@ def test_a_rigid_coupling_that_nothing_drives(tmp_path, capsys):
         *(f"{n}, 1" for n in NODES[: NX + 1]),
         *(f"{n}, 2, 2, 0.25" for n in NODES[: NX + 1]),
         "*STEP",
+        "*STATIC",
         "*END STEP",
     ]
     scene, data, said = drafted(tmp_path, lines, capsys)
@@ -525,7 +561,7 @@ def test_parts_of_several_materials(tmp_path, capsys):
     lines += ["*NODE", "2001, -1., -1.5", "2002, 3., 0.5", "*ELEMENT, TYPE=R2D2, ELSET=SLOPE", "9001, 2001, 2002"]
     lines += ["*SURFACE, NAME=RAMP", "SLOPE, SPOS", "*RIGID BODY, ELSET=SLOPE, REF NODE=1001"]
     lines += ["*CONTACT PAIR", "RAMP, FLOOR SIDE", "*TIE, NAME=T", "A, B"]
-    lines += ["*BOUNDARY", "WALL, ENCASTRE", "*STEP", "*BOUNDARY, OP=NEW", "WALL, 2, 2, -0.1", "*END STEP"]
+    lines += ["*BOUNDARY", "WALL, ENCASTRE", "*STEP", "*STATIC", "*BOUNDARY, OP=NEW", "WALL, 2, 2, -0.1", "*END STEP"]
     _, data, said = drafted(tmp_path, lines, capsys)
     assert data["material"] == [
         {"region": "LOW", "young": 10.0, "poisson": 0.1, "hypothesis": "plane stress"},
@@ -542,7 +578,7 @@ def test_parts_of_several_materials(tmp_path, capsys):
 
 def test_loads_with_the_same_component(tmp_path, capsys):
     """They are two entries; body forces on a part of the body are left out."""
-    steps = ["*STEP", "*DSLOAD", "LID, TRVEC, 5., 3., 4., 0.", "LID, TRVEC, 2., 0., 1., 0."]
+    steps = ["*STEP", "*STATIC", "*DSLOAD", "LID, TRVEC, 5., 3., 4., 0.", "LID, TRVEC, 2., 0., 1., 0."]
     steps += ["*DLOAD", "7, BY, 5.0", "BODY, BX, 1.0", "BODY, BY, 3.0", "BODY, GRAV, 2.0, 3., 4., 0."]
     steps += ["BODY, CENTRIF, 9.0, 1., 2., 0., 0., 0., 1.", "7, GRAV, 1., 1., 0., 0.", "*END STEP"]
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *steps], capsys)
@@ -558,8 +594,8 @@ def test_loads_with_the_same_component(tmp_path, capsys):
     [
         (["*ELASTIC", "abc, 0.3"], "could not convert string to float: 'abc'"),
         (["*MATERIAL"], "'NAME' is missing"),
-        (["*STEP", "*DSLOAD", "LID, TRVEC, 1., 0., 0., 0."], "a direction is expected"),
-        (["*BOUNDARY", "WALL"], "a data line ends too early, or is missing"),
+        (["*STEP", "*STATIC", "*DSLOAD", "LID, TRVEC, 1., 0., 0., 0."], "a direction is expected"),
+        (["*BOUNDARY", "WALL"], "data line 1 has only 'WALL': a name or number, and what is said of it, are expected"),
         (["*SURFACE, NAME=G", "1, 1.0"], "surface 'G': a face S1, S2 ... is expected, not '1.0'"),
         (["*CONTACT PAIR, TYPE=1.0", "FLOOR, LID"], "TYPE=1.0: NODE TO SURFACE, SURFACE TO SURFACE or MORTAR is"),
         (
@@ -577,6 +613,58 @@ def test_broken_decks(tmp_path, capsys, lines, said):
     assert said in error
     assert f"{deck}: line " in error or f"{deck}: the rigid surface 'G': " in error
     assert not (tmp_path / "scene.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (["*DLOAD", ","], "data line 1 has no word: a name or number is expected"),
+        (["*DSLOAD", "LID, P, 1.", "LID,"], "data line 2 has only 'LID': a name or number, and what is said of it"),
+        (["*CLOAD", ","], "data line 1 has no word"),
+        (["*SURFACE, NAME=G", ","], "data line 1 has no word"),
+        (["*TEMPERATURE", "EVERY"], "data line 1 has only 'EVERY'"),
+        (["*CONTACT PAIR", ","], "data line 1 has no word"),
+    ],
+)
+def test_data_lines_that_are_too_short(tmp_path, capsys, rows, said):
+    """One error with the keyword, its line, and which data line of it."""
+    deck, lines = tmp_path / "deck.inp", [*block(), *MATERIAL, "*STEP", "*STATIC", *rows, "*END STEP"]
+    deck.write_text("\n".join(lines) + "\n")
+    assert cli.main(["convert", str(deck), str(tmp_path / "scene.toml")]) == 2
+    keyword, written = rows[0].partition(",")[0], deck.read_text().splitlines()
+    assert f"{deck}: line {written.index(rows[0]) + 1}, {keyword}: {said}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_a_first_step_of_no_kind(tmp_path, capsys, ended):
+    """CalculiX says "No analysis was selected", and solves nothing."""
+    deck, lines = tmp_path / "deck.inp", [*block(), *MATERIAL, "*STEP", "*DSLOAD", "LID, P, 1."]
+    deck.write_text("\n".join(lines + ["*END STEP"] * ended) + "\n")
+    assert cli.main(["convert", str(deck), str(tmp_path / "scene.toml")]) == 2
+    at = deck.read_text().splitlines().index("*STEP") + 1
+    assert f"{deck}: line {at}, *STEP: the step does not say of what kind" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("kind", "loads"), [("*STATIC", [1.0, 3.0]), ("*FREQUENCY", None)])
+def test_a_later_step_of_no_kind(tmp_path, capsys, kind, loads):
+    """It is of the kind of the step before it."""
+    steps = [["*STEP", kind, "*DSLOAD", "LID, P, 1.", "*END STEP"], ["*STEP", "*DSLOAD", "LID, P, 3.", "*END STEP"]]
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, "*BOUNDARY", "WALL, 1, 2", *steps[0], *steps[1]], capsys)
+    assert f"*STEP: {kind}, as the step before it: this one does not say of what kind it is" in said
+    if loads is None:
+        assert "traction" not in data
+        assert "*STEP and 1 more: the step, *FREQUENCY: only static steps are taken" in said
+    else:
+        (traction,) = data["traction"]
+        assert [traction["pressure"] * factor for factor in traction["factors"]] == pytest.approx(loads)
+
+
+def test_weight_of_no_set_is_that_of_the_whole_body(tmp_path, capsys):
+    """As Abaqus/CAE writes it: the first word is empty."""
+    weight = ["*MATERIAL, NAME=STEEL", "*DENSITY", "2.", "*STEP", "*STATIC", "*DLOAD", ", GRAV, 9.8, 0., -1., 0."]
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *weight, "*END STEP"], capsys)
+    assert data["gravity"][0]["y"] == pytest.approx(-9.8)
+    assert "GRAV" not in said
 
 
 def test_only_decks(tmp_path, capsys):

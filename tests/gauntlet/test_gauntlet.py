@@ -95,6 +95,11 @@ def test_a_case_that_differs(tmp_path):
             OTHER_KIND,
             "*FREQUENCY: only static steps are taken",
         ),
+        (
+            lambda lines: lines.replace("CPE4", "F3D8").replace("*STATIC", "*CFD, STEADY STATE"),
+            OTHER_KIND,
+            "*CFD: only static steps are taken",
+        ),
         (lambda lines: f"*NGEN\n1, 2\n{lines}", REFUSED, "nodes and elements are not generated here"),
         (lambda lines: lines.replace("*BOUNDARY", "*FRICTION, ROUGH\n*BOUNDARY", 1), LOST, "rough friction"),
     ],

@@ -18,9 +18,11 @@ from signorini_fx.addons.decks.bolts import read_bolt
 from signorini_fx.addons.decks.content import Deck, Turn, plain_name
 from signorini_fx.addons.decks.couplings import read_coupling
 from signorini_fx.addons.decks.keywords import (
+    AS_BEFORE,
     CHANGED_WITHIN,
     COMING_AND_GOING,
     NO_CLEARANCE,
+    NO_PROCEDURE,
     NO_SECTORS,
     NOT_WRITTEN,
     OTHER_BEHAVIOUR,
@@ -30,6 +32,7 @@ from signorini_fx.addons.decks.keywords import (
     RULES,
     SECTOR,
     SMALL,
+    STATIC,
     TURNED,
     UNKNOWN,
     WRITTEN,
@@ -58,7 +61,8 @@ def read_deck(file: Path) -> Deck:
     """An input file: its mesh, and what acts on the body.
 
     Raises:
-        MeshError: there is no such file, or it is no mesh, see ``read_file``; a number is none, or a line has too few.
+        MeshError: there is no such file, or it is no mesh, see ``read_file``; a number is none, or a line has too few;
+            the first step is of no kind.
     """
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
@@ -88,7 +92,7 @@ def read_deck(file: Path) -> Deck:
                         deck.turned |= dict.fromkeys(map(int, deck.nodes(block.parameters["NSET"])), turn)
     material = interaction = changed = ""
     behaving = False
-    for block in _used_keywords(deck):
+    for block in _used_keywords(file, deck):
         with _placed(file, block):
             match block.keyword:
                 case "CHANGEFRICTION":
@@ -161,10 +165,14 @@ def _placed(file: Path, block: DeckBlock) -> Iterator[None]:
         raise MeshError(f"{file}: {block.origin}: {error} is missing") from None
 
 
-def _used_keywords(deck: Deck) -> Iterator[DeckBlock]:
-    """The keywords without those of steps that a scene has not."""
+def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
+    """The keywords without those of steps that a scene has not.
+
+    Raises:
+        MeshError: the first step does not say of what kind it is.
+    """
     step: list[DeckBlock] | None = None
-    steps = 0
+    steps, kind = 0, ""
     for block in deck.model.blocks:
         if block.keyword == "STEP":
             step = []
@@ -172,11 +180,16 @@ def _used_keywords(deck: Deck) -> Iterator[DeckBlock]:
             yield block
             continue
         step.append(block)
-        if block.keyword != "ENDSTEP":
+        if block.keyword != "ENDSTEP" and block is not deck.model.blocks[-1]:
             continue
-        procedure = next((entry.name for entry in step if entry.keyword in _PROCEDURES), None)
-        if procedure is not None:
-            deck.lose(step[0], f"the step, *{procedure}: {OTHER_PROCEDURE}")
+        procedure = next((entry.name for entry in step if entry.keyword in {STATIC, *_PROCEDURES}), "")
+        if not procedure and not kind:
+            raise MeshError(f"{file}: {step[0].origin}: {NO_PROCEDURE}")
+        if not procedure:
+            deck.note(step[0], f"*{kind}, {AS_BEFORE}")
+        kind = procedure or kind
+        if kind != STATIC:
+            deck.lose(step[0], f"the step, *{kind}: {OTHER_PROCEDURE}")
         elif steps and "PERTURBATION" in step[0].parameters:
             deck.lose(step[0], "the step, a perturbation of the one before it")
         else:
@@ -185,7 +198,6 @@ def _used_keywords(deck: Deck) -> Iterator[DeckBlock]:
             steps += 1
             yield from step
         step = None
-    yield from step or ()
 
 
 def _read(deck: Deck, block: DeckBlock) -> None:

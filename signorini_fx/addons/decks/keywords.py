@@ -53,6 +53,9 @@ TURNED = "axes are rectangular, R, or cylindrical, C; those of space are taken"
 NO_SECTORS = "cyclic symmetry without *CYCLIC SYMMETRY MODEL"
 UNKNOWN = "not known to scenes"
 OTHER_PROCEDURE = "only static steps are taken"
+STATIC = "STATIC"
+NO_PROCEDURE = "the step does not say of what kind it is: write *STATIC into it; CalculiX solves nothing in such a step"
+AS_BEFORE = "as the step before it: this one does not say of what kind it is"
 CHANGED_WITHIN = "a change within a step: what holds at the beginning is taken"
 COMING_AND_GOING = "parts and contacts that come or go with a later step: they are there throughout"
 NO_CLEARANCE = "a clearance that a file gives node by node, or that a later step changes"
@@ -124,7 +127,9 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, "beside elements of another kind", "ELEMENT", case="CPE, CPS and CAX in one file"),
     *_rules(Grade.TAKEN, "directions of supports and forces at nodes", "TRANSFORM"),
     *_rules(Grade.LOST, TURNED, "TRANSFORM", case="TYPE other than R, C"),
-    *_rules(Grade.TAKEN, "load step", "STEP", "STATIC", "END STEP"),
+    *_rules(Grade.TAKEN, "load step", "STEP", STATIC, "END STEP"),
+    *_rules(Grade.NOTED, AS_BEFORE, "STEP", case="a later one without *STATIC"),
+    *_rules(Grade.REFUSED, NO_PROCEDURE, "STEP", case="the first one without *STATIC"),
     *_rules(Grade.NOTED, SMALL, "STEP", case="NLGEOM; small rotations"),
     *_rules(Grade.LOST, SMALL, "STEP", case="NLGEOM; run finds rotations that matter"),
     *_rules(Grade.LOST, PERTURBATION, "STEP", case="PERTURBATION"),

@@ -249,7 +249,7 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             deck.lose(block, f"load {', '.join(row)}")
             continue
         kind, words = row[at].upper(), [real(word) for word in row[at + 1 :]]
-        everywhere = at == 0 or tuple(row[at:]) in whole
+        everywhere = at == 0 or not any(row[:at]) or tuple(row[at:]) in whole
         if kind.startswith("P") or (at and everywhere and tuple(row[at:]) in done):
             continue
         done.add(tuple(row[at:]))

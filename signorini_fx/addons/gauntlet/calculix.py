@@ -37,7 +37,7 @@ from signorini_fx.addons.gauntlet.sources import PRINTED, PROGRAM
 from signorini_fx.addons.judging.calculix_results import NodeTables, read_frd
 from signorini_fx.addons.judging.judge import judge
 from signorini_fx.errors import MeshError, SignoriniError
-from signorini_fx.mechanics.mesh.files.abaqus import read_model
+from signorini_fx.mechanics.mesh.files.abaqus import read_keywords
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
@@ -167,7 +167,7 @@ class DeckRun:
 
 def _other_procedure(deck: Path) -> DeckBlock | None:
     """The first keyword of a step that is not static; None: all are."""
-    return next((block for block in read_model(deck).blocks if block.keyword in _PROCEDURES), None)
+    return next((block for block in read_keywords(deck) if block.keyword in _PROCEDURES), None)
 
 
 def _end(deck: Deck) -> float:

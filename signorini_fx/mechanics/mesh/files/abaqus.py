@@ -20,7 +20,7 @@ import numpy as np
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus_assembly import assembled
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, check_rows, real
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group, Groups, agreeing, bodies, single
 from signorini_fx.mechanics.mesh.files.abaqus_include import Source
 from signorini_fx.mechanics.mesh.files.abaqus_node_surfaces import ElementFaces, faces_of_nodes
@@ -130,6 +130,7 @@ class _Reader:
         self.bodies: tuple[str, ...] = ()
 
     def read(self, block: DeckBlock) -> None:
+        check_rows(block)
         parameters, rows = block.parameters, block.rows
         self._nodal |= block.keyword in (
             "BOUNDARY",
@@ -452,6 +453,24 @@ class DeckModel:
     emptied: frozenset[str]
 
 
+def read_keywords(file: Path) -> list[DeckBlock]:
+    """All keywords of an Abaqus input file, whatever its elements are.
+
+    Raises:
+        MeshError: it is not such a file, or one that it includes cannot be read.
+    """
+    return _keywords(file)[0]
+
+
+def _keywords(file: Path) -> tuple[list[DeckBlock], int]:
+    """The keywords of a file, and how many nodes or elements it has at most."""
+    source = Source(file)
+    try:
+        return [replace(block, number=number) for number, block in enumerate(assembled(source.blocks()))], source.size
+    except DeckError as error:
+        raise MeshError(f"{file}: {error.text}") from None
+
+
 def read_model(file: Path) -> DeckModel:
     """The mesh of an Abaqus input file, and all of its keywords.
 
@@ -459,12 +478,8 @@ def read_model(file: Path) -> DeckModel:
         MeshError: it is not such a file, or one that it includes cannot be read; elements that are neither plane nor
             solid.
     """
-    source = Source(file)
-    try:
-        blocks = [replace(block, number=number) for number, block in enumerate(assembled(source.blocks()))]
-    except DeckError as error:
-        raise MeshError(f"{file}: {error.text}") from None
-    reader = _Reader(source.size)
+    blocks, size = _keywords(file)
+    reader = _Reader(size)
     for block in blocks:
         with _named(file, f"{block.place}, *{block.name}"):
             reader.read(block)

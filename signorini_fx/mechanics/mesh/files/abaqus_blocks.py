@@ -9,6 +9,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 
+# Keywords whose data lines name nodes, elements, sets or surfaces, and how many words each has at least.
+_LEAST_WORDS = {
+    **dict.fromkeys(("NODE", "SURFACE", "CONTACTPAIR", "TIE", "MODELCHANGE", "KINEMATIC", "DLOAD"), 1),
+    **dict.fromkeys(("BOUNDARY", "CLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS"), 2),
+}
+
+
 @dataclass
 class DeckBlock:
     """A keyword with its parameters, its line in the file, and its data lines split at commas.
@@ -92,6 +99,20 @@ def blocks(lines: Iterable[tuple[int, str, str]]) -> Iterator[DeckBlock]:
             block.rows.append(words if any(words) else [])
     if block is not None:
         yield block
+
+
+def check_rows(block: DeckBlock) -> None:
+    """Check that data lines which name a node, an element, a set or a surface do so, and say something of it.
+
+    Raises:
+        ValueError: one is empty or too short.
+    """
+    least = _LEAST_WORDS.get(block.keyword, 0)
+    for number, row in enumerate(block.rows, start=1):
+        if len(row) < least:
+            expected = "a name or number, and what is said of it, are" if least > 1 else "a name or number is"
+            written = f"only {row[0]!r}" if row else "no word"
+            raise ValueError(f"data line {number} has {written}: {expected} expected")
 
 
 def real(word: str) -> float:

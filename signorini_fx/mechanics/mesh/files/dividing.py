@@ -43,7 +43,7 @@ def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
     others = _bodies_with(raw, body, body - _OTHERS.keys())
     taken = [others[nodes[:, 0]] if kind in body and nodes.size else None for kind, nodes in raw.blocks]
     cells = [(kind, nodes[rows]) for (kind, nodes), rows in zip(raw.blocks, taken, strict=True) if rows is not None]
-    middles = _Middles.of(cells, len(raw.points))
+    middles = _Dividing.of(cells, len(raw.points))
     if not middles.meet():
         return unchanged
     blocks: list[tuple[str, Ints]] = []
@@ -95,7 +95,7 @@ def _mixed(raw: RawMesh) -> set[str]:
 
 
 @dataclass(frozen=True)
-class _Middles:
+class _Dividing:
     """The points that divide cells: in the middle of their edges, then in space of their faces, then of the cells.
 
     Attributes:
@@ -109,7 +109,7 @@ class _Middles:
     faces: Ints
 
     @classmethod
-    def of(cls, cells: Sequence[tuple[str, Ints]], first: int) -> _Middles:
+    def of(cls, cells: Sequence[tuple[str, Ints]], first: int) -> _Dividing:
         """Those of cells by their kinds."""
         edges = np.concatenate([nodes[:, _edges(kind)].reshape(-1, 2) for kind, nodes in cells])
         faces = np.concatenate(
