@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-
 # Keywords whose data lines name nodes, elements, sets or surfaces, and how many words each has at least.
 _LEAST_WORDS = {
     **dict.fromkeys(("NODE", "SURFACE", "CONTACTPAIR", "TIE", "MODELCHANGE", "KINEMATIC", "DLOAD"), 1),
