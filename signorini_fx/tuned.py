@@ -1004,6 +1004,9 @@ JUDGED_ELASTIC_SLIP, JUDGED_SAME_WAY = 3.0, 0.25
 # Limits of figures of the judge, of which docs/judge.md has what good results reach.  Of supports, relative to the
 # largest displacement: 4e-7 is reached.  Digits of print that are needed: three leave 1e-2 of the energy norm.
 JUDGED_SUPPORTS, JUDGED_DIGITS = 1e-3, 4
+# By which share of the largest displacement the sides of a bond may be apart in the mean over a facet: 1.1e-2 is
+# reached by our own bond of bodies one cell wide, .49 by a tie of half a side.
+JUDGED_BOND = 5e-2
 # Factors of units in powers of ten: a thousand, but no load or modulus that is tried.
 JUDGED_UNITS = 2.5
 # By how much reactions that a program says differ from those of its displacement.  6e-6 is reached.

@@ -79,6 +79,8 @@ class ForeignDeck:
         adjust: ADJUST of *CONTACT PAIR: a length, or a set of nodes; "": none.
         tilt: by which a plate is lower on its right than on its left, length.
         shape: a name of ``SHAPES``, into which the bodies are bent; "": they are boxes.
+        capped: whether a further body, whose nodes do not fit, is tied onto the top, and has its loads and its motion.
+        earlier: of the loads and the motion of the top in a load step before the last one; 0: there is none.
     """
 
     kind: str = "shelf"
@@ -103,6 +105,8 @@ class ForeignDeck:
     adjust: str = ""
     tilt: float = 0.0
     shape: str = ""
+    capped: bool = False
+    earlier: float = 0.0
 
     @property
     def dim(self) -> int:
@@ -207,11 +211,12 @@ def text_of(deck: ForeignDeck) -> str:
     flat = dim == 2
     inner = 1.0 if deck.element.startswith("CAX") else 0.0
 
-    def box(cells: Sequence[int], low: tuple[float, float], high: tuple[float, float], first: int) -> _Part:
+    def box(
+        cells: Sequence[int], low: tuple[float, float], high: tuple[float, float], first: int, wider: float = 0.0
+    ) -> _Part:
         """From x and height; the lower body is wider, as CalculiX loses nodes at the edge of a surface."""
         if flat:
             return _box(deck, cells, (low[0] + inner, low[1]), (high[0] + inner, high[1]), first)
-        wider = 0.25 * (first > 1)
         return _box(deck, cells, (low[0], -wider, low[1]), (high[0], 1.0 + wider, high[1]), first)
 
     cells = deck.cells
@@ -222,17 +227,16 @@ def text_of(deck: ForeignDeck) -> str:
     one = (1, 1) if flat else (1, 1, 1)
     elements = "*SOLID SECTION, ELSET={}, MATERIAL={}"
     boundary: list[str] = []
-    loads: list[str] = []
     across = [] if flat else ["BODY_FRONT_N, 2"]
     if deck.kind == "stack":
-        other = box(tuple(max(1, n + 1) for n in cells[:-1]) + cells[-1:], (-0.25, -0.6), (2.25, 0.0), start)
+        other = box(tuple(max(1, n + 1) for n in cells[:-1]) + cells[-1:], (-0.25, -0.6), (2.25, 0.0), start, 0.25)
         other = _bent(deck, other)
         lines += _written(deck, other, "BASE")
         boundary += [f"BASE_BOTTOM_N, 1, {dim}", *across]
         boundary += ["BODY_TOP_N, 1, 1", f"BODY_TOP_N, {dim}, {dim}"] if deck.friction else ["BODY_LEFT_N, 1"]
     else:
         gap = deck.gap if deck.kind == "shelf" else 0.0
-        other = box(one, (-0.5, -0.5 - gap), (2.5, -gap), start)
+        other = box(one, (-0.5, -0.5 - gap), (2.5, -gap), start, 0.25)
         for number, (x, *rest, y) in other.nodes.items():
             other.nodes[number] = (x, *rest, y - deck.tilt * (x - inner + 0.5) / 3)
         other = _bent(deck, other)
@@ -240,6 +244,15 @@ def text_of(deck: ForeignDeck) -> str:
         boundary += [f"BASE_N, 1, {dim}", *across]
         boundary += [f"BODY_LEFT_N, 1, {dim}"] * (deck.kind == "shelf" and deck.clamped)
         boundary += ["BODY_TOP_N, 1, 1", f"BODY_TOP_N, {dim}, {dim}"] * (deck.kind == "press")
+    top, further = "BODY", dict[int, tuple[float, ...]]()
+    if deck.capped:
+        first = max([*other.nodes, *other.elements]) + 100
+        # Nodes of the finer side are tied: those of the other one between them would be loose.
+        cap = _bent(deck, box((*(n + 1 for n in cells[:-1]), 1), (0.0, 0.5), (2.0, 0.8), first))
+        lines += [*_written(deck, cap, "CAP"), elements.format("CAP", "M")]
+        lines += ["*TIE, NAME=C, POSITION TOLERANCE=0.01", "CAP_BOTTOM, BODY_TOP"]
+        boundary = [line.replace("BODY_TOP_N", "CAP_TOP_N") for line in boundary]
+        top, further = "CAP", cap.nodes
     lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{deck.young!r}, {deck.poisson!r}"]
     lines += ["*MATERIAL, NAME=W", "*ELASTIC", f"{deck.young * deck.lower!r}, {deck.poisson!r}"]
     lines += [elements.format("BODY", "M"), elements.format("BASE", "W" if deck.kind == "stack" else "M")]
@@ -256,19 +269,26 @@ def text_of(deck: ForeignDeck) -> str:
         lines += ["*FRICTION", f"{deck.friction!r}, {deck.stick!r}"] if deck.friction else []
         adjust = f", ADJUST={deck.adjust}" if deck.adjust else ""
         lines += [f"*CONTACT PAIR, INTERACTION=S, TYPE={deck.pair}{adjust}", "BODY_BOTTOM, BASE_TOP"]
-    lines += _set("ALL", [*body.nodes, *other.nodes])
-    step = 1 / deck.increments
+    lines += _set("ALL", [*body.nodes, *other.nodes, *further])
+    lines += ["*BOUNDARY", *boundary]
+    for share in [deck.earlier] * (deck.earlier != 0) + [1.0]:
+        lines += _step(deck, top, share)
+    return "\n".join(lines) + "\n"
+
+
+def _step(deck: ForeignDeck, top: str, share: float) -> list[str]:
+    """A load step with a share of the loads and the motion of a body's top."""
+    dim, step = deck.dim, 1 / deck.increments
     static = ["*STATIC, DIRECT", f"{step!r}, 1."] if deck.increments > 1 else ["*STATIC", "1., 1."]
-    lines += ["*BOUNDARY", *boundary, "*STEP, INC=1000", *static]
+    lines = ["*STEP, INC=1000", *static]
     if deck.kind == "press" or (deck.kind == "stack" and deck.friction):
-        along, down = deck.displaced
-        lines += ["*BOUNDARY", f"BODY_TOP_N, 1, 1, {along!r}", f"BODY_TOP_N, {dim}, {dim}, {-down!r}"]
+        along, down = (share * value for value in deck.displaced)
+        lines += ["*BOUNDARY", f"{top}_TOP_N, 1, 1, {along!r}", f"{top}_TOP_N, {dim}, {dim}, {-down!r}"]
+    loads = [f"BODY_RIGHT, P, {share * deck.push!r}"]
     if deck.kind == "shelf" or (deck.kind == "stack" and not deck.friction):
-        loads = [f"BODY_TOP, P, {deck.pressure!r}", f"BODY_RIGHT, P, {deck.push!r}"]
-    else:
-        loads = [f"BODY_RIGHT, P, {deck.push!r}"]
+        loads.insert(0, f"{top}_TOP, P, {share * deck.pressure!r}")
     lines += ["*DSLOAD", *loads, "*NODE PRINT, NSET=ALL", "U", "*NODE PRINT, NSET=ALL", "RF", "*NODE FILE", "U, RF"]
-    return "\n".join([*lines, "*END STEP"]) + "\n"
+    return [*lines, "*END STEP"]
 
 
 def program() -> str | None:

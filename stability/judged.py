@@ -99,6 +99,10 @@ DATA = {
         pair="NODE TO SURFACE",
         shape="arc",
     ),
+    "shelf_capped": ForeignDeck("shelf", "C3D10", (2, 1, 1), capped=True),
+    "press_capped": ForeignDeck(
+        "press", "C3D8I", (3, 1, 1), friction=0.6, stiffness=None, capped=True, earlier=0.6, increments=5
+    ),
     "press_slender": ForeignDeck(
         "press", "C3D20R", (2, 1, 1), friction=0.1, stiffness=1.5e5, shape="slender", increments=10
     ),
@@ -171,6 +175,8 @@ def drawn(rng: Rng) -> ForeignDeck:
         shape=shape,
         adjust="0.032" if adjusts else "",
         tilt=0.03 if adjusts else 0.0,
+        capped=not shape and not adjusts and rng.random() < 0.3,
+        earlier=float(rng.choice([-0.5, 0.6])) if rng.random() < 0.2 else 0.0,
     )
 
 
@@ -244,6 +250,8 @@ def bad_changes(deck: ForeignDeck, rng: Rng) -> list[Change]:
         if deck.law is not None:
             other = replace(deck, law=_times(deck.law, factor))
             changes.append(Change(f"law x {factor:g}", contact("law", "penetration", "penalty"), other))
+    if deck.capped:
+        changes.append(Change("half a tie", ("violates supports",), text=_half_tied))
     if deck.adjust:
         right = (NOT_IN_EQUILIBRIUM, LOADS, *entering, *contact("law"))
         changes.append(Change("not adjusted", right, replace(deck, adjust="")))
@@ -285,6 +293,15 @@ def _released(text: str) -> str:
     return text.replace("BODY_LEFT_N, 1, 2\n", "BODY_LEFT_N, 1, 1\n").replace(
         "BODY_LEFT_N, 1, 3\n", "BODY_LEFT_N, 1, 2\n"
     )
+
+
+def _half_tied(text: str) -> str:
+    """With the first half of the faces of a tie."""
+    lines = text.splitlines()
+    first = lines.index("*SURFACE, NAME=CAP_BOTTOM") + 1
+    last = next(k for k in range(first, len(lines)) if lines[k].startswith("*"))
+    del lines[(first + last + 1) // 2 : last]
+    return "\n".join(lines) + "\n"
 
 
 def _frictionless(text: str) -> str:

@@ -250,8 +250,9 @@ def _beside(
         return beside
     share = 2 * np.pi if problem.hypothesis == "axisymmetric" else 1.0
     theirs = share * sum(figures.surface.push[figures.surface.judged].sum() for figures in contacts)
-    pressures = solution.contact.pressure
-    weights = np.linalg.norm(solution.contact.forces_of_each[:, 0], axis=1).sum()
+    rivals = [part for part, entry in enumerate(solution.model.statement.contact) if not entry.bonded]
+    pressures = solution.contact.pressure[np.isin(solution.contact.boundary.part, rivals)]
+    weights = np.linalg.norm(solution.contact.forces_of_each[rivals, 0], axis=1).sum()
     if weights > 0:
         beside["force"] = float(abs(theirs - weights) / weights)
         largest = max(float((f.surface.push / f.surface.area)[f.surface.judged].max(initial=0.0)) for f in contacts)

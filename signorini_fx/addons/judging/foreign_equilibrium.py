@@ -1,7 +1,7 @@
 """Equilibrium of a foreign displacement, in the formulation that fits best.
 
-The residual r = f_int(v) - L of the components that are free (neither held nor of a node in contact) is taken in the
-dual norm,
+The residual r = f_int(v) - L of the components that are free (neither held nor of a node in contact), along directions
+that keep to ties and equations, is taken in the dual norm,
 
     rho = sqrt(r . K^-1 r) / sqrt(v . K v),
 
@@ -15,10 +15,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from signorini_fx.addons.judging.formulations import FULL, INCOMPATIBLE, Formulation, candidates, stiffness_by_material
+from signorini_fx.addons.judging.linked_nodes import free_directions
 from signorini_fx.addons.judging.problem_data import JudgedProblem
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import (
@@ -88,6 +89,7 @@ class Equilibrium:
         self.problem, self.v = problem, v
         self._half_digits = half_digits
         self._free = np.flatnonzero(problem.free.ravel())
+        self._basis, self._independent = free_directions(problem.links, self._free, v.size)
         self._plain = stiffness_by_material(problem, FULL)
         self.energies = np.array([float(v.ravel() @ (matrix @ v.ravel())) for matrix in self._plain])
         self.loads = np.array([forces.ravel() for forces in problem.loads.values()]).reshape(-1, v.size)
@@ -104,17 +106,17 @@ class Equilibrium:
 
     @cached_property
     def _factor(self) -> splu:
-        inner = self.stiffness[self._free][:, self._free].tocsc()
+        inner = csc_array(self._basis.T @ self.stiffness @ self._basis)
         shift = JUDGED_SHIFT * inner.diagonal().max()  # of bodies that nothing holds
         inner.setdiag(inner.diagonal() + shift)
         options = {"SymmetricMode": True}
         return splu(inner, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
     def solved(self, columns: Floats) -> Floats:
-        """K^-1 of the free components of forces, shape (n d, k) -> (free, k)."""
-        if not self._free.size or not columns.shape[1]:
-            return np.zeros((self._free.size, columns.shape[1]))
-        return np.asarray(self._factor.solve(np.ascontiguousarray(columns[self._free])))
+        """K^-1 of forces along the directions that are free, shape (n d, k) -> (directions, k)."""
+        if not self._independent.size or not columns.shape[1]:
+            return np.zeros((self._independent.size, columns.shape[1]))
+        return np.asarray(self._factor.solve(np.ascontiguousarray(self._basis.T @ columns)))
 
     def least(self, start: Floats, columns: Floats) -> tuple[Floats, Floats]:
         """The factors z with which start + columns z is smallest in the dual norm, and what remains.
@@ -123,20 +125,20 @@ class Equilibrium:
             start: forces, shape (n d,).
             columns: forces, shape (n d, k).
         """
-        scales = np.linalg.norm(columns[self._free], axis=0)
+        inner = self._basis.T @ columns
+        scales = np.linalg.norm(inner, axis=0)
         used = scales > 0
         factors = np.zeros(columns.shape[1])
         if used.any():
-            chosen = columns[:, used] / scales[used]
-            solved = self.solved(chosen)
-            gram = chosen[self._free].T @ solved
-            right = solved.T @ start[self._free]
+            solved = self.solved(columns[:, used] / scales[used])
+            gram = (inner[:, used] / scales[used]).T @ solved
+            right = solved.T @ (self._basis.T @ start)
             factors[used] = -np.linalg.lstsq(gram, right, rcond=1e-12)[0] / scales[used]
         return factors, np.asarray(start + columns @ factors)
 
     def size(self, forces: Floats) -> float:
         """The dual norm of the free components of forces, relative to the energy norm of v."""
-        square = float(forces[self._free] @ self.solved(forces[:, None])[:, 0])
+        square = float((self._basis.T @ forces) @ self.solved(forces[:, None])[:, 0])
         return float(np.sqrt(max(square, 0.0) / self.energy)) if self.energy > 0 else np.inf
 
     @cached_property
@@ -185,7 +187,7 @@ class Equilibrium:
         _, residual = self.least(forces.total - self.loads.sum(axis=0), forces.columns)
         missed = self.solved(residual[:, None])[:, 0]
         work = np.zeros(self.v.size)
-        work[self._free] = np.abs(missed * residual[self._free])
+        work[self._independent] = np.abs(missed * (self._basis.T @ residual))
         by_node = work.reshape(self.v.shape).sum(axis=1)
         worst = int(np.argmax(by_node))
         share = float(by_node[worst] / by_node.sum()) if by_node.any() else 0.0
@@ -193,9 +195,8 @@ class Equilibrium:
 
     def moved_by(self, fit: Fit) -> Floats:
         """By how much the free components must move to be in equilibrium, length, shape (n, d)."""
-        missed = np.zeros(self.v.size)
-        missed[self._free] = -self.solved(fit.residual.reshape(-1, 1))[:, 0]
-        return missed.reshape(self.v.shape)
+        missed = self._basis @ -self.solved(fit.residual.reshape(-1, 1))[:, 0]
+        return np.asarray(missed).reshape(self.v.shape)
 
 
 def own_formulation(problem: JudgedProblem) -> Formulation | None:

@@ -22,9 +22,10 @@ from signorini_fx.addons.judging.foreign_result import ForeignResult, read_resul
 from signorini_fx.addons.judging.judgement import JudgedFinding, Judgement, sorted_findings
 from signorini_fx.addons.judging.problem_data import JudgedProblem
 from signorini_fx.addons.judging.problems import judged_problem
-from signorini_fx.addons.judging.touching_surface import touching_surface
+from signorini_fx.addons.judging.touching_surface import bond_jumps, touching_surface
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import (
+    JUDGED_BOND,
     JUDGED_DIGITS,
     JUDGED_FACTOR_LEFT,
     JUDGED_FORCES,
@@ -109,6 +110,7 @@ class _Judging:
         problem = self.problem
         v = np.where(np.isnan(self.theirs.displacement), np.nan_to_num(problem.prescribed), self.theirs.displacement)
         largest = float(np.linalg.norm(v[problem.deformable], axis=1).max())
+        problem = self.problem = problem.linked_in(v, JUDGED_SUPPORTS * largest)
         equilibrium = Equilibrium(problem, v, self.theirs.half_units)
         findings: list[JudgedFinding] = []
         lines: dict[str, str] = {}
@@ -116,6 +118,7 @@ class _Judging:
         factors: Mapping[str, float] = {}
         supports, finding = self._supports(v, largest)
         figures["supports"] = supports
+        finding = finding or self._parted(v, largest)
         lines["supports"] = f"kept, largest deviation {supports['value']:.2g} of the largest displacement"
         if finding is not None:
             findings.append(finding)
@@ -188,16 +191,36 @@ class _Judging:
     def _supports(self, v: Floats, largest: float) -> tuple[dict[str, Any], JudgedFinding | None]:
         away = np.abs(np.nan_to_num(v - self.problem.prescribed))
         node, axis = divmod(int(np.argmax(away)), away.shape[1])
-        value = float(away.max() / largest)
+        apart = np.abs(self.problem.links @ v.ravel())
+        untied = float(apart.max(initial=0.0) / largest)
+        value = max(float(away.max() / largest), untied)
         figure = {"value": value, "threshold": JUDGED_SUPPORTS}
         if value <= JUDGED_SUPPORTS:
             return figure, None
+        if untied == value:
+            worst = int(np.argmax(apart))
+            name, at = self._named(int(self.problem.links.indices[self.problem.links.indptr[worst]]) // v.shape[1])
+            text = f"a tie or equation of node {name} {_shown(at)} is off by {apart[worst]:.4g}"
+            return figure, JudgedFinding("supports", text, value, JUDGED_SUPPORTS, None, name, at)
         name, at = self._named(int(node))
         meant = float(self.problem.prescribed[node, axis])
         text = (
             f"node {name} {_shown(at)} is moved by {v[node, axis]:.4g} along {'xyz'[axis]}, prescribed is {meant:.4g}"
         )
         return figure, JudgedFinding("supports", text, value, JUDGED_SUPPORTS, None, name, at)
+
+    def _parted(self, v: Floats, largest: float) -> JudgedFinding | None:
+        """The bond whose sides come apart most, in the mean over a facet; None: all hold."""
+        parted = [
+            (contact, bond_jumps(self.problem, contact, v)) for contact in self.problem.contacts if contact.bonded
+        ]
+        worst, jumps = max(parted, key=lambda pair: pair[1].max(initial=0.0), default=(None, np.zeros(0)))
+        if worst is None or jumps.max(initial=0.0) <= JUDGED_BOND * largest:
+            return None
+        facet = int(np.argmax(jumps))
+        at = tuple(self.problem.mesh.points[worst.facets[facet]].mean(axis=0).tolist())
+        text = f"the bond of {worst.name} with {worst.against} is off by {jumps[facet]:.4g} at {_shown(at)}"
+        return JudgedFinding("supports", text, float(jumps[facet] / largest), JUDGED_BOND, None, None, at)
 
     def _named(self, node: int) -> tuple[int, tuple[float, ...]]:
         return int(self.problem.mesh.names[node]), tuple(self.problem.mesh.points[node].tolist())
@@ -239,7 +262,7 @@ class _Judging:
     def _of_forces(self, best: BestFit, theirs: Floats) -> list[JudgedFinding]:
         """Their own reactions against those that their displacement exerts."""
         problem = self.problem
-        nodes = ~problem.touching & problem.deformable
+        nodes = ~problem.touching & problem.deformable & ~problem.linked
         for forces in problem.loads.values():  # programs differ in whether loads at supports are part of reactions
             nodes &= ~forces.any(axis=1)
         held = np.asarray(~np.isnan(problem.prescribed) & nodes[:, None] & ~np.isnan(theirs))

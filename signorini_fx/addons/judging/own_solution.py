@@ -101,6 +101,8 @@ def one_body(problem: JudgedProblem, v: Floats) -> OneBody:
     deck, scene = problem.deck, problem.scene
     if deck is None:
         raise Refused("an input file is needed, whose mesh can be divided")
+    if problem.links.shape[0]:
+        raise Refused("a guaranteed bound is for bodies without ties and equations so far")
     planes = rigid_planes(problem)
     contacts = []
     for contact in problem.contacts:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array, vstack
 
 from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss, reference_element
 from signorini_fx.addons.judging.soft_contact import SoftLaw
@@ -114,6 +115,7 @@ class JudgedContact:
         opposite: of the other side, shape (g, l); none with a rigid foundation.
         entry: that of the scene.
         bonded: whether both sides are tied.
+        of_nodes: whether it is a tie of an input file, whose nodes programs link to the other side.
         stiffness: stress per length that the deck gives; None: hard.
         stick: the same of sticking.
         nodal: whether a node of one side touches a surface, as *TYPE=NODE TO SURFACE* says.
@@ -130,6 +132,7 @@ class JudgedContact:
     stick: float | None = None
     nodal: bool = False
     law: SoftLaw | None = None
+    of_nodes: bool = False
 
     @property
     def nodes(self) -> Ints:
@@ -162,6 +165,8 @@ class JudgedProblem:
         scene: what ``solve`` takes.
         deck: what was read from the input file; None: the problem is none.
         lost: what the problem lacks of the deck.
+        links: C of the relations C v = 0 of equations and of ties that are no bonds, without unit, shape (links, n d).
+        bonds: the same of ties that are bonds of ``contacts``, too.
         rigid_bodies: numbers of bodies all of whose nodes are held.
     """
 
@@ -180,6 +185,24 @@ class JudgedProblem:
     scene: Any
     deck: Any
     lost: tuple[str, ...] = ()
+    links: csr_array = field(default_factory=lambda: csr_array((0, 0)))
+    bonds: csr_array = field(default_factory=lambda: csr_array((0, 0)))
+
+    def linked_in(self, v: Floats, allowed: float) -> Self:
+        """The problem whose ties are links of nodes if a displacement keeps to these, else are bonds.
+
+        Programs tie in either way; the links say more, as what they exert is known.
+
+        Args:
+            v: the displacement, length, shape (n, d).
+            allowed: by how much it may miss a link, length.
+        """
+        if not self.bonds.shape[0] or np.abs(self.bonds @ v.ravel()).max() > allowed:
+            return self
+        contacts = tuple(contact for contact in self.contacts if not contact.of_nodes)
+        return replace(
+            self, contacts=contacts, links=csr_array(vstack((self.links, self.bonds))), bonds=csr_array((0, 0))
+        )
 
     @cached_property
     def rigid_bodies(self) -> Ints:
@@ -200,6 +223,13 @@ class JudgedProblem:
         for contact in self.contacts:
             marked[contact.nodes] = True
         return marked
+
+    @cached_property
+    def linked(self) -> npt.NDArray[np.bool_]:
+        """Which nodes are in a tie or an equation, shape (n,)."""
+        marked = np.zeros(self.mesh.points.size, dtype=bool)
+        marked[self.links.nonzero()[1]] = True
+        return np.asarray(marked.reshape(self.mesh.points.shape).any(axis=1))
 
     @cached_property
     def free(self) -> npt.NDArray[np.bool_]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import shutil
 import tempfile
-from collections.abc import Mapping
+import weakref
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,11 +16,14 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from dolfinx.io.utils import cell_perm_vtk
 from mpi4py import MPI
+from scipy.sparse import csr_array
 
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.deck import read_deck
 from signorini_fx.addons.decks.draft import draft_of
+from signorini_fx.addons.decks.ties import tie_nodes
 from signorini_fx.addons.judging.adjusted_nodes import adjusted_points
+from signorini_fx.addons.judging.linked_nodes import links_of
 from signorini_fx.addons.judging.problem_data import (
     JudgedContact,
     JudgedMaterial,
@@ -79,20 +84,21 @@ def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
         mesh = replace(mesh, points=points)
         deck = replace(deck, mesh=_with_points(deck.mesh, mesh))
     deck = replace(deck, adjusted={})  # which would close distances in the scene
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / f"{file.stem}.toml"
-        drafted = draft_of(deck, file, target, file.name)
-        for path, text in drafted.files.items():
-            path.write_text(text, encoding="utf-8")
-        try:
-            scene = read_scene(target)
-        except SceneError as error:
-            raise error.of(file) from None
-        source = tagged(deck.mesh, straight=False) if moved else MeshFile(file=file.resolve())
-        scene = scene.model_copy(update={"mesh": source})
-        # Loads at nodes may be in files of the folder.
-        problem, reasons = _problem(scene, mesh, drafted.deck, tuple(drafted.lost))
-        return problem, _of_other_cells(deck) + unclear + reasons
+    folder = tempfile.mkdtemp()
+    # What is at nodes may be in files of the folder, which our own solution needs, too.
+    weakref.finalize(deck, shutil.rmtree, folder, ignore_errors=True)
+    target = Path(folder) / f"{file.stem}.toml"
+    drafted = draft_of(deck, file, target, file.name)
+    for path, text in drafted.files.items():
+        path.write_text(text, encoding="utf-8")
+    try:
+        scene = read_scene(target)
+    except SceneError as error:
+        raise error.of(file) from None
+    source = tagged(deck.mesh, straight=False) if moved else MeshFile(file=file.resolve())
+    scene = scene.model_copy(update={"mesh": source})
+    problem, reasons = _problem(scene, mesh, drafted.deck, tuple(drafted.lost))
+    return problem, _of_other_cells(deck) + unclear + reasons
 
 
 def _of_other_cells(deck: Deck) -> list[str]:
@@ -178,14 +184,23 @@ def _problem(
     reasons += misfits
     loads, misfits = loads_of(statement, position, mesh, materials, revolved=revolved)
     reasons += misfits
+    linked = deck is not None and not deck.grounded
+    unjudged = {"springs", "preload", "fluid", "links"} - ({"links"} if linked else set())
     reasons += [
         f"{entry.name} is not judged yet"
         for _, entry in statement.listed()
-        if entry.label in ("springs", "preload", "fluid", "links") or entry.interface not in ("", "overclosures")
+        if entry.label in unjudged or entry.interface not in ("", "overclosures")
     ]
     prescribed, misfits = prescribed_of(statement, position, mesh)
     reasons += misfits
-    contacts = tuple(_contact(entry, mesh, deck) for entry in placed.contact)
+    none = csr_array((0, mesh.points.size))
+    links = links_of(deck, mesh) if deck is not None and linked else none
+    ties = set() if deck is None else _linked_ties(deck, placed.contact)
+    bonds = links_of(deck, mesh)[links.shape[0] :] if deck is not None and linked else none
+    contacts = tuple(
+        replace(_contact(entry, mesh, deck), of_nodes=(entry.boundary, entry.against) in ties)
+        for entry in placed.contact
+    )
     for entry in placed.contact:
         if entry.tool:
             reasons.append(f"the foundation of {entry.boundary} is driven, which is not judged yet")
@@ -207,7 +222,18 @@ def _problem(
         scene=scene,
         deck=deck,
         lost=lost,
+        links=links,
+        bonds=bonds,
     ), reasons
+
+
+def _linked_ties(deck: Deck, contacts: Sequence[Any]) -> set[tuple[str | None, str | None]]:
+    """The boundaries of the ties that are bonds in the scene; their nodes are linked, as programs do it."""
+    sides = {(deck.boundary(slave), deck.boundary(master)): (slave, master) for slave, master in deck.ties}
+    ties = {(entry.boundary, entry.against) for entry in contacts if entry.bonded} & sides.keys()
+    for boundaries in sorted(ties):
+        tie_nodes(deck, deck.pairing[sides[boundaries]], *sides[boundaries])
+    return ties
 
 
 def _element(deck: Deck) -> str:

@@ -167,6 +167,27 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
     )
 
 
+def bond_jumps(problem: JudgedProblem, contact: JudgedContact, v: Floats) -> Floats:
+    """By how much the sides of a bond of two bodies are apart, in the mean over each facet, length, shape (f,); zero
+    where nothing is opposite.
+
+    Args:
+        problem: the problem.
+        contact: the bond.
+        v: the displacement, length, shape (n, d).
+    """
+    if not contact.opposite.size:
+        return np.zeros(len(contact.facets))
+    mesh = problem.mesh
+    at = facet_points(mesh, contact.facets, JUDGED_FACET_POINTS, revolved=problem.hypothesis == "axisymmetric")
+    closest = closest_points(mesh, contact.opposite, mesh.points, at.x.reshape(-1, mesh.dim))
+    away = np.einsum("qk,fkd->fqd", at.shape, v[contact.facets])
+    away -= closest.values(contact.opposite, v).reshape(away.shape)
+    weight = np.where(np.isfinite(closest.distance).reshape(at.weight.shape), at.weight, 0.0)
+    means = np.einsum("fq,fqd->fd", weight, away) / at.weight.sum(axis=1)[:, None]
+    return np.asarray(np.linalg.norm(means, axis=1))
+
+
 def _straight(mean: Callable[[Floats], Floats], slip: Floats, normal: Floats, depth: Floats) -> Floats:
     """Of the direction of slip the length of its mean, weighted by what enters, shape (c,).
 

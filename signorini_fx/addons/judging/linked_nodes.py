@@ -1,0 +1,99 @@
+"""Ties and equations of an input file: what they ask of displacements, and the directions that they leave free."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import qr, solve_triangular
+from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse.csgraph import connected_components
+
+from signorini_fx.addons.decks.content import Deck
+from signorini_fx.addons.judging.problem_data import JudgedMesh
+from signorini_fx.mechanics.mesh.files.cells import completed
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import SAME_LENGTH
+
+
+def links_of(deck: Deck, mesh: JudgedMesh) -> csr_array:
+    """The links of nodes, of which C v = 0, without unit, shape (links, n d).
+
+    Nodes that complete cells, which no result has, move as the shape functions of these say, and are tied to nothing.
+    """
+    count, dim = len(mesh.points), mesh.dim
+    stated = [link.terms for link in deck.links if link.terms[0][0] < count]
+    rows = np.array([row for row, terms in enumerate(stated) for _ in terms], dtype=np.int64)
+    nodes = np.array([node for terms in stated for node, _ in terms], dtype=np.int64)
+    vectors = np.array([vector[:dim] for terms in stated for _, vector in terms]).reshape(-1, dim)
+    columns = dim * nodes[:, None] + np.arange(dim)
+    at = (rows.repeat(dim), columns.ravel())
+    links = csr_array((vectors.ravel(), at), shape=(len(stated), dim * len(deck.mesh.points)))
+    links.eliminate_zeros()
+    return csr_array(links @ _from_file(deck, mesh))
+
+
+def _from_file(deck: Deck, mesh: JudgedMesh) -> csr_array:
+    """The displacement of all nodes of the mesh from that of those of the file."""
+    count, dim = len(mesh.points), mesh.dim
+    extra = np.arange(count, len(deck.mesh.points))
+    rows, columns, values = np.arange(count), np.arange(count), np.ones(count)
+    full_cell = completed(mesh.kind)
+    if extra.size and full_cell is not None:
+        first = np.unique(deck.mesh.cells.ravel(), return_index=True)
+        cell, number = np.divmod(first[1][np.searchsorted(first[0], extra)], deck.mesh.cells.shape[1])
+        weights = full_cell[1][number]
+        rows = np.concatenate((rows, np.repeat(extra, weights.shape[1])))
+        columns = np.concatenate((columns, mesh.cells[cell].ravel()))
+        values = np.concatenate((values, weights.ravel()))
+    axes = np.arange(dim)
+    at = (dim * rows[:, None] + axes).ravel(), (dim * columns[:, None] + axes).ravel()
+    return csr_array((values.repeat(dim), at), shape=(dim * len(deck.mesh.points), dim * count))
+
+
+def free_directions(links: csr_array, free: Ints, size: int) -> tuple[csc_array, Ints]:
+    """The changes of a displacement that keep to links.
+
+    Args:
+        links: C, shape (links, size).
+        free: numbers of the components that may change.
+        size: how many components there are.
+
+    Returns:
+        Their basis, shape (size, m), each of which changes one component by 1, and only linked ones besides; and these
+        components, shape (m,).
+    """
+    inner = csr_array(links[:, free])
+    inner.eliminate_zeros()
+    entries = coo_array(inner)
+    graph = coo_array(
+        (np.ones(entries.nnz), (entries.row, inner.shape[0] + entries.col)), shape=(sum(inner.shape),) * 2
+    )
+    label = connected_components(graph, directed=False)[1]
+    columns = csc_array(inner)
+    parts: list[tuple[Ints, Ints, Floats]] = []
+    for number in np.unique(label[entries.row]):
+        rows = np.flatnonzero(label[: inner.shape[0]] == number)
+        own = np.flatnonzero(label[inner.shape[0] :] == number)
+        block = columns[:, own][rows].toarray()
+        shares = 1.0 / np.count_nonzero(block, axis=0)  # nodes that are in one link only follow, so that few are linked
+        _, r, order = qr(block * shares, mode="economic", pivoting=True)
+        diagonal = np.abs(np.diag(r))
+        rank = int((diagonal > SAME_LENGTH * diagonal[0]).sum())
+        following = -solve_triangular(r[:rank, :rank], r[:rank, rank:])
+        followers, leaders = order[:rank], order[rank:]
+        parts.append((own[followers], own[leaders], shares[followers, None] * following / shares[leaders]))
+    independent = np.setdiff1d(
+        np.arange(free.size), np.concatenate([np.empty(0, np.int64), *(led for led, _, _ in parts)])
+    )
+    at_rows: list[Ints] = [free[independent]]
+    at_columns: list[Ints] = [np.arange(independent.size)]
+    values: list[Floats] = [np.ones(independent.size)]
+    for followers, leaders, following in parts:
+        first, second = np.nonzero(np.abs(following) > SAME_LENGTH)
+        at_rows.append(free[followers[first]])
+        at_columns.append(np.searchsorted(independent, leaders[second]))
+        values.append(following[first, second])
+    at = np.concatenate(at_rows), np.concatenate(at_columns)
+    return csc_array((np.concatenate(values), at), shape=(size, independent.size)), free[independent]
+
+
+__all__ = ["free_directions", "links_of"]
