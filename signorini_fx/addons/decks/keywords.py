@@ -112,11 +112,9 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, CHANGED_WITHIN, "HYPERELASTIC", "PLASTIC", case="within a step"),
     *_rules(Grade.NOTED, _STRESSED, "SHELL SECTION", "MEMBRANE SECTION", case="of a plane mesh"),
     *_rules(Grade.NOTED, LOAD_AREA, "SHELL SECTION", case="thin as nothing, on a side"),
-    *_rules(Grade.LOST, "which are no part of the body", "BEAM SECTION"),
-    *_rules(
-        Grade.LOST, "which are no part of the body", "SHELL SECTION", "MEMBRANE SECTION", case="of no part of the mesh"
-    ),
-    *_rules(Grade.LOST, "which is no part of the body", "ELEMENT", case="springs, gaps, connectors"),
+    *_rules(Grade.LOST, "no part of the body", "BEAM SECTION"),
+    *_rules(Grade.LOST, "no part of the body", "SHELL SECTION", "MEMBRANE SECTION", case="of no part of the mesh"),
+    *_rules(Grade.LOST, "no part of the body", "ELEMENT", case="springs, gaps, connectors"),
     *_rules(Grade.LOST, UNKNOWN, "GAP"),
     *_rules(
         *(Grade.REFUSED, "nodes and elements are not generated here"),

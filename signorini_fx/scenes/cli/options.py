@@ -57,7 +57,7 @@ def parser() -> argparse.ArgumentParser:
     check.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     told = check.add_mutually_exclusive_group()
     told.add_argument("--json", action="store_true", help="print JSON instead of text")
-    told.add_argument("--verbose", action="store_true", help="print every effect, on or off, and what will be tried")
+    told.add_argument("--verbose", action="store_true", help="print every effect, on or off, and all methods to try")
     report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
     report.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
     report.add_argument("--out", type=named_path, metavar="FILE", help="the page (default: report.html in the folder)")
@@ -68,18 +68,18 @@ def parser() -> argparse.ArgumentParser:
     compare.add_argument("other", type=named_path, metavar="OTHER", help="result folder to compare it with")
     judge = commands.add_parser(
         "judge",
-        help="a verdict on another program's result",
+        help="check another program's result",
         epilog="Exit codes: 0 it agrees, 2 bad input, 3 internal error, 4 it agrees with what was read of the deck, 5 "
-        "it is of another problem, 6 it violates the problem, 7 it cannot be judged.",
+        "it solves another problem, 6 it violates the problem, 7 it cannot be judged.",
     )
     judge.add_argument("problem", type=named_path, metavar="PROBLEM", help="input file, .inp, or scene file (TOML)")
     judge.add_argument("result", type=named_path, metavar="RESULT", help="displacements: .dat, .frd, .csv or .vtu")
     judge.add_argument("--json", action="store_true", help="print JSON instead of text")
-    judge.add_argument("--alone", action="store_true", help="do not solve the problem, too, to compare with")
+    judge.add_argument("--alone", action="store_true", help="skip the comparison with our own solution")
     gauntlet = commands.add_parser(
         "gauntlet",
         help="run the test cases of another program, and compare",
-        epilog="Exit codes: 0 all cases are whole and differ by 1 %% at most, 1 others do not, 2 bad input.",
+        epilog="Exit codes: 0 all cases are whole and differ by 1 %% at most, 1 otherwise, 2 bad input.",
     )
     gauntlet.add_argument(
         "folders",
@@ -89,14 +89,14 @@ def parser() -> argparse.ArgumentParser:
         help="with input files of CalculiX, and NAME.dat.ref or NAME.frd.ref beside them, or .comm of code_aster",
     )
     gauntlet.add_argument("--out", type=named_path, metavar="FILE", help="write the table as a page of Markdown")
-    gauntlet.add_argument("--seconds", type=float, default=120.0, help="for each case (default: %(default)g)")
+    gauntlet.add_argument("--seconds", type=float, default=120.0, help="limit for each case (default: %(default)g)")
     gauntlet.add_argument("--jobs", type=int, default=1, help="cases at a time (default: %(default)d)")
     gauntlet.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="PATTERN",
-        help="names of cases, such as 'contact*'; may be repeated",
+        help="run only cases with such a name, such as 'contact*'; may be repeated",
     )
     gauntlet.add_argument("--json", action="store_true", help="print JSON instead of text")
     sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
@@ -154,13 +154,13 @@ def parser() -> argparse.ArgumentParser:
     info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, quality, what is unnamed")
     info.add_argument("file", type=named_path, metavar="FILE", help=f"mesh: {_READ}")
     for command in (convert, info):
-        command.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
+        command.add_argument("--size", type=float, help="cell size for a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     drawn = {check: "mesh, loads, supports and contact", info: "the mesh and the names of its boundaries"}
     for command, drawing in drawn.items():
         command.add_argument("--picture", type=named_path, metavar="FILE", help=f"draw {drawing}: .png, .pdf or .svg")
     schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
-    schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
+    schema.add_argument("--summary", action="store_true", help="the schema of summary.json in result folders")
     completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")
     completion.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
@@ -192,7 +192,7 @@ def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
         help="limit on time or memory for the accuracy, in s, min or h, or in MB or GB; may be repeated",
     )
     solve.add_argument(
-        "--restart", action="store_true", help="go on from the last load step or mesh that a killed run has completed"
+        "--restart", action="store_true", help="continue a killed run after its last complete load step or mesh"
     )
     fields = solve.add_mutually_exclusive_group()
     fields.add_argument(
