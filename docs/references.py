@@ -41,34 +41,36 @@ python3 -m contactbench run --csv found.csv      # the programs below, on all pr
 
 ## References
 
-- **exact**: a number with its source and formula. Tests compute each again, without the number in the file. Bodies are
-  cut out of half-planes and half-spaces with the tractions of the closed form on the cut, so that most references have
-  no error of truncation. Where there is one, the text says how large.
-- **interval**: the solution lies within. These are [guaranteed bounds](theory.md#a-guaranteed-bound-of-the-error) of
-  signorini_fx, and are the only references that rest on one program alone. `python3 -m contactbench certify` computes
-  them again.
-- **values**: two numbers of programs, or of a program and an integral equation, that share no code. Between them
-  nothing is judged.
+- **exact**: a number with its source and formula. Tests recompute each, without reading the number in the file. Bodies
+  are cut out of half-planes and half-spaces, with the tractions of the closed-form solution on the cut, so that most
+  references have no truncation error. Where there is one, the text says how large it is.
+- **interval**: the solution lies within it. Intervals are [guaranteed
+  bounds](theory.md#a-guaranteed-bound-of-the-error) of signorini_fx, and are the only references that rest on one
+  program alone. `python3 -m contactbench certify` recomputes them.
+- **values**: two numbers, from programs, or a program and an integral equation, that share no code. Results between the
+  two are neither right nor wrong.
 
-A tolerance is what a correct program with linear elements and exact constraints keeps on the coarsest mesh.
+A tolerance is an error that a correct program with linear elements and exact constraints does not exceed on the
+coarsest mesh.
 
 ## What five programs say
 
 {COUNTS}
-`signorini_fx` runs with its defaults. The others run through adapters of one small file each in
-`contactbench/adapters`: dolfinx with a penalty by hand, scikit-fem with active sets by hand, GetFEM with its contact
-brick, CalculiX with soft contact. Penalties are part of their errors, most of all in the patch tests; GetFEM's rows
-between bodies are nodes against facets. All have linear elements on the same meshes, mixed ones of degree 2 for
-incompressible bodies. None was tuned beyond what made it converge: another hand may do better. CPU seconds are those of
-one thread of a machine with other work, from the mesh in memory, or the deck, to the solution; forms had been compiled
-before.
+`signorini_fx` runs with its defaults. Each of the others runs through an adapter, one small file in
+`contactbench/adapters`: dolfinx with a hand-written penalty method, scikit-fem with a hand-written active-set method,
+GetFEM with its contact brick, CalculiX with soft contact. Penalties are part of their errors, most of all in the patch
+tests; between bodies GetFEM has node-to-facet contact. All use linear elements on the same meshes, and mixed ones of
+degree 2 for incompressible bodies. None was tuned beyond what made it converge: an expert in one of them may do better.
+CPU seconds are those of one thread on a machine with other work, from the mesh in memory, or the deck, to the solution;
+forms were compiled beforehand.
 
-`signorini_fx` regularises contact by default, which is its error in the patch tests. In `layer-cylinder` its errors
-therefore stop at 0.01 %; with `algorithm = "alm"` they fall on, to 0.0005 % and 0.0015 % on the third mesh. scikit-fem
-and GetFEM constrain the same nodes exactly where one body is on a rigid foundation: their lines coincide.
+`signorini_fx` regularises contact by default, which causes its error in the patch tests. In `layer-cylinder` its errors
+therefore stop at 0.01 %; with `algorithm = "alm"` they decrease further, to 0.0005 % and 0.0015 % on the third mesh.
+For one body on a rigid foundation, scikit-fem and GetFEM constrain the same nodes exactly, so that their lines
+coincide.
 
-Error of one quantity, on the coarsest and on the finest mesh that was run; 0 is round-off, or within an interval or
-between two values:
+Error of one quantity, on the coarsest and on the finest mesh that was run. An error of 0 means round-off, or a value
+within the interval or between the two values:
 
 {ERRORS}
 What was skipped, or failed:
