@@ -136,9 +136,9 @@ EXAMPLE = """
 boundary = "left"
 level = "10*t"                             # VALUE, height of its surface, length; here it rises
 weight = 0.0                               # of the fluid, force per volume
-#up = "y"                                  # the axis against gravity; without: y in the plane, z in space
+#up = "y"                                  # the axis that points upwards; without: y in the plane, z in space
 #factors = [0.5, 1.0]                      # load steps, as above
 live = true                                # whether the safety factor multiplies it
 #enters = ["bottom"]                       # boundaries in contact that it enters from here, as far as they open
-closed = "none"                            # what they carry where they are closed: "none", "linear" or "full"
+closed = "none"                            # its pressure where they are closed: "none", "linear" or "full"
 """

@@ -76,7 +76,7 @@ EXAMPLE = """
 # Centrifugal force of a body that rotates about a fixed axis.
 [[rotation]]
 speed = 0.0                                # VALUE, radians / time; needs the density of the materials
-#about = [0.0, 0.0]                        # a point of the axis, length; without: the origin
+#about = [0.0, 0.0]                        # a point on the axis, length; without: the origin
 #axis = [0.0, 1.0]                         # its direction; without: across the plane, in space x[2]
 #factors = [0.5, 1.0]                      # load steps, as above; they multiply the force
 live = true                                # whether the safety factor multiplies it

@@ -65,7 +65,7 @@ Entry = Springs
 
 # How ``signorini-fx new`` explains it.
 EXAMPLE = """
-# Springs between a boundary and the ground, which hold as well.  As many [[springs]] as you like; they add up.
+# Springs between a boundary and the ground, which also support the body.  As many [[springs]] as you like; they add up.
 [[springs]]
 boundary = "top"
 normal = 0.0                               # VALUE, stiffness per area along the normal, stress / length

@@ -71,8 +71,8 @@ Entry = TemperatureChange
 EXAMPLE = """
 # Thermal strain, from the expansion of the materials.  As many [[temperature]] as you like; they add up.
 [[temperature]]
-change = 0.0                               # VALUE, since the body was without stress; may depend on t
-#file = "temperature.csv"                  # instead: columns x, y, (z,) change; or a mesh with change, .vtu, .xdmf
+change = 0.0                               # VALUE, since the stress-free state; may depend on t
+#file = "temperature.csv"                  # instead of it: columns x, y, (z,) change; or .vtu, .xdmf with nodal values
 #region = "rubber"                         # the part of the body that is heated; without: all of it
 #factors = [0.5, 1.0]                      # load steps, as above
 """
