@@ -95,8 +95,8 @@ class Leaps:
         self.end, self._ratio, self._rate = None, 1.0, None
         message = (
             f"between the {what} {begin:.6g} and {end:.6g} the body jumps to another equilibrium: smaller steps do not "
-            f"make its way shorter; to which one dynamics would take it is not known, and friction and "
-            f"states of materials see one step: let displacements drive it, or end the {what} before"
+            f"shorten its motion; dynamics may lead to another one, and friction and material states take the jump "
+            f"as one step: prescribe displacements instead of forces, or end the {what} before"
         )
         self.findings.append(_finding(message))
 
