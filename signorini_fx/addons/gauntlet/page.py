@@ -9,7 +9,8 @@ from signorini_fx.addons.gauntlet.sources import ASTER
 
 _HEAD = """# The gauntlet{of}
 
-Test cases of other programs, run by this one. The files are theirs, and are not part of this package: fetch them, and
+Test cases of other programs, run with this one. The files belong to those programs and are not part of this package.
+Once you have fetched them,
 
 ```sh
 signorini-fx gauntlet FOLDER --out {page}
@@ -17,10 +18,11 @@ signorini-fx gauntlet FOLDER --out {page}
 
 writes this page. {cases}
 
-- **State**: *whole* is a case of which nothing is lost that changes the answer ([decks]({grades})).
-- **Theirs and ours** stand where theirs is largest. **Difference** is the largest one of {difference}
+- **State**: a case is *whole* if nothing that changes the answer was lost ([decks]({grades})).
+- **Theirs and ours** are values at the place where theirs is largest. **Difference** is the largest one of {difference}
 {exact}
-- **Nearer** to the exact value is the one named, or else to our solution with all sides halved.
+- **Nearer** names the result that is nearer to the exact value, or, without one, to our solution on cells half as
+  large.
 {why}
 """
 _CALCULIX = {
@@ -28,15 +30,15 @@ _CALCULIX = {
     "page": "gauntlet.md",
     "cases": """\
 A case is an input file of CalculiX with contact or ties that has printed results, `NAME.dat.ref` or
-`NAME.frd.ref`, beside it. Each is run in a process of its own: one that hangs or crashes is a row. Its steps are those
-of [`run`](command-line.md). [code_aster](gauntlet-code-aster.md) has its own page.""",
+`NAME.frd.ref`, beside it. Each runs in its own process, so that one that hangs or crashes is just a row. Its steps are
+those of [`run`](command-line.md). [code_aster](gauntlet-code-aster.md) has its own page.""",
     "grades": "decks.md",
-    "difference": "all nodes, relative to the\n  largest value of theirs, at the last time that both print.",
+    "difference": "all nodes,\n  relative to the largest value of theirs, at the last time that both print.",
     "exact": "- **Exact** is from a file `NAME.exact.csv` with the columns `node`, `component` and `value`.",
     "why": """\
-- **Why**: what is lost, and of differences above 1 % what further runs have found: whether their result is in
+- **Why**: what is lost, and for differences above 1 % what further runs have found: whether their result is in
   equilibrium, and in which element formulation, by [`judge`](judge.md), and how far both are from the finer solution.
-  It is the same program that says so: who doubts it may refine their mesh with theirs. Others were
+  This verdict comes from our program; if in doubt, refine their mesh with theirs. Other cases were
   [followed up by hand](gauntlet-differences.md).""",
 }
 _OF_ASTER = {
@@ -44,13 +46,13 @@ _OF_ASTER = {
     "page": "gauntlet-code-aster.md",
     "cases": """\
 A case is a command file of code_aster with contact and tests, `NAME.comm`, beside its mesh; the
-`.export` beside it says which. Each is run in a process of its own: one that hangs or crashes is a row.
+`.export` beside it says which mesh. Each runs in its own process, so that one that hangs or crashes is just a row.
 [What is read of it](code-aster.md) is not executed.""",
     "grades": "code-aster.md",
-    "difference": "all that are tested,\n  relative to the largest value of theirs.",
+    "difference": "all\n  that are tested, relative to the largest value of theirs.",
     "exact": "- **Exact** is the value that a test calls analytical.",
     "why": """\
-- **Why**: what is lost, and of differences above 1 % how code_aster solves its contact, what differs in the cells, and
+- **Why**: what is lost, and for differences above 1 % how code_aster solves its contact, what differs in the cells, and
   how far both are from our finer solution. Others were [followed up by hand](gauntlet-differences.md).""",
 }
 
