@@ -146,7 +146,7 @@ def parser() -> argparse.ArgumentParser:
         default=Path("scene.toml"),
         help="the file (default: %(default)s)",
     )
-    convert = commands.add_parser("convert", help="rewrite a mesh file in another format, with its names")
+    convert = commands.add_parser("convert", help="rewrite a mesh in another format, or draft a scene")
     convert.add_argument("source", type=named_path, metavar="IN", help=f"mesh: {_READ}; or .comm of code_aster")
     convert.add_argument(
         "target", type=named_path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf; or a scene, .toml"
