@@ -1,5 +1,5 @@
 """``NonlinearContactProblem``: contact and friction for anybody's residual, in the idiom of dolfinx's
-``NonlinearProblem``; see ``equilibrium`` for one step, ``continuation`` for the way through load steps.
+``NonlinearProblem``; see ``equilibrium`` for one step, ``load_continuation`` for the way through load steps.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from dolfinx import fem
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.arguments import checked
-from signorini_fx.forms.nonlinear.continuation import Continuation
 from signorini_fx.forms.nonlinear.displacement_control import Control, begins_to_move, beyond_limit
 from signorini_fx.forms.nonlinear.equilibrium import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.leaps import Leaps, SnapThrough
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
