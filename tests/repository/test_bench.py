@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ import space_rows  # noqa: E402
 from signorini_fx import solve  # noqa: E402
 from signorini_fx.addons.decks.draft import draft  # noqa: E402
 from signorini_fx.algebra.linalg.factorisation import has_package  # noqa: E402
+from signorini_fx.forms.nonlinear import equilibrium  # noqa: E402
 from signorini_fx.mechanics.mesh.tagged import generate_mesh  # noqa: E402
 from signorini_fx.scenes.reading import read_scene  # noqa: E402
 
@@ -272,3 +274,17 @@ def test_costs_of_nonlinear_contact():
     alone, same = nonlinear_costs.bonded(problem, ends)
     np.testing.assert_allclose(same, ends, atol=1e-10)
     assert alone.iterations == alone.solves < whole.iterations
+
+
+def test_contact_sets_that_cycle(monkeypatch):
+    """An O-ring, near whose equilibrium contact sets of a tangent that is not definite cycle: the increment is taken,
+    and the step solved, which is halved otherwise; the forces are the same.
+    """
+    whole = nonlinear_rivals.seal(2)
+    seal = replace(whole, shapes=[replace(shape, ways=shape.ways[:3]) for shape in whole.shapes], shown=(2,))
+    taken = nonlinear_rivals.package(seal)
+    monkeypatch.setattr(equilibrium, "CYCLING_INCREMENT", 0.0)
+    halved = nonlinear_rivals.package(seal)
+    assert (taken.increments, halved.increments) == (4, 5)
+    assert taken.iterations < halved.iterations
+    assert taken.forces == pytest.approx(halved.forces, rel=1e-8, abs=1e-8 * np.abs(halved.forces).max())

@@ -39,7 +39,7 @@ from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.tuned import LEAST_INCREMENT, SMALL_INCREMENT
+from signorini_fx.tuned import CYCLING_INCREMENT, LEAST_INCREMENT, SMALL_INCREMENT
 
 Array = npt.NDArray[np.float64]
 
@@ -233,6 +233,7 @@ class EquilibriumSolver:
         """
         comm, u, worst, before = self.linear.space.mesh.comm, self.u, np.inf, np.inf
         self.linear.begin_anew()
+        self.predicted = 0.0
         residual: Array | None = None
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
@@ -299,9 +300,11 @@ class EquilibriumSolver:
             try:
                 linear.solve()
             except ConvergenceError as error:
-                if damps and error.solution.status in outcomes.DAMPED and linear.damp():
+                status = error.solution.status
+                if damps and status in outcomes.DAMPED and linear.damp():
                     continue
-                raise
+                if status is not Status.CYCLING or not self._takes_cycle(old):
+                    raise
             finally:
                 linear.residual = None
             increment = linear.u.x.array - old
@@ -311,6 +314,19 @@ class EquilibriumSolver:
                 linear.damp_less()
                 return increment, length, forces
             self.residual.at(old)  # the next tangent is taken there, too
+
+    def _takes_cycle(self, old: Array) -> bool:
+        """Whether the increment to values of ``u`` is taken although its contact sets are some of a cycle: it is far
+        below the first one, so that those of the next tangent may not cycle; collective.
+
+        A tangent that is not definite on what contact admits has problems whose sets cycle also near an equilibrium.
+        """
+        linear, comm = self.linear, self.linear.space.mesh.comm
+        change = float(parallel.largest(comm, np.abs(linear.u.x.array - old), 0.0))
+        if change > CYCLING_INCREMENT * self.predicted:
+            return False
+        linear.history.add("the contact sets of a tangent cycle: its increment is small, and taken")
+        return True
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
