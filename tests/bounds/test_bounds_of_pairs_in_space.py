@@ -69,7 +69,7 @@ def test_true_errors(scene):
     """The bound is above the true error, and the finer solution does not refute the interval of the energy."""
     found = effectivity(scene)
     assert not isinstance(found, str), found
-    ratio, bound, _, reference = found
+    ratio, _, _, bound, _, reference = found
     assert 1 < ratio < 3
     assert bound.strain_energy[0] <= reference.last_step.strain_energy <= bound.strain_energy[1]
 

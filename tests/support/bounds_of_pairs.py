@@ -60,23 +60,18 @@ def on_finer_mesh(scene, times=2, degree=2):
     return alone(scene.model_copy(update={"mesh": tagged, "body": (), "element": element}))
 
 
-def bounded(scene, finer):
-    """The guaranteed bound of a scene, its solution, and that of ``finer``; or why there is none."""
+def effectivity(scene, finer=on_finer_mesh, distance=energy_of_difference):
+    """Guaranteed bound over the true error, both relative to the solution, the bound, the solution, and that of
+    ``finer``, which the true error is the distance from; or why there is none."""
     try:
         solution = alone(scene)
         bound = error_bound(solution.model, solution.displacement, solution.contact)
-        return bound if isinstance(bound, str) else (bound, solution, finer(scene))
+        if isinstance(bound, str):
+            return bound
+        reference = finer(scene)
     except SignoriniError as failed:
         return str(failed).splitlines()[0]
-
-
-def effectivity(scene):
-    """Guaranteed bound over the true error, both relative to the solution, and the bound; or why there is none."""
-    found = bounded(scene, on_finer_mesh)
-    if isinstance(found, str):
-        return found
-    bound, solution, reference = found
-    true = energy_of_difference(solution, reference)
+    true = distance(solution, reference)
     return bound.error / true, bound.error / bound.size, true / bound.size, bound, solution, reference
 
 
