@@ -234,6 +234,10 @@ POLYGON_PEAK = 0.5
 NODES_AROUND_PEAK = 7
 PEAK_RATES = {1: 1.5, 2: 2.0}
 SCATTER_SHARE, LEAST_SHARE_OF_PARTS = 0.5, 0.7
+# The smallest rate that changes of the largest pressure show.  Tuned on the same problems, seeds 1, 2, 21 and 22: 8
+# instead of 14 of 277 estimates are below half of the error; of 139 of seeds 23 and 24, drawn afterwards, 4 instead of
+# 8.
+SLOWEST_PEAK = 0.75
 # The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, each
 # finer there by this factor, and hardly less (this share) on the last.  Fixed on the random scenes, seed 1.
 FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6
@@ -921,7 +925,7 @@ LITTLE_OF_STEP = 0.01
 # were passed without this by a step of which the jump was more than half.
 FASTER = (1.2, 2.0), (2.0, 5.0)
 # An increment whose contact sets cycle is taken up to this share of the first one of its solve.  54 random seals, disks
-# and ploughed blocks of rubber took 1,310 iterations in 164 steps so, 1,542 in 199 without, none of them more.  With all
+# and ploughed blocks took 1,310 iterations in 164 steps so, 1,542 in 199 without, none of them more.  With all
 # increments taken a random body in 5 ended with a shape inside it that had a solution.
 CYCLING_INCREMENT = 0.25
 # What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.

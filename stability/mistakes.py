@@ -3374,6 +3374,13 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/peak_error",
+        "steps[-1].beyond(seen_rate)",
+        "steps[-1].beyond(rate)",
+        "largest pressure: changes decrease as fast as expected, whatever they do",
+        tests=("peak_error::test_changes_that_decrease_slowly",),
+    ),
+    Mutant(
+        "accuracy/peak_error",
         "min(pollution, seen)",
         "pollution",
         "largest pressure: an error elsewhere in the body counts without a limit",

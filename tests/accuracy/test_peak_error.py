@@ -94,6 +94,28 @@ def test_what_converges_with_its_rate_has_its_error(degree, rate, sign):
             assert max(0.98 * error, 0.7 * abs(known)) < found < true + abs(known)
 
 
+@pytest.mark.parametrize(("rate", "seen"), [(1.0, 1.0), (0.3, 0.75), (2.5, 1.5)])
+def test_changes_that_decrease_slowly(rate, seen):
+    """The rate is that of both changes where they go on the same way, the faster one, within its limits; where one of
+    them turns it is the expected one."""
+    h = np.array([0.4, 0.2, 0.1])
+    tops, largest = 5.0 - h**rate, 5.0 - 0.5 * h ** (rate - 0.2)
+    last = np.sqrt((tops[2] - tops[1]) * (largest[2] - largest[1])) / largest[2]
+    first = np.sqrt((tops[1] - tops[0]) * (largest[1] - largest[0])) / largest[2]
+    expected = np.sqrt(np.mean([last**2, (first / 2**1.5) ** 2])) / (2**1.5 - 1)
+    above = largest[2] / tops[2] - 1
+
+    def of(top):
+        peaks = [Peak(big, one, 0.0, size) for big, one, size in zip(largest, top, h, strict=True)]
+        return peak_error(peaks, 1, 1 / h)
+
+    least = max(expected, last / (2**seen - 1))
+    assert of(tops) == pytest.approx(max(abs(above - least), 0.7 * np.hypot(above, least)), rel=1e-9)
+    turned = [*tops[:2], 2 * tops[1] - tops[2]]
+    above, least = largest[2] / turned[2] - 1, max(expected, last / (2**1.5 - 1))
+    assert of(turned) == pytest.approx(max(abs(above + least), 0.7 * np.hypot(above, least)), rel=1e-9)
+
+
 def test_a_top_or_a_largest_pressure_that_jumps_alone():
     """It counts by the root of what both change."""
     one, two = Peak(2.0, 2.2, 0.0, 0.2), Peak(2.01, 2.01, 0.0, 0.1)

@@ -7,7 +7,8 @@ smooth *top*, and separates what adds up in the error of the largest nodal press
 - how far it is above or below the top: the nodes miss the top, and pressures of neighbours scatter.  It is known, with
   its sign;
 - the error of the top itself, by how it and the largest nodal pressure change from mesh to mesh, their geometric mean,
-  extrapolated with its rate.  Its sign is that of the last change of the top;
+  extrapolated with its rate; the last change counts at least, with the rate that is seen where both go on changing the
+  same way and that is smaller.  Its sign is that of the last change of the top;
 - on meshes that are divided here and there, what an error elsewhere in the body adds.
 """
 
@@ -30,6 +31,7 @@ from signorini_fx.tuned import (
     PEAK_RATES,
     SAME_LENGTH,
     SCATTER_SHARE,
+    SLOWEST_PEAK,
 )
 
 Floats = npt.NDArray[np.float64]
@@ -72,6 +74,37 @@ class Peak:
         return cls(largest, largest * top, scatter, spacing)
 
 
+@dataclass(frozen=True)
+class _Step:
+    """From one mesh to the next.
+
+    Attributes:
+        changes: of the top and of the largest nodal pressure, relative, shape (2,).
+        finer: the second mesh, by this factor.
+        to_last: by which the last mesh is finer than the second one.
+    """
+
+    changes: Floats
+    finer: float
+    to_last: float
+
+    def beyond(self, rate: float) -> float:
+        """The error of the top on the last mesh, relative, if it decreases with a rate.
+
+        On coarse meshes the parabola is too wide, on unstructured ones the largest pressure is too rough.
+        """
+        size = float(np.sqrt(np.abs(self.changes).prod()))
+        return size / (self.finer**rate - 1) / self.to_last**rate
+
+
+def _rate_seen(before: _Step, last: _Step, expected: float) -> float:
+    """The rate with which both changes decrease, from ``SLOWEST_PEAK`` to the expected one; this where one turns."""
+    if not (before.changes * last.changes > 0).all():
+        return expected
+    seen = np.log(before.changes / last.changes) / np.log(last.finer)
+    return float(np.clip(seen.max(), SLOWEST_PEAK, expected))
+
+
 def peak_error(
     peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None = None, pollution: float = 0.0
 ) -> float | None:
@@ -100,14 +133,14 @@ def peak_error(
         if finer < FINER_FACTOR and fineness is not None:
             finer, to_last = fineness[k] / fineness[k - 1], fineness[-1] / fineness[k]
         if finer >= FINER_FACTOR:
-            # On coarse meshes the parabola is too wide, on unstructured ones the largest pressure is too rough.
-            top, largest = fine.top - coarse.top, fine.largest - coarse.largest
-            change = np.copysign(np.sqrt(abs(top * largest)), top) / last.largest
-            steps.append(change / (finer**rate - 1) / max(to_last, 1.0) ** rate)
+            changes = np.array([fine.top - coarse.top, fine.largest - coarse.largest]) / last.largest
+            steps.append(_Step(changes, finer, max(to_last, 1.0)))
     if not steps:
         return None
     above_top = last.largest / last.top - 1
-    of_top = -np.copysign(np.sqrt(np.mean(np.square(steps[-CHANGES_USED:]))), steps[-1])
+    of_top = np.sqrt(np.mean([step.beyond(rate) ** 2 for step in steps[-CHANGES_USED:]]))
+    seen_rate = _rate_seen(steps[-2], steps[-1], rate) if len(steps) > 1 else rate
+    of_top = -np.copysign(max(of_top, steps[-1].beyond(seen_rate)), steps[-1].changes[0])
     parts = np.linalg.norm([above_top, of_top, SCATTER_SHARE * last.scatter])
     seen = max(abs(above_top + of_top), LEAST_SHARE_OF_PARTS * parts)
     # What the changes do not show at all on meshes that were divided for the peak is no more than what they show.
