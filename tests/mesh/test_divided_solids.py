@@ -9,6 +9,7 @@ from mpi4py import MPI
 from scenes import on_mesh
 
 from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files import dividing
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.shape import measures
 from signorini_fx.mechanics.mesh.tagged import read_mesh
@@ -183,3 +184,13 @@ def test_a_uniform_pressure_on_divided_cells(tmp_path):
     x = solution.displacement.function_space.tabulate_dof_coordinates()
     values = solution.displacement.x.array.reshape(len(x), -1)
     np.testing.assert_allclose(values, -2.0 * (1 - 2 * 0.3) / 10.0 * x, atol=1e-9)
+
+
+def test_a_mesh_that_would_be_too_large_is_cut(tmp_path, monkeypatch):
+    """At the limit it is divided."""
+    source, _ = mixed_solid(0)
+    meshio.write(tmp_path / "some.vtu", source)
+    count = len(read_file(tmp_path / "some.vtu").points)
+    for limit, kind in ((count, "hexahedron"), (count - 1, "tetra")):
+        monkeypatch.setattr(dividing, "DIVIDED_AT_MOST", limit)
+        assert read_file(tmp_path / "some.vtu").kind == kind

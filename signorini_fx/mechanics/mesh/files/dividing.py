@@ -19,6 +19,7 @@ from signorini_fx.mechanics.mesh.files.cells import Corners
 from signorini_fx.mechanics.mesh.files.cutting import BETWEEN, CORNERS, FACES, WORDS
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import DIVIDED_AT_MOST
 
 _IN_PLANE = ("triangle", "quad")
 # What all cells become -> those that may be beside them, but not more.  At each corner of each of them two edges meet
@@ -31,7 +32,8 @@ _NUMBERS = {3: "three", 4: "four", 6: "six", 8: "eight"}
 
 def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
     """A mesh of quadrilaterals in place of one in the plane that has triangles, too, but not more, or of hexahedra in
-    place of one that has wedges or tetrahedra; any other as it is, and one whose cells do not meet face to face.
+    place of one that has wedges or tetrahedra; any other as it is, and in space one whose cells do not meet face to
+    face, or that would have too many nodes.
 
     Returns:
         The mesh, whose new points come last; the nodes between which each of these is, shape (k, 4), in space (k, 8),
@@ -44,11 +46,12 @@ def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
     taken = [others[nodes[:, 0]] if kind in body and nodes.size else None for kind, nodes in raw.blocks]
     cells = [(kind, nodes[rows]) for (kind, nodes), rows in zip(raw.blocks, taken, strict=True) if rows is not None]
     middles = _Dividing.of(cells, len(raw.points))
-    if not middles.meet():
+    centre = middles.first + len(middles.edges) + len(middles.faces)
+    in_space = bool(len(middles.faces))
+    if in_space and (not middles.meet() or centre + sum(len(nodes) for _, nodes in cells) > DIVIDED_AT_MOST):
         return unchanged
     blocks: list[tuple[str, Ints]] = []
     origins: list[Ints] = []  # of each block the row of the file that each row is a part of
-    centre = len(raw.points) + len(middles.edges) + len(middles.faces)
     for (kind, nodes), rows in zip(raw.blocks, taken, strict=True):
         if rows is not None:
             centres = np.where(rows, centre + np.cumsum(rows) - 1, -1)
