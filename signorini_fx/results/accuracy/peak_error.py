@@ -75,7 +75,7 @@ class Peak:
 
 
 @dataclass(frozen=True)
-class _Step:
+class _Refinement:
     """From one mesh to the next.
 
     Attributes:
@@ -97,7 +97,7 @@ class _Step:
         return size / (self.finer**rate - 1) / self.to_last**rate
 
 
-def _rate_seen(before: _Step, last: _Step, expected: float) -> float:
+def _rate_seen(before: _Refinement, last: _Refinement, expected: float) -> float:
     """The rate with which both changes decrease, from ``SLOWEST_PEAK`` to the expected one; this where one turns."""
     if not (before.changes * last.changes > 0).all():
         return expected
@@ -134,7 +134,7 @@ def peak_error(
             finer, to_last = fineness[k] / fineness[k - 1], fineness[-1] / fineness[k]
         if finer >= FINER_FACTOR:
             changes = np.array([fine.top - coarse.top, fine.largest - coarse.largest]) / last.largest
-            steps.append(_Step(changes, finer, max(to_last, 1.0)))
+            steps.append(_Refinement(changes, finer, max(to_last, 1.0)))
     if not steps:
         return None
     above_top = last.largest / last.top - 1
