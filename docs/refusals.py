@@ -23,7 +23,7 @@ from signorini_fx.addons.derivatives import of_scene  # noqa: E402
 from signorini_fx.addons.studies import reference  # noqa: E402
 from signorini_fx.addons.uniqueness import contact_stiffness  # noqa: E402
 from signorini_fx.mechanics import effects, materials  # noqa: E402
-from signorini_fx.mechanics.body import limits  # noqa: E402
+from signorini_fx.mechanics.body import limit_surface  # noqa: E402
 from signorini_fx.mechanics.kinematics import KINDS  # noqa: E402
 from signorini_fx.mechanics.statement.effect import Effect  # noqa: E402
 from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS  # noqa: E402

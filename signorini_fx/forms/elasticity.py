@@ -18,7 +18,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.pieces import find_pieces
 from signorini_fx.mechanics.body.rigid_bodies import Driven
 from signorini_fx.mechanics.kinematics import CARTESIAN

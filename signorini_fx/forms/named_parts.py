@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import Facets, GivenForms
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact

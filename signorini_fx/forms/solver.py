@@ -33,7 +33,7 @@ from signorini_fx.mechanics.body.assembly import assemble
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.deformation import Deformation
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.foundations import FoundationData, Foundations, ShapeDistances
 from signorini_fx.mechanics.body.rigid import RigidMotions

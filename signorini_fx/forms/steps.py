@@ -25,10 +25,10 @@ from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.load_increments import Increments
 from signorini_fx.solving.load_steps import StepProgress, all_load_steps
-from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
+from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
+from signorini_fx.solving.stored_steps import MeshCheckpoint, open_checkpoint
 
 
 class Clock:

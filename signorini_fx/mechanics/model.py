@@ -14,7 +14,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.mechanics.body.cellwise_stiffness import CellwiseStiffness
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.body.shared_cache import shared_in
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

@@ -193,11 +193,11 @@ class ContactArea:
         return slopes
 
 
-def functional_of(d: Model, text: str) -> Functional:
+def functional_of(model: Model, text: str) -> Functional:
     """A result with its derivatives by its name; collective.
 
     Args:
-        d: the body of a scene, or of forms.
+        model: the body of a scene, or of forms.
         text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact boundary, a moment about
             the origin, in space about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``area BOUNDARY
             [POWER]``, see ``ContactArea``; ``mean BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS``
@@ -206,5 +206,5 @@ def functional_of(d: Model, text: str) -> Functional:
     Raises:
         SceneError: it is not known, or has no derivative.
     """
-    functional: Functional = requested(text, lambda quantity, words: quantity.functional(d, *words), "functional")
+    functional: Functional = requested(text, lambda quantity, words: quantity.functional(model, *words), "functional")
     return functional

@@ -118,11 +118,11 @@ class Quantity(Protocol):
         error = self.error(summary)
         return [Card(self.report, with_unit(figure(summary[self.key], error), self.unit), error)]
 
-    def functional(self, d: Model, *words: str) -> Functional | None:
+    def functional(self, model: Model, *words: str) -> Functional | None:
         """It with its derivatives by displacement and tractions; None: it has none; collective.
 
         Args:
-            d: the model.
+            model: the model.
             words: what stands behind the first word of the request.
 
         Raises:

@@ -56,15 +56,15 @@ def chosen_format(fields: bool | str) -> str | None:
 
 def size_of_fields(solution: Solution, kind: str) -> float:
     """About how many bytes the fields take, rather too many: points, cells and values of each file."""
-    d = solution.model
-    topology = d.tagged.mesh.topology
+    model = solution.model
+    topology = model.tagged.mesh.topology
     cells = topology.index_map(topology.dim).size_global
-    corners = int(d.space.dofmap.list.shape[1])
+    corners = int(model.space.dofmap.list.shape[1])
     if kind == "vtu":
         text = 4000.0  # about the numbers
         return len(solution.shown_steps) * (text + bytes_of(cells * corners, cells, corners, sum(_COMPONENTS)))
     cell = 8 * (corners + 1)
-    continuous = d.dofs // d.tagged.mesh.geometry.dim * (2 * 3 * 8 + 9) + cells * cell
+    continuous = model.dofs // model.tagged.mesh.geometry.dim * (2 * 3 * 8 + 9) + cells * cell
     broken = sum(cells * (corners * (3 * 8 + 8 * components + 9) + cell) for components in _COMPONENTS[1:])
     return len(solution.shown_steps) * (continuous + broken) + _BYTES_PER_RANK * solution.comm.size
 
@@ -167,9 +167,9 @@ def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
 
 def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Function:
     """A field in the discontinuous functions of the degree of the element, which all fields of a data set share."""
-    d = solution.model
-    degree, shape = d.space.element.basix_element.degree, function.ufl_shape
+    model = solution.model
+    degree, shape = model.space.element.basix_element.degree, function.ufl_shape
     element = ("DG", degree, shape) if shape else ("DG", degree)
-    interpolated = fem.Function(fem.functionspace(d.tagged.mesh, element), name=name)
+    interpolated = fem.Function(fem.functionspace(model.tagged.mesh, element), name=name)
     interpolated.interpolate(function)
     return interpolated

@@ -27,7 +27,7 @@ from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.registry import quantities, stage_of
 from signorini_fx.records import Finding, as_columns
-from signorini_fx.results import afterthoughts
+from signorini_fx.results import deferred_quantities
 from signorini_fx.results.fields import FIELD_FILES, FIELDS, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
@@ -153,15 +153,15 @@ class _Written:
             findings.append(asdict(Finding("note", "pictures", f"are not drawn: {missing}")))
             self._on_root(lambda: say(f"pictures are not drawn: {missing}"))
         drawn = ["pictures"] if gather is not None else []
-        self._put(summary, [*afterthoughts.asked(solution), "tables", *drawn])
+        self._put(summary, [*deferred_quantities.asked(solution), "tables", *drawn])
         folder.commit()
-        afterthoughts.afterthought(solution.comm, "tables", findings, lambda: self._tables(table))
-        summary |= afterthoughts.proved(solution, findings)
+        deferred_quantities.afterthought(solution.comm, "tables", findings, lambda: self._tables(table))
+        summary |= deferred_quantities.proved(solution, findings)
         self._put(summary, drawn)
         folder.add()
         if gather is not None:
             count = len(findings)
-            afterthoughts.afterthought(
+            deferred_quantities.afterthought(
                 solution.comm, "pictures", findings, lambda: self._pictures(table, gather(solution), summary)
             )
             if len(findings) > count:
@@ -242,7 +242,7 @@ class _Written:
 
     def _put(self, summary: dict[str, Any], absent: list[str]) -> None:
         """Write the summary, with what it lacks so far."""
-        findings = [*summary["findings"], *afterthoughts.missing(absent)]
+        findings = [*summary["findings"], *deferred_quantities.missing(absent)]
         text = json.dumps(_for_json({**summary, "findings": findings}), indent=2, allow_nan=False)
         self._on_root(lambda: (self.folder.part / SUMMARY).write_text(text + "\n", encoding="utf-8"))
 

@@ -16,7 +16,13 @@ from signorini_fx.algebra.contact.statics import Limit, along_contact, largest_m
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.joint_pressure import work_on_motions
-from signorini_fx.mechanics.body.limits import LimitSurface, Unproved, factor_at_least, factor_at_most, surface_of
+from signorini_fx.mechanics.body.limit_surface import (
+    LimitSurface,
+    Unproved,
+    factor_at_least,
+    factor_at_most,
+    surface_of,
+)
 from signorini_fx.mechanics.body.motion_names import names_of
 from signorini_fx.mechanics.body.rigid import RigidMotions
 from signorini_fx.mechanics.model import Model
@@ -80,11 +86,11 @@ class Safety:
         return figures | {"body": [None if value == np.inf else value for value in self.body], "of_body": self.of_body}
 
 
-def safety_of(d: Model, contact: ContactState, step: float) -> Safety | None:
+def safety_of(model: Model, contact: ContactState, step: float) -> Safety | None:
     """The safety factor of a load step with a solution; collective.
 
     Args:
-        d: the model.
+        model: the model.
         contact: the contact nodes of this rank in its solution.
         step: the place of the load step in the lists of factors.
 
@@ -93,28 +99,30 @@ def safety_of(d: Model, contact: ContactState, step: float) -> Safety | None:
         not balance its loads at these nodes, or if a friction law has a larger bound there than it says.  A load that
         has entered the contact stays where it is.
     """
-    motions, boundary, count = d.motions, contact.boundary, d.motions.free.shape[1]
+    motions, boundary, count = model.motions, contact.boundary, model.motions.free.shape[1]
     if not count:
         return None
     at_contact = motions.at(boundary)
     nothing: npt.NDArray[np.float64] = np.zeros(len(motions.of_all) - len(motions.free))
-    driving = sum((factor * load.driven.forces for factor, load in d.applied_at(step) if load.driven), nothing)
-    works = (motions.load_of(forces, d.comm, on) for forces, on in zip(_loads(d, step), (driving, None), strict=True))
+    driving = sum((factor * load.driven.forces for factor, load in model.applied_at(step) if load.driven), nothing)
+    works = (
+        motions.load_of(forces, model.comm, on) for forces, on in zip(_loads(model, step), (driving, None), strict=True)
+    )
     live, dead = (
         total_work([(1.0, work), *((1.0, load) for load in within)], count)
-        for work, within in zip(works, _within(contact, at_contact, d.statement), strict=True)
+        for work, within in zip(works, _within(contact, at_contact, model.statement), strict=True)
     )
-    law, pressing = d.law, _touching(d, contact, live + dead, step)
+    law, pressing = model.law, _touching(model, contact, live + dead, step)
     allowed = reactions(at_contact, law, contact.bilateral, pressing)
     present = None
-    if d.statement.has_coulomb:
+    if model.statement.has_coulomb:
         bounds = as_given(contact.bound)
         present = reactions(at_contact, bounds, contact.bilateral, contact.bilateral | contact.in_contact)
-    if parallel.any_rank(d.comm, not np.isfinite(contact.pressure).all()):
+    if parallel.any_rank(model.comm, not np.isfinite(contact.pressure).all()):
         return None
-    if law is not None and parallel.any_rank(d.comm, bool(law.exceeds_envelope(contact.pressure).any())):
+    if law is not None and parallel.any_rank(model.comm, bool(law.exceeds_envelope(contact.pressure).any())):
         return None
-    surfaces, reason = _surfaces(d, pressing)
+    surfaces, reason = _surfaces(model, pressing)
     low, high = np.inf, np.inf
     worst: tuple[Limit, str] | None = None
     used: list[float] = []
@@ -154,24 +162,24 @@ def safety_of(d: Model, contact: ContactState, step: float) -> Safety | None:
     return Safety(
         limit.found,
         limit.factor,
-        not d.statement.has_coulomb,
+        not model.statement.has_coulomb,
         max(used, default=None),
         words,
         sliding,
         overturning,
         (0.0, np.inf) if surfaces is None else (low, high),
         reason,
-        _assumed(d),
+        _assumed(model),
     )
 
 
-def _assumed(d: Model) -> str:
+def _assumed(model: Model) -> str:
     """What the factors rest on, in words."""
     told = [
         "the foundation presses where the body touches it now",
-        f"{d.law.unknown}, so that factors are upper bounds" if d.law is not None and d.law.unknown else "",
-        *d.statement.assumed,
-        STRAIGHT_CELLS if d.statement.arcs else "",
+        f"{model.law.unknown}, so that factors are upper bounds" if model.law is not None and model.law.unknown else "",
+        *model.statement.assumed,
+        STRAIGHT_CELLS if model.statement.arcs else "",
     ]
     return "; ".join(filter(None, told))
 
@@ -202,17 +210,17 @@ def _multiple(here: Reactions, dead: Nodal, live: Nodal, whole: float) -> float:
     return whole if limit is None else max(whole, limit.factor)
 
 
-def _surfaces(d: Model, pressing: npt.NDArray[np.bool_]) -> tuple[dict[int, LimitSurface] | None, str]:
+def _surfaces(model: Model, pressing: npt.NDArray[np.bool_]) -> tuple[dict[int, LimitSurface] | None, str]:
     """The contact surface of each assembly as far as it touches; or None, and why it is not known."""
     try:
-        return surface_of(d, pressing), ""
+        return surface_of(model, pressing), ""
     except Unproved as unproved:
         return None, str(unproved)
 
 
-def _loads(d: Model, step: float) -> list[npt.NDArray[np.float64]]:
+def _loads(model: Model, step: float) -> list[npt.NDArray[np.float64]]:
     """The live and the other loads of a load step at the owned dofs, shape (owned dofs,) each."""
-    nodal, forces = NodalForces(d.statement, d.tagged, d.space), d.statement.of(Force)
+    nodal, forces = NodalForces(model.statement, model.tagged, model.space), model.statement.of(Force)
     return [nodal.external(step, some=[load for load in forces if load.live is live]).ravel() for live in (True, False)]
 
 
@@ -230,14 +238,14 @@ def _within(
     return [of_live], [of_dead]
 
 
-def _touching(d: Model, contact: ContactState, load: npt.NDArray[np.float64], step: float) -> npt.NDArray[np.bool_]:
+def _touching(model: Model, contact: ContactState, load: npt.NDArray[np.float64], step: float) -> npt.NDArray[np.bool_]:
     """The nodes that touch their foundation in the solution, or where the rigid body rests on it, shape (n,).
 
     Supports that move may keep the body away from where it would rest: then only the former.
     """
     touching = contact.in_contact | contact.bilateral
-    if parallel.any_rank(d.comm, any(load.start.any() for _, load in d.applied_at(step))):
+    if parallel.any_rank(model.comm, any(load.start.any() for _, load in model.applied_at(step))):
         return touching
-    resting = resting_place(contact.gap, contact.bilateral, d.motions.at(contact.boundary), load)
+    resting = resting_place(contact.gap, contact.bilateral, model.motions.at(contact.boundary), load)
     gap = contact.gap if resting is None else contact.gap - resting.u_n
-    return np.asarray(touching | (gap <= SAME_LENGTH * d.tagged.size))
+    return np.asarray(touching | (gap <= SAME_LENGTH * model.tagged.size))

@@ -299,26 +299,26 @@ class Stresses(RawStresses):
     model: Model = field(kw_only=True)
 
     @classmethod
-    def of(cls, d: Model, displacement: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
+    def of(cls, model: Model, displacement: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
         """Those of a displacement; ``shared``: where what projects is kept for other load steps."""
 
         def recovery() -> StressRecovery:
             """What it compiles is not among the forms of the solve."""
             if "recovery" not in shared:
-                shared["recovery"] = StressRecovery.of(d, Inventory())
+                shared["recovery"] = StressRecovery.of(model, Inventory())
             return shared["recovery"]
 
-        energy = partial(NodalForces(d.statement, d.tagged, d.space).stored, displacement, step)
-        return cls(element_stress(d, displacement, step), recovery, energy, step, model=d)
+        energy = partial(NodalForces(model.statement, model.tagged, model.space).stored, displacement, step)
+        return cls(element_stress(model, displacement, step), recovery, energy, step, model=model)
 
     def utilisation(self) -> dict[str, Any] | None:
         """See ``RawStresses``: of raw and recovered stress the one that uses more, and where."""
-        d = self.model
-        if all(math.isinf(material.yields_at) for material in d.statement.material):
+        model = self.model
+        if all(math.isinf(material.yields_at) for material in model.statement.material):
             return None
-        (limits,) = of_materials(d.statement, d.tagged, lambda material: (material.yields_at,))
+        (limits,) = of_materials(model.statement, model.tagged, lambda material: (material.yields_at,))
         if isinstance(limits, fem.Constant):
-            limit = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", 0)))
+            limit = fem.Function(fem.functionspace(model.tagged.mesh, ("DG", 0)))
             limit.x.array[:] = limits.value
         else:
             limit = limits
@@ -334,14 +334,14 @@ class Stresses(RawStresses):
 
     def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
         """See ``RawStresses``: the part of the body, and why there is no limit."""
-        d, reasons = self.model, dict[tuple[float, ...], str | None]()
+        model, reasons = self.model, dict[tuple[float, ...], str | None]()
         if finite:
             places = dict.fromkeys(entry.place for entry in extremes)
-            reasons = {point: why_no_limit(d, point, self.place) for point in places}
-        parts = [*d.statement.bodies] or [entry.region for entry in d.statement.material]
+            reasons = {point: why_no_limit(model, point, self.place) for point in places}
+        parts = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
 
         def remark(extreme: Extreme) -> dict[str, Any]:
-            named = {"region": part_of(d, extreme.cell, parts)} if len(parts) > 1 else {}
+            named = {"region": part_of(model, extreme.cell, parts)} if len(parts) > 1 else {}
             return named | ({"no_limit": reasons[extreme.place]} if finite else {})
 
         return {extreme: remark(extreme) for extreme in extremes}
@@ -394,13 +394,13 @@ def extreme_at(comm: MPI.Comm, values: Nodal, x: Nodal, cell_of: Callable[[int],
     return Extreme(sign * best, *comm.bcast(where, root=-rank))
 
 
-def part_of(d: Model, cell: int, parts: Sequence[str | None]) -> str | None:
+def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:
     """The one of some regions that a cell is in, by its global number; None: in none of them; collective."""
-    cells = d.tagged.mesh.topology.index_map(d.tagged.dimension)
+    cells = model.tagged.mesh.topology.index_map(model.tagged.dimension)
     local_cell = cell - cells.local_range[0]
-    matches = [part for part, name in enumerate(parts) if name is not None and local_cell in d.tagged.cells(name)]
+    matches = [part for part, name in enumerate(parts) if name is not None and local_cell in model.tagged.cells(name)]
     local_part = matches[0] if matches and 0 <= local_cell < cells.size_local else -1
-    at = int(parallel.global_max(d.comm, local_part))
+    at = int(parallel.global_max(model.comm, local_part))
     return None if at < 0 else parts[at]
 
 

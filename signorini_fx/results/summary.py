@@ -18,7 +18,7 @@ from signorini_fx.quantities.run import SCHEMA_VERSION
 from signorini_fx.quantities.text import row
 from signorini_fx.records import OuterRecord, Record, StepRecord
 from signorini_fx.results.accuracy import price_list
-from signorini_fx.results.afterthoughts import columns_of, proved
+from signorini_fx.results.deferred_quantities import columns_of, proved
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.versions import versions
 

@@ -113,14 +113,14 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
     for coarse in coarser:
         _validated(coarse, comm)
     compared = scene.accuracy is not None or bool(coarser)
-    d = _validated(scene, comm)
-    cost = estimated_cost(d)
-    findings = [*pushed_before(d), *memory_finding(cost, comm), *scene_findings(d)]
-    findings += [*(contact_lengths(d) if scene.accuracy is None else []), *_uniqueness(d)]
+    model = _validated(scene, comm)
+    cost = estimated_cost(model)
+    findings = [*pushed_before(model), *memory_finding(cost, comm), *scene_findings(model)]
+    findings += [*(contact_lengths(model) if scene.accuracy is None else []), *_uniqueness(model)]
     return Check(
         scene.title,
-        tuple(_effects(d, compared=compared)),
-        _forms(d, compared=compared),
+        tuple(_effects(model, compared=compared)),
+        _forms(model, compared=compared),
         cost,
         tuple(findings),
         attempts_for(scene.statement),
@@ -133,19 +133,19 @@ def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
     from signorini_fx.scenes.nonlinear_check import newton_cost, newton_effects, newton_findings, newton_plan
 
     timings = Timings()
-    d = linear_body(scene, comm, timings)
-    cost, statement = newton_cost(estimated_cost(d), scene.statement.expected_steps), scene.statement
-    listed = _effects(replace(d, statement=statement), compared=False)
-    effects, forms = newton_effects(statement, d, listed)
-    findings = (*memory_finding(cost, comm), *newton_findings(statement, d))
+    model = linear_body(scene, comm, timings)
+    cost, statement = newton_cost(estimated_cost(model), scene.statement.expected_steps), scene.statement
+    listed = _effects(replace(model, statement=statement), compared=False)
+    effects, forms = newton_effects(statement, model, listed)
+    findings = (*memory_finding(cost, comm), *newton_findings(statement, model))
     return Check(scene.title, effects, forms, cost, findings, newton_plan())
 
 
-def _uniqueness(d: Model) -> list[Finding]:
+def _uniqueness(model: Model) -> list[Finding]:
     """Below which friction coefficient there is one solution, where the scene asks: it takes a factorisation."""
-    if d.boundary is None or not d.statement.solver.uniqueness:
+    if model.boundary is None or not model.statement.solver.uniqueness:
         return []
-    proof = add_on("uniqueness")(d, None)
+    proof = add_on("uniqueness")(model, None)
     return [Finding("note" if proof.proved else "warning", "solver.uniqueness", str(proof))]
 
 
@@ -156,16 +156,16 @@ def _validated(scene: Scene, comm: MPI.Comm) -> Model:
         first = planned(scene, scene.accuracy, comm).scene
         # Generated meshes are coarser ones to begin with.
         first = scene_on(first, 1.0) if first.statement.generated else first
-    d = prepare(first.statement, load_mesh(first, comm), Timings())
-    refuse_beforehand(d)
-    return d
+    model = prepare(first.statement, load_mesh(first, comm), Timings())
+    refuse_beforehand(model)
+    return model
 
 
-def _estimates_error(d: Model, *, compared: bool) -> bool:
+def _estimates_error(model: Model, *, compared: bool) -> bool:
     """Whether an error is estimated; ``compared``: whether there are several meshes."""
-    solver = d.statement.solver
+    solver = model.statement.solver
     to_stop = solver.algorithm == "path-following" and solver.regularisation_error == "auto"
-    return d.boundary is not None and (to_stop or compared)
+    return model.boundary is not None and (to_stop or compared)
 
 
 def _estimated(statement: Statement, *, compared: bool) -> tuple[str, ...]:
@@ -174,27 +174,27 @@ def _estimated(statement: Statement, *, compared: bool) -> tuple[str, ...]:
     return (*_RECOVERY, *(["missed loads"] if missed else []))
 
 
-def _forms(d: Model, *, compared: bool) -> tuple[str, ...]:
+def _forms(model: Model, *, compared: bool) -> tuple[str, ...]:
     """The forms that the solver will compile, in order."""
-    recovery = _estimated(d.statement, compared=compared) if _estimates_error(d, compared=compared) else ()
-    return (*d.inventory.forms, *recovery)
+    recovery = _estimated(model.statement, compared=compared) if _estimates_error(model, compared=compared) else ()
+    return (*model.inventory.forms, *recovery)
 
 
 # --- effects ---------------------------------------------------------------------------------------------------------
 
 
-def _effects(d: Model, *, compared: bool) -> list[ListedEffect]:
-    statement = d.statement
-    effects = [_elasticity(d), *_materials(statement), _reduced(d), *_pressure(d), *_displacements(d)]
+def _effects(model: Model, *, compared: bool) -> list[ListedEffect]:
+    statement = model.statement
+    effects = [_elasticity(model), *_materials(statement), _reduced(model), *_pressure(model), *_displacements(model)]
 
-    names = dict(zip(load_groups(statement), (load.names for load in d.applied), strict=False))
+    names = dict(zip(load_groups(statement), (load.names for load in model.applied), strict=False))
 
     def form_of(effect: Any) -> tuple[str, ...]:
         if not isinstance(effect, Load):
-            return (d.resisting,)
+            return (model.resisting,)
         if effect.grouped:
             return names[group_of(statement, effect)]
-        return next(load.names for load in d.applied if load.entry is effect)
+        return next(load.names for load in model.applied if load.entry is effect)
 
     for key, entries in statement.effects.items():
         if key not in ("material", "displacement", "contact"):
@@ -202,8 +202,8 @@ def _effects(d: Model, *, compared: bool) -> list[ListedEffect]:
                 ListedEffect(effect.name, effect.acts, effect.said or "it is 0", form_of(effect) if effect.acts else ())
                 for effect in entries
             ] or [ListedEffect(key.replace("_", " "), False, f"no {statement.heading(key)}")]
-    effects += _contacts(d)
-    nodes = contact_nodes(d)
+    effects += _contacts(model)
+    nodes = contact_nodes(model)
     kind = friction_kind(statement, statement.contact)
     single_step, all_steps = (
         linear_solves(statement, kind, nodes, steps=steps) for steps in (1, statement.expected_steps)
@@ -213,11 +213,11 @@ def _effects(d: Model, *, compared: bool) -> list[ListedEffect]:
     if statement.automatic_steps is not None:
         why += f", about {statement.expected_steps} load steps"
     effects.append(ListedEffect("load steps", statement.expected_steps > 1, why, solves=_minus(all_steps, single_step)))
-    nested = statement.solver.levels > 1 and d.boundary is not None
+    nested = statement.solver.levels > 1 and model.boundary is not None
     solves = _minus(
         linear_solves(statement, kind, nodes, steps=statement.expected_steps, levels=statement.solver.levels), all_steps
     )
-    estimate = _estimates_error(d, compared=compared)
+    estimate = _estimates_error(model, compared=compared)
     why = f"algorithm = {statement.solver.algorithm!r}, levels = {statement.solver.levels}"
     effects.append(
         ListedEffect("error estimate", estimate, why, _estimated(statement, compared=compared) if estimate else ())
@@ -225,8 +225,8 @@ def _effects(d: Model, *, compared: bool) -> list[ListedEffect]:
     return [*effects, ListedEffect("nested iteration", nested, f"levels = {statement.solver.levels}", solves=solves)]
 
 
-def _elasticity(d: Model) -> ListedEffect:
-    return ListedEffect("elasticity", True, f"always; {d.kinematics.words}", ("elasticity",), d.dofs, (1, 1))
+def _elasticity(model: Model) -> ListedEffect:
+    return ListedEffect("elasticity", True, f"always; {model.kinematics.words}", ("elasticity",), model.dofs, (1, 1))
 
 
 def _materials(statement: Statement) -> list[ListedEffect]:
@@ -239,59 +239,59 @@ def _materials(statement: Statement) -> list[ListedEffect]:
     ]
 
 
-def _reduced(d: Model) -> ListedEffect:
-    setting = d.statement.element.volumetric
-    on = d.elastic.reduced is not None
+def _reduced(model: Model) -> ListedEffect:
+    setting = model.statement.element.volumetric
+    on = model.elastic.reduced is not None
     why = f"volumetric = {setting!r}"
     if setting == "auto":
         why += f", some nu >= {LOCKING_POISSON:g}" if on else f", no nu >= {LOCKING_POISSON:g}, or linear triangles"
-    return ListedEffect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
+    return ListedEffect("reduced integration", on, why, tuple(model.inventory.forms[1:2]) if on else ())
 
 
-def _pressure(d: Model) -> list[ListedEffect]:
-    if (listed := d.elastic.listed()) is None:
+def _pressure(model: Model) -> list[ListedEffect]:
+    if (listed := model.elastic.listed()) is None:
         return []
     name, forms, unknowns = listed
-    return [ListedEffect(name, True, f"volumetric = {d.statement.element.volumetric!r}", forms, unknowns)]
+    return [ListedEffect(name, True, f"volumetric = {model.statement.element.volumetric!r}", forms, unknowns)]
 
 
-def _displacements(d: Model) -> list[ListedEffect]:
+def _displacements(model: Model) -> list[ListedEffect]:
     held: list[tuple[PrescribedDisplacement, int]] = []
-    taken = np.zeros_like(d.fixed)
-    for effect, support in d.supports:
+    taken = np.zeros_like(model.fixed)
+    for effect, support in model.supports:
         dofs, owned = support.dof_indices()
         new = np.zeros_like(taken)
         new[dofs[:owned]] = True
-        count = int(parallel.global_sum(d.comm, np.array(np.count_nonzero(new & ~taken))))
+        count = int(parallel.global_sum(model.comm, np.array(np.count_nonzero(new & ~taken))))
         taken |= new
         if held and held[-1][0] is effect:
             count += held.pop()[1]
         held.append((effect, count))
-    owned = d.fixed.size // d.tagged.mesh.geometry.dim
-    for skew in () if d.turned is None else d.turned.supports:
-        held.append((skew.effect, int(parallel.global_sum(d.comm, np.array(np.count_nonzero(skew.nodes < owned))))))
+    owned = model.fixed.size // model.tagged.mesh.geometry.dim
+    for skew in () if model.turned is None else model.turned.supports:
+        held.append((skew.effect, int(parallel.global_sum(model.comm, np.array(np.count_nonzero(skew.nodes < owned))))))
     if not held:
         return [ListedEffect("displacement", False, "no [[displacement]]")]
     return [ListedEffect(e.name, True, e.said, unknowns=-count) for e, count in held]
 
 
-def _contacts(d: Model) -> list[ListedEffect]:
-    scene = d.statement
-    if d.boundary is None:
+def _contacts(model: Model) -> list[ListedEffect]:
+    scene = model.statement
+    if model.boundary is None:
         return [ListedEffect("contact", False, "no [[contact]]"), ListedEffect("friction", False, "no [[contact]]")]
-    effects, nodes = [], contact_nodes(d)
+    effects, nodes = [], contact_nodes(model)
     # One effect after the other: the first contact counts for the iteration, the first friction of a kind for the rest.
     previous = (1, 1)
     for index, effect in enumerate(scene.contact):
-        count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
+        count = int(parallel.global_sum(model.boundary.comm, np.array(np.count_nonzero(model.boundary.part == index))))
         name, total = f"contact {effect.boundary}", linear_solves(scene, "none", nodes)
-        forms = tuple(form for form in d.inventory.forms if form in (name, f"{name}, averages"))
+        forms = tuple(form for form in model.inventory.forms if form in (name, f"{name}, averages"))
         description = f"{effect.kind}, {count} nodes"
         if effect.against is not None:
             forms, description = (), f"{effect.kind}, against {effect.against}, {count} nodes"
         if effect.foundation is not None:
-            description += f"; {effect.foundation.said}; at a distance from {_gaps(d, index)}"
-        moving, added = d.boundary.moving, 0
+            description += f"; {effect.foundation.said}; at a distance from {_gaps(model, index)}"
+        moving, added = model.boundary.moving, 0
         if effect.tool is not None and moving is not None:
             first = np.array([body.parts[0] for body in moving.bodies])
             added = int(np.count_nonzero(~moving.fixed & (first[moving.number] == index)))
@@ -306,13 +306,13 @@ def _contacts(d: Model) -> list[ListedEffect]:
     return effects
 
 
-def _gaps(d: Model, index: int) -> str:
+def _gaps(model: Model, index: int) -> str:
     """The smallest and the largest gap of one contact in words; collective."""
-    assert d.boundary is not None
-    assert d.data is not None
-    gaps = d.data.gap[d.boundary.part == index]
-    low, high = (parallel.largest(d.comm, sign * gaps, -np.inf) for sign in (-1.0, 1.0))
-    extremes = (0.0 if abs(gap) < NO_FORCE * d.tagged.size else gap for gap in (-low, high))
+    assert model.boundary is not None
+    assert model.data is not None
+    gaps = model.data.gap[model.boundary.part == index]
+    low, high = (parallel.largest(model.comm, sign * gaps, -np.inf) for sign in (-1.0, 1.0))
+    extremes = (0.0 if abs(gap) < NO_FORCE * model.tagged.size else gap for gap in (-low, high))
     return " to ".join(f"{gap:.4g}" for gap in extremes)
 
 

@@ -33,8 +33,8 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.solving.one_mesh import solve_mesh
-from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stepped_body import LoadStep
+from signorini_fx.solving.stored_steps import MeshCheckpoint
 from signorini_fx.tuned import COARSER_START
 
 
@@ -71,19 +71,19 @@ def _solved(
     scene, comm = problem.source.model_copy(update={"solver": problem.settings}), problem.comm
 
     def estimate(step: LoadStep) -> None:
-        d, outcome, result = step.body.model, step.outcome, step.result
+        model, outcome, result = step.body.model, step.outcome, step.result
         if result.contact is None:
             return
-        table = contact_table(result.contact, *d.statement.sides)
-        displacement, compliance = d.function(outcome.displacement()), compliance_of(outcome, comm)
-        step_errors.append(estimate_errors(d, displacement, result.strain_energy, table, result.place, compliance))
+        table = contact_table(result.contact, *model.statement.sides)
+        displacement, compliance = model.function(outcome.displacement()), compliance_of(outcome, comm)
+        step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place, compliance))
 
     load, modulus = partial(load_mesh, scene, comm), max(material.plane_modulus for material in scene.material)
     solution, task, outcome = solve_mesh(
         scene.statement, load, problem.history, state, estimate, coarser, checkpoint, with_findings=shown
     )
-    d = solution.model
-    return SolvedMesh(solution, d.tagged, d, task, modulus, outcome, solution.statement.sides)
+    model = solution.model
+    return SolvedMesh(solution, model.tagged, model, task, modulus, outcome, solution.statement.sides)
 
 
 def _on(scene: Scene, tagged: TaggedMesh) -> Scene:

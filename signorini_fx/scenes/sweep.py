@@ -92,8 +92,8 @@ class SweepPoint:
 
     def without_system(self) -> SweepPoint:
         """The same with the displacement computed, and without what it is computed from; collective."""
-        of_body, d = self._of_body(), replace(self._model, of_body={}, of_contact={})
-        return replace(self, _model=d, _of_body=lambda: of_body)
+        of_body, model = self._of_body(), replace(self._model, of_body={}, of_contact={})
+        return replace(self, _model=model, _of_body=lambda: of_body)
 
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; collective."""
@@ -103,41 +103,41 @@ class SweepPoint:
 
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
-        d, contact, (displacement, rigid) = self._model, self.contact, self._of_body()
+        model, contact, (displacement, rigid) = self._model, self.contact, self._of_body()
         if contact.joint is not None:  # what the loads of the scene, one by one, are judged by
             contact = replace(contact, joint=contact.joint.times(1 / self._load))
         law, tractions = self._law, Tractions.of(contact)
         return certify(
             self._statement,
-            d.tagged,
+            model.tagged,
             displacement,
             tractions,
             law=law,
             scale=self._load,
-            pairs=d.pairs,
+            pairs=model.pairs,
             rigid=rigid,
             like=self._evaluation,
         )
 
 
 def _of_body(
-    d: Model, task: Task, x: PETSc.Vec, load: float, contact: ContactState
+    model: Model, task: Task, x: PETSc.Vec, load: float, contact: ContactState
 ) -> tuple[fem.Function, tuple[RigidBodyMotion, ...]]:
     """The displacement of the body, and how rigid bodies have moved; collective.
 
     Args:
-        d: the model.
+        model: the model.
         task: its contact problem.
         x: the iterate at the end.
         load: factor of all loads.
         contact: the contact points.
     """
-    for interface in d.statement.interfaces:
-        interface.recalled(d, task, 0, *interface.stored(d, 0, contact))
-    task.system.set_load(load * d.factors(0))
+    for interface in model.statement.interfaces:
+        interface.recalled(model, task, 0, *interface.stored(model, 0, contact))
+    task.system.set_load(load * model.factors(0))
     unknowns = task.system.displacement(x)
-    rigid = d.rigid.moved(d.driven(unknowns, task.rest)) if d.rigid.bodies else ()
-    return d.from_rest(task.rest, unknowns), rigid
+    rigid = model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
+    return model.from_rest(task.rest, unknowns), rigid
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ class _Body:
     Attributes:
         scene: as it was given.
         tagged: its mesh.
-        d: the scene on it.
+        model: the scene on it.
         task: its contact problem.
         begin: where the next value starts.
         state: the contact points of the last value that has a solution; None: there is none so far.
@@ -201,7 +201,7 @@ class _Body:
 
     scene: Scene
     tagged: TaggedMesh
-    d: Model
+    model: Model
     task: Task
     begin: Start
     state: ContactState | None
@@ -221,18 +221,18 @@ class _Body:
         forces = _other_forces(scene, self.scene)
         if forces is None:
             return None
-        body = with_forces(self.d, scene.statement) if forces else self.d
+        body = with_forces(self.model, scene.statement) if forces else self.model
         if body is None:
             return None
-        d, system = with_gap_and_friction(body, scene.statement), self.task.system
-        refuse_beforehand(d)
-        for number, (load, earlier) in enumerate(zip(d.applied, self.d.applied, strict=True)):
+        model, system = with_gap_and_friction(body, scene.statement), self.task.system
+        refuse_beforehand(model)
+        for number, (load, earlier) in enumerate(zip(model.applied, self.model.applied, strict=True)):
             if load is not earlier:
-                system.set_case(number, d.cases[number])
-        task = contact_task(d, history, choose=lambda *_: (system, self.task.linear_algebra))
+                system.set_case(number, model.cases[number])
+        task = contact_task(model, history, choose=lambda *_: (system, self.task.linear_algebra))
         sets, multipliers = self.begin.sets, self.begin.multipliers
         begin = task.start if sets is None or multipliers is None else task.start.begin_from(sets, multipliers)
-        return replace(self, scene=scene, d=d, task=task, begin=begin)
+        return replace(self, scene=scene, model=model, task=task, begin=begin)
 
 
 def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History, first: Sequence[_Value]) -> _Body:
@@ -248,20 +248,22 @@ def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History,
     if earlier is not None and (next_body := earlier.with_scene(scene, history)) is not None:
         return next_body
     tagged = earlier.tagged if earlier is not None and _same_mesh(scene, earlier.scene) else load_mesh(scene, comm)
-    body = with_moduli(earlier.d, scene.statement) if earlier and _other_moduli(scene, earlier.scene) else None
-    d = body or discretise(scene.statement, tagged, Timings())
-    refuse_beforehand(d)
+    body = with_moduli(earlier.model, scene.statement) if earlier and _other_moduli(scene, earlier.scene) else None
+    model = body or discretise(scene.statement, tagged, Timings())
+    refuse_beforehand(model)
     last = None if earlier is None else earlier.state
     # Contact points may be on the other side than the scene says.
-    chosen = scene.model_copy(update={"contact": d.statement.contact})
-    coarser, state = _coarser(chosen, d, first if last is None else ())
-    task = contact_task(d, history, coarser)
-    begin = _begun(task, d, coarser, state)
-    if last is not None and d.boundary is not None:
-        begin = task.start.begin_from(*carry_over(last, d.boundary))
-    stays = earlier is not None and earlier.d.space is d.space
-    evaluation = earlier.evaluation if earlier is not None and stays else NodalForces(d.statement, d.tagged, d.space)
-    return _Body(scene, tagged, d, task, begin, last, evaluation)
+    chosen = scene.model_copy(update={"contact": model.statement.contact})
+    coarser, state = _coarser(chosen, model, first if last is None else ())
+    task = contact_task(model, history, coarser)
+    begin = _begun(task, model, coarser, state)
+    if last is not None and model.boundary is not None:
+        begin = task.start.begin_from(*carry_over(last, model.boundary))
+    stays = earlier is not None and earlier.model.space is model.space
+    evaluation = (
+        earlier.evaluation if earlier is not None and stays else NodalForces(model.statement, model.tagged, model.space)
+    )
+    return _Body(scene, tagged, model, task, begin, last, evaluation)
 
 
 def _same_mesh(scene: Scene, compared: Scene) -> bool:
@@ -372,25 +374,25 @@ def _solved(value: Any, body: _Body, parameter: _Value, history: History) -> tup
     """The point of a value, and what it leaves to the next one; collective."""
     solves_before, task, load = history.linear_solves, body.task, parameter.load
     for begin in (body.begin, task.start):
-        start = parameter.start(begin, body.d)
-        end = solve_step(LoadStepStart(body.d, task, start, scale=load))
+        start = parameter.start(begin, body.model)
+        end = solve_step(LoadStepStart(body.model, task, start, scale=load))
         # The last value may be too far away to begin there.
         if begin is task.start or not task.gave_up(end.outcome.status):
             break
-    d, start, outcome = end.d, end.start, end.outcome
+    model, start, outcome = end.model, end.start, end.outcome
     joint = None if end.joint is None else end.joint.times(load)
-    contact, promised = replace(d.state(task, outcome, start), joint=joint), Law(*task.promised(outcome))
+    contact, promised = replace(model.state(task, outcome, start), joint=joint), Law(*task.promised(outcome))
     point = SweepPoint(
         value,
         outcome.status,
         contact,
         history.linear_solves - solves_before,
-        d.statement if parameter.coefficient is None else _with_coefficient(d.statement, parameter.coefficient),
+        model.statement if parameter.coefficient is None else _with_coefficient(model.statement, parameter.coefficient),
         promised,
-        d,
+        model,
         load,
         body.evaluation,
-        partial(_of_body, d, task, outcome.newton.x.copy(), load, contact),
+        partial(_of_body, model, task, outcome.newton.x.copy(), load, contact),
     )
     return point, body.solved(outcome, contact) if outcome.status is Status.CONVERGED else body
 

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.machine import signals
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -25,7 +25,7 @@ from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.stored_steps import MeshCheckpoint
 
 P = TypeVar("P")
 

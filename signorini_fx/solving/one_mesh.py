@@ -18,9 +18,9 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_data import first_sets
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.discretisation import discretise, friction_of, placed
+from signorini_fx.mechanics.body.first_sets import first_sets
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -38,12 +38,12 @@ from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
 from signorini_fx.solving.first_start import first_start
-from signorini_fx.solving.load_increments import Increments
 from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.loose_bodies import loose_at_rest
-from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.stated_places import stated_body
 from signorini_fx.solving.stepped_body import LoadStep
+from signorini_fx.solving.stored_steps import MeshCheckpoint
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.
@@ -112,9 +112,9 @@ def solve_contact(
     """
     history, statement = task.history, model.statement
 
-    def renew(d: Model) -> Task:
+    def renew(model: Model) -> Task:
         with timings.phase("condense"):
-            return contact_task(d, history)
+            return contact_task(model, history)
 
     body = stated_body(model, timings, renew)
     may_augment = statement.has_coulomb and not overclosures_of(statement)
@@ -232,29 +232,29 @@ def _doubtful_laws(model: Model, last: StepResult) -> list[Finding]:
 
 
 def contact_task(
-    d: Model,
+    model: Model,
     history: History,
     coarser: MeshLevel | None = None,
     choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
 ) -> Task:
     """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a user-defined algorithm."""
-    factors = d.factors(0)
-    task = d.task(
-        d.cases,
+    factors = model.factors(0)
+    task = model.task(
+        model.cases,
         factors,
-        d.data,
-        d.law,
+        model.data,
+        model.law,
         coarser=coarser,
-        allowed=_allowed(d),
+        allowed=_allowed(model),
         choose=choose,
-        natural_gamma=d.scales.gamma,
-        coordinate_error=d.scales.coordinate_error,
-        has_coulomb=d.statement.has_coulomb,
+        natural_gamma=model.scales.gamma,
+        coordinate_error=model.scales.coordinate_error,
+        has_coulomb=model.statement.has_coulomb,
         history=history,
     )
     start = replace(task.start, factors=factors)
-    if d.boundary is not None:
-        sets, iteration = first_sets(d.statement, d.boundary)
+    if model.boundary is not None:
+        sets, iteration = first_sets(model.statement, model.boundary)
         start = replace(start, sets=sets, iteration=iteration)
     return replace(task, start=start)
 
@@ -281,10 +281,10 @@ def algorithm_name(statement: Statement, ended: Outcome) -> str:
     return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
 
 
-def _allowed(d: Model) -> Callable[[fem.Function], float] | None:
+def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
     """The regularisation error allowed for path-following where it follows the estimated discretisation error."""
-    settings = d.statement.solver
-    if d.boundary is None or (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
+    settings = model.statement.solver
+    if model.boundary is None or (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
         return None
-    recovery, share = StressRecovery.of(d), PATH_ERROR_SHARE[d.statement.element.degree]
+    recovery, share = StressRecovery.of(model), PATH_ERROR_SHARE[model.statement.element.degree]
     return lambda y: share * recovery.error(y)

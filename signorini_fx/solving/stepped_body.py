@@ -116,7 +116,7 @@ class SteppedBody:
 
         earlier = None if begun.last is None else begun.last.tractions.joint
         end = solve_step(LoadStepStart(self.model, begun.task, begun.start, allowed, earlier=earlier, holds=holds))
-        begun = replace(begun, body=replace(self, model=end.d), start=end.start)
+        begun = replace(begun, body=replace(self, model=end.model), start=end.start)
         return UncertifiedStep(begun, end.outcome, end.joint, end.reason)
 
     def certified(self, begun: BegunStep, outcome: Outcome, joint: JointPressure | None = None) -> StepResult:

@@ -33,7 +33,7 @@ from signorini_fx.results.accuracy.price_list import (
     price_list,
     with_polygon,
 )
-from signorini_fx.results.afterthoughts import failure_in_words
+from signorini_fx.results.deferred_quantities import failure_in_words
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.finer_meshes import Meshes

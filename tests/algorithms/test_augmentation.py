@@ -10,9 +10,9 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.algebra.algorithms.augmentation import Augmentation, with_enough_digits
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import unit
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh

@@ -10,7 +10,7 @@ from scenes import alone, example1
 
 from signorini_fx import solve
 from signorini_fx.algebra import attempts
-from signorini_fx.algebra.algorithms import augmented, strategy
+from signorini_fx.algebra.algorithms import augmented_fall_back, strategy
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import CERTIFICATE_TOLERANCE, History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
@@ -127,7 +127,7 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
 @pytest.mark.parametrize("fallbacks", [False, True])
 def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
     """A body slides under the bound of one pressure: an outcome only where the law allows for no equilibrium either."""
-    ways = {strategy: ("fixed_point", "coulomb_newton"), augmented: ("fixed_point", "augmented_lagrangian")}
+    ways = {strategy: ("fixed_point", "coulomb_newton"), augmented_fall_back: ("fixed_point", "augmented_lagrangian")}
     for module, names in ways.items():
         for name in names:
             monkeypatch.setattr(module, name, lambda *arguments, **options: Status.SLIDES)

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
 from signorini_fx.algebra import attempts
-from signorini_fx.algebra.algorithms import augmented, fall_backs, ssn, strategy
+from signorini_fx.algebra.algorithms import augmented_fall_back, fall_backs, ssn, strategy
 from signorini_fx.algebra.contact import resting_place as resting
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
@@ -136,7 +136,7 @@ def test_monolithic_where_the_fixed_point_does_not_contract():
 def test_damping(monkeypatch):
     """Where Newton's method is not to be had, a damped fixed point goes where the plain one does not."""
     monkeypatch.setattr(strategy, "coulomb_newton", lambda *_: Status.CYCLING)
-    monkeypatch.setattr(augmented, "augmented_lagrangian", lambda *_, **__: Status.CYCLING)
+    monkeypatch.setattr(augmented_fall_back, "augmented_lagrangian", lambda *_, **__: Status.CYCLING)
     ours = alone(pulled(5.0))
     assert fall_backs_of(ours)[-1] == "fixed point damped by 0.5 from the same start"
     monkeypatch.undo()

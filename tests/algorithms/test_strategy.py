@@ -8,7 +8,7 @@ from mpi4py import MPI
 from scenes import alone, example1
 from spaces import block
 
-from signorini_fx.algebra.algorithms import augmented, fall_backs, strategy
+from signorini_fx.algebra.algorithms import augmented_fall_back, fall_backs, strategy
 from signorini_fx.algebra.algorithms.path_following import path_model
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
@@ -32,7 +32,7 @@ def test_fall_backs_begin_where_the_first_method_began(monkeypatch):
     monkeypatch.setattr(strategy, "fixed_point", fails)
     monkeypatch.setattr(strategy, "coulomb_newton", fails)
     for name in ("fixed_point", "augmented_lagrangian"):
-        monkeypatch.setattr(augmented, name, fails)
+        monkeypatch.setattr(augmented_fall_back, name, fails)
     scene = example1(coefficient=0.3, nx=12, ny=4)
     discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, History())
@@ -176,7 +176,9 @@ def posed(scene):
 def test_augmentation_begins_with_small_gammas():
     """Both by the same factor."""
     task = posed(example1(bound=1.5, nx=6, ny=2, gamma=(1e8, 2e7)))
-    data = augmented.softened(task, task.start, strategy.Outcome(Status.CYCLING, task.iterate.newton, task.start.data))
+    data = augmented_fall_back.softened(
+        task, task.start, strategy.Outcome(Status.CYCLING, task.iterate.newton, task.start.data)
+    )
     assert data.gamma_n < 1e7
     assert data.gamma_n / data.gamma_t == pytest.approx(5.0)
 

@@ -11,7 +11,14 @@ from scipy.optimize import linprog
 from test_safety import COULOMB, FRICTION, ROUGH, TRESCA, block, groove
 
 from signorini_fx.algebra.contact.reactions import nearest, reactions
-from signorini_fx.mechanics.body.limits import LimitSurface, _arcs, balanced, excluded, factor_at_most, surface_of
+from signorini_fx.mechanics.body.limit_surface import (
+    LimitSurface,
+    _arcs,
+    balanced,
+    excluded,
+    factor_at_most,
+    surface_of,
+)
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.summary import lines_of, summarise
 from signorini_fx.scenes.checks import check_scene

@@ -18,7 +18,7 @@ from signorini_fx.addons.derivatives.of_scene import sensitivity
 from signorini_fx.addons.studies.reference import on_mesh
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.mixed import MixedDisplacement
+from signorini_fx.mechanics.body.mixed_pressure import MixedDisplacement
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.promised_law import Tractions

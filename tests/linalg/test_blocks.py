@@ -20,7 +20,7 @@ from test_two_bodies import paraboloids
 
 from signorini_fx.algebra.linalg import blocks, callbacks, factorisation, kernels, krylov
 from signorini_fx.errors import MachineError
-from signorini_fx.mechanics.body import block_stiffness, elastic
+from signorini_fx.mechanics.body import block_stiffness, elastic_body
 from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
 from signorini_fx.records import Status
 from signorini_fx.scenes.solver import solve
@@ -68,7 +68,7 @@ def two_matrices(dimension, comm):
     some = np.arange(0, len(fixed) // dimension, 3)
     springs = np.random.default_rng(comm.rank).standard_normal((len(some), dimension, dimension))
     beside = NodalStiffness(some, springs @ springs.transpose(0, 2, 1))
-    ours, theirs = block_stiffness.block_stiffness(forms, fixed, beside), elastic.sum_of(forms, bcs)
+    ours, theirs = block_stiffness.block_stiffness(forms, fixed, beside), elastic_body.sum_of(forms, bcs)
     beside.add_to(theirs, fixed)
     diagonal = theirs.getDiagonal()
     diagonal.getArray()[fixed] = comm.allreduce(diagonal.getArray().max(initial=0.0), op=MPI.MAX)
@@ -202,7 +202,7 @@ def either(monkeypatch):
                 _kinds.add(blocks.is_by_blocks(self.matrix))
                 ksp.setPostSolve(lambda solver, b, x: _steps.append((b.getSize(), solver.getIterationNumber())))
 
-            monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", fewest)
+            monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", fewest)
             monkeypatch.setattr(krylov.KrylovSystem, "configure", watched)
             solution = solve(make(), comm) if solving else make()
             assert kinds == {fewest == 0}
@@ -264,7 +264,7 @@ def test_without_a_compiler(monkeypatch):
 
     monkeypatch.setattr(kernels, "library", refuse)
     monkeypatch.setattr(kernels, "_LOADED", {})
-    monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", 0)
+    monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", 0)
     scene = block(6, bound=1.5, linear_algebra="krylov")
     solution = solve(scene, MPI.COMM_SELF)
     assert solution.converged
@@ -320,7 +320,7 @@ def test_what_fails_by_blocks_is_factorised(coulomb, monkeypatch):
         ksp.setTolerances(max_it=1)
         return kept
 
-    monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", 0)
+    monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", 0)
     monkeypatch.setattr(krylov.KrylovSystem, "keep_factor", keep)
     scene = block(6, coefficient=0.3, coulomb=coulomb, linear_algebra="krylov", fallbacks=False)
     found = solve(scene, MPI.COMM_SELF, check=False)
@@ -332,7 +332,7 @@ def test_what_fails_by_blocks_is_factorised(coulomb, monkeypatch):
 
 def test_a_body_of_one_level(monkeypatch):
     """Smoothed aggregation finds nothing coarser: it alone preconditions, made for the entries."""
-    monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", 0)
+    monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", 0)
     scene = block(3, bound=1.5, linear_algebra="krylov")
     solution = solve(scene, MPI.COMM_SELF, check=False)
     assert blocks.is_by_blocks(solution.model.stiffness)

@@ -6,7 +6,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import alone, example1, table_of
 
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg import full, partial_factor, schur
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.statement.expressions import Expression

@@ -15,7 +15,7 @@ from two_bodies import assembled, facets, grid
 from signorini_fx import ConvergenceError, solve
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

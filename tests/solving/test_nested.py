@@ -13,7 +13,7 @@ from spaces import block
 
 from signorini_fx.algebra.linalg.blocks import BlockRows
 from signorini_fx.algebra.linalg.multigrid import Hierarchy
-from signorini_fx.mechanics.body import elastic
+from signorini_fx.mechanics.body import elastic_body
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
 from signorini_fx.scenes.mesh import load_mesh
@@ -196,7 +196,7 @@ def test_nothing_of_a_coarser_mesh_but_its_level_is_alive(monkeypatch):
         alive.append(sum(reference() is not None for reference in made))
         return task(*given)
 
-    monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", 0)
+    monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", 0)
     monkeypatch.setattr(Hierarchy, "of", classmethod(lambda cls, *given: seen(of(cls, *given))))
     monkeypatch.setattr(BlockRows, "in_single_precision", lambda rows: seen(single(rows)))
     monkeypatch.setattr(one_mesh, "contact_task", begun)

@@ -25,7 +25,7 @@ from signorini_fx.results.summary import render, table_row
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.load_increments import Increments
+from signorini_fx.solving.ramp import Increments
 from signorini_fx.tuned import EASY_STEP, ENCLOSED, FAILED_RAMP, FAILED_STEP
 
 

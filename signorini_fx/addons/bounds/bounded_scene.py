@@ -147,22 +147,22 @@ class BoundPoints:
         return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
 
 
-def in_region(d: Model, region: str | None, owner: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def in_region(model: Model, region: str | None, owner: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """Which of the cells ``owner`` are in a region; None: all of them are."""
-    return np.ones(len(owner), dtype=bool) if region is None else np.isin(owner, d.tagged.cells(region))
+    return np.ones(len(owner), dtype=bool) if region is None else np.isin(owner, model.tagged.cells(region))
 
 
-def moduli_of(d: Model, owner: npt.NDArray[np.int64]) -> Moduli:
+def moduli_of(model: Model, owner: npt.NDArray[np.int64]) -> Moduli:
     """Of the cells ``owner``."""
-    dim = d.tagged.dimension
-    if d.moduli is not None:
-        axes = _columns(d)
-        stiffness = d.moduli.at_cells[owner][:, axes][:, :, axes]
+    dim = model.tagged.dimension
+    if model.moduli is not None:
+        axes = _columns(model)
+        stiffness = model.moduli.at_cells[owner][:, axes][:, :, axes]
         softest = np.empty(len(owner))
-        for material in d.statement.material:
-            softest[in_region(d, material.region, owner)] = material.moduli[0]
+        for material in model.statement.material:
+            softest[in_region(model, material.region, owner)] = material.moduli[0]
         return MatrixModuli(stiffness * TWICE[dim], np.linalg.inv(stiffness) / TWICE[dim][:, None], softest)
-    lame, mu = (values_of(part, owner) for part in d.lame)
+    lame, mu = (values_of(part, owner) for part in model.lame)
     return IsotropicModuli(lame, mu, dim)
 
 
@@ -173,36 +173,36 @@ def values_of(part: Any, owner: npt.NDArray[np.int64]) -> Array:
     return np.full(len(owner), float(part.value))
 
 
-def stress_of_free_strain(d: Model, owner: npt.NDArray[np.int64]) -> tuple[Array, Array]:
+def stress_of_free_strain(model: Model, owner: npt.NDArray[np.int64]) -> tuple[Array, Array]:
     """The stress f that an initial strain of one takes from the cells ``owner``, shape (n, 3 or 6); and twice the
     energy density of this strain that no displacement in the plane changes, stress, shape (n,).
     """
-    dim = d.tagged.dimension
-    if d.moduli is None:
-        lame, mu = (values_of(part, owner) for part in d.lame)
+    dim = model.tagged.dimension
+    if model.moduli is None:
+        lame, mu = (values_of(part, owner) for part in model.lame)
         stress = np.zeros((len(owner), len(ROWS[dim])))
-        stress[:, :dim] = (2 * mu + d.statement.material[0].directions * lame)[:, None]
-        return stress, mu * (3 * lame + 2 * mu) / (lame + mu) * d.kinematics.prevented
-    free = d.moduli.of_free_strain
+        stress[:, :dim] = (2 * mu + model.statement.material[0].directions * lame)[:, None]
+        return stress, mu * (3 * lame + 2 * mu) / (lame + mu) * model.kinematics.prevented
+    free = model.moduli.of_free_strain
     values = free.x.array.reshape(-1, *free.ufl_shape)[free.function_space.dofmap.list[owner, 0]]
-    axes = _columns(d)
+    axes = _columns(model)
     prevented = np.zeros(len(owner))
-    if d.kinematics.prevented:
-        at_cells = d.moduli.at_cells[owner]
+    if model.kinematics.prevented:
+        at_cells = model.moduli.at_cells[owner]
         ratios = at_cells[:, -1:] @ np.linalg.inv(at_cells[:, :-1])
         share = values[:, -1] - np.einsum("nk,nk->n", ratios[:, 0], values[:, :-1])
-        for material in d.statement.material:
-            inside = in_region(d, material.region, owner)
-            across = material.free_strain_in_space(middles(d.tagged, owner[inside].astype(np.int32)))[:, 2, 2]
+        for material in model.statement.material:
+            inside = in_region(model, material.region, owner)
+            across = material.free_strain_in_space(middles(model.tagged, owner[inside].astype(np.int32)))[:, 2, 2]
             prevented[inside] = across * share[inside]
     return values[:, axes], prevented
 
 
-def _columns(d: Model) -> list[int]:
+def _columns(model: Model) -> list[int]:
     """Where the components ``ROWS`` and ``COLUMNS`` are among those of the kinematics."""
-    dim = d.tagged.dimension
+    dim = model.tagged.dimension
     ordered = np.minimum(ROWS[dim], COLUMNS[dim]), np.maximum(ROWS[dim], COLUMNS[dim])
-    return [d.kinematics.pairs.index(pair) for pair in zip(*map(np.ndarray.tolist, ordered), strict=True)]
+    return [model.kinematics.pairs.index(pair) for pair in zip(*map(np.ndarray.tolist, ordered), strict=True)]
 
 
 def _is_bounded(entry: Contact, dimension: int) -> bool:
@@ -223,53 +223,53 @@ def _is_polynomial(grading: Any) -> bool:
     return isinstance(grading, Expression) and grading.degree <= KNOWN_DEGREE and grading.cuts_exactly
 
 
-def refuse_unknown(d: Model) -> None:
+def refuse_unknown(model: Model) -> None:
     """Raise where the scene has something that the proof does not know.
 
     Raises:
         Refused: with the reason.
     """
-    mesh = d.tagged.mesh
-    bounds = [value for entry in d.statement.contact for value in entry.friction.parameters.values()]
-    shaped = [entry for entry in d.statement.contact if entry.foundation is not None]
-    materials = d.statement.material
+    mesh = model.tagged.mesh
+    bounds = [value for entry in model.statement.contact for value in entry.friction.parameters.values()]
+    shaped = [entry for entry in model.statement.contact if entry.foundation is not None]
+    materials = model.statement.material
     gradings = [material.grading for material in materials if material.grading is not None]
     # Inside quadrilaterals of degree 2 the displacement is more than the proof has points for.
-    quadratic = mesh.topology.cell_name() == "quadrilateral" and d.space.element.basix_element.degree == 2
+    quadratic = mesh.topology.cell_name() == "quadrilateral" and model.space.element.basix_element.degree == 2
     present = {
         INCOMPRESSIBLE: not all(np.isfinite(material.lame).all() for material in materials),
         TURNING: any(material.model_copy(update={"grading": None}).varies for material in materials),
         NO_POLYNOMIAL: bool(gradings) and (quadratic or not all(map(_is_polynomial, gradings))),
-        SHAPE: not all(_is_bounded(entry, d.tagged.dimension) for entry in shaped),
-        RANKS: d.comm.size > 1,
+        SHAPE: not all(_is_bounded(entry, model.tagged.dimension) for entry in shaped),
+        RANKS: model.comm.size > 1,
         CURVED: compat.geometry_degree(mesh) > 1,
         HEXAHEDRA: mesh.topology.cell_name() == "hexahedron",
-        POINT: d.motions.pieces.pins.size > 0,
-        FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in d.statement.contact),
+        POINT: model.motions.pieces.pins.size > 0,
+        FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in model.statement.contact),
         FORM_AS_BOUND: any(hasattr(value, "ufl_shape") for value in bounds),
     }
     for wrong, reason in (
-        ("guaranteed bound" in d.kinematics.refuses, d.kinematics.refuses.get("guaranteed bound", "")),
+        ("guaranteed bound" in model.kinematics.refuses, model.kinematics.refuses.get("guaranteed bound", "")),
         *((present[name], reason) for name, reason in REFUSES_BESIDES.items()),
-        *((True, reason) for _, reason in refused_by(d.statement, REFUSES)),
-        *((not knows(type(entry)), without_bound(entry.label)) for _, entry in d.statement.listed()),
+        *((True, reason) for _, reason in refused_by(model.statement, REFUSES)),
+        *((not knows(type(entry)), without_bound(entry.label)) for _, entry in model.statement.listed()),
     ):
         if wrong:
             raise Refused(reason)
 
 
-def _data(d: Model, place: float) -> Iterator[tuple[str, str, Any, float]]:
+def _data(model: Model, place: float) -> Iterator[tuple[str, str, Any, float]]:
     """What a bound looks at between nodes: a kind, a name, a value, and the degree up to which its points tell all of a
     polynomial; at a place in the lists of factors.
     """
-    plane = d.tagged.dimension == 2
-    for contact in d.statement.placed(place).contact:
+    plane = model.tagged.dimension == 2
+    for contact in model.statement.placed(place).contact:
         yield "gap", f"gap of {contact.boundary!r}", contact.gap, 2
         bound = 0.0 if contact.friction.follows_pressure else contact.friction.given_bound
         yield "friction bound", f"friction bound of {contact.boundary!r}", bound, 1
-    for _, load in d.statement.listed():
+    for _, load in model.statement.listed():
         if isinstance(load, BodyForce | SurfaceTraction | PrescribedDisplacement | TemperatureChange):
-            _, entry = d.statement.now(load, place)
+            _, entry = model.statement.now(load, place)
             name = entry.label if entry.where is None else f"{entry.label} of {entry.where!r}"
             for key, value in entry.given.items():
                 degree = 4 if key == "rotation" else 5  # which is multiplied by a distance
@@ -279,10 +279,10 @@ def _data(d: Model, place: float) -> Iterator[tuple[str, str, Any, float]]:
                     yield entry.label, name, value, 1 if entry.where is None and not plane else degree
 
 
-def why_estimated(d: Model, place: float = 0.0) -> str:
+def why_estimated(model: Model, place: float = 0.0) -> str:
     """Why what is computed as a bound is an estimate, as data are known at points alone; "": it is a bound."""
     reasons = []
-    for kind, name, value, _ in _data(d, place):
+    for kind, name, value, _ in _data(model, place):
         if isinstance(value, Expression):
             if kind in _CUT and value.jumps and not value.cuts_exactly:
                 reasons.append(f"the {name} compares functions that are not affine")
@@ -293,11 +293,11 @@ def why_estimated(d: Model, place: float = 0.0) -> str:
     return " and ".join(dict.fromkeys(reasons))
 
 
-def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: float, flat: bool = True) -> Grounds:
+def grounds(model: Model, place: float, *, coulomb: bool, later: bool, unknown: float, flat: bool = True) -> Grounds:
     """What a bound rests on.
 
     Args:
-        d: the model.
+        model: the model.
         place: in the lists of factors.
         coulomb: whether its friction bound is the computed one.
         later: whether slip counts from the displacement of another load step.
@@ -306,7 +306,7 @@ def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: floa
     """
     seen = [
         kind
-        for kind, _, value, degree in _data(d, place)
+        for kind, _, value, degree in _data(model, place)
         if isinstance(value, Expression)
         and (value.degree > degree or not (value.cuts_exactly if kind in _CUT else value.is_smooth))
     ]
@@ -317,9 +317,9 @@ def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: floa
         f"quadrature of the loads, two rules of which differ by {unknown:.1e} of them, is counted"
         if unknown > SAME_ENTRY
         else "",
-        STRAIGHT_CELLS if d.statement.arcs else "",
+        STRAIGHT_CELLS if model.statement.arcs else "",
         "of the displacement alone, whose volume changes more than the pressure of the mixed element says"
-        if d.elastic.pressed
+        if model.elastic.pressed
         else "",
         "" if flat else "of the sides of two bodies as polygons, paired at their nodes",
         "of the Tresca problem with the computed friction bound, converged or not: that this is the bound of the exact "
@@ -330,4 +330,4 @@ def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: floa
         if later
         else "",
     ]
-    return Grounds(why_estimated(d, place), "; ".join(filter(None, statements)))
+    return Grounds(why_estimated(model, place), "; ".join(filter(None, statements)))

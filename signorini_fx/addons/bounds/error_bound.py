@@ -169,7 +169,7 @@ class Enclosure:
 
 
 def error_bound(
-    d: Model,
+    model: Model,
     y: fem.Function,
     contact: ContactState | None,
     step: float = 0.0,
@@ -178,32 +178,32 @@ def error_bound(
     """The bound for a solution; or why there is none.
 
     Args:
-        d: the model.
+        model: the model.
         y: the displacement.
         contact: the contact nodes.
         step: the place of the load step in the lists of factors.
         before: the displacement of the load step before, from which slip counts; None: there is none.
     """
     try:
-        return Bounded(d, y, contact, step, before).bound()
+        return Bounded(model, y, contact, step, before).bound()
     except Refused as refused:
         return str(refused)
 
 
-def why_unbounded(d: Model) -> str:
+def why_unbounded(model: Model) -> str:
     """Why there is no guaranteed bound, whatever the solution is; "": there may be one.
 
     Args:
-        d: the model, whose stiffness need not be assembled.
+        model: the model, whose stiffness need not be assembled.
     """
     try:
-        refuse_unknown(d)
-        prescribed, last = fem.Function(d.space), float(d.statement.steps - 1)
-        prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in d.applied_at(last))
-        PlainProblem(d, prescribed, None, last)
+        refuse_unknown(model)
+        prescribed, last = fem.Function(model.space), float(model.statement.steps - 1)
+        prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in model.applied_at(last))
+        PlainProblem(model, prescribed, None, last)
     except Refused as refused:
         return str(refused)
-    why = why_estimated(d, last)
+    why = why_estimated(model, last)
     return why and f"there is no guaranteed bound, as {why}"
 
 

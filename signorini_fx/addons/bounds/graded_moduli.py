@@ -181,11 +181,11 @@ class GradedModuli:
         return sums[0], np.max([np.abs(sums[0] - one) for one in sums], axis=0)
 
 
-def graded_moduli(d: Model, t: Simplices, owner: Ints, free: FreeStrain | None) -> GradedModuli | None:
+def graded_moduli(model: Model, t: Simplices, owner: Ints, free: FreeStrain | None) -> GradedModuli | None:
     """Those of a scene; None: moduli are constant in each cell.
 
     Args:
-        d: the model.
+        model: the model.
         t: the cells, with the moduli in the middles of those of the mesh.
         owner: the cell of the mesh that each is in, shape (n,).
         free: initial strains, with these moduli; None: there are none.
@@ -193,11 +193,11 @@ def graded_moduli(d: Model, t: Simplices, owner: Ints, free: FreeStrain | None) 
     Raises:
         Refused: a modulus may vanish.
     """
-    graded = [material for material in d.statement.material if material.grading is not None]
+    graded = [material for material in model.statement.material if material.grading is not None]
     if not graded:
         return None
     values = [material.grading for material in graded]
-    inside = [in_region(d, material.region, owner) for material in graded]
+    inside = [in_region(model, material.region, owner) for material in graded]
 
     def grading(rows: Ints, x: Array) -> Array:
         """See ``_Grading``."""
@@ -208,7 +208,7 @@ def graded_moduli(d: Model, t: Simplices, owner: Ints, free: FreeStrain | None) 
         return share
 
     cells = np.arange(len(owner))
-    of_mesh = middles(d.tagged, owner.astype(np.int32)).T[:, None, : t.dimension]
+    of_mesh = middles(model.tagged, owner.astype(np.int32)).T[:, None, : t.dimension]
     centre = grading(cells, t.x[t.corners].mean(axis=1)[:, None])[:, 0]
     factor = centre / grading(cells, of_mesh)[:, 0]
     degree = int(max(value.degree for value in values if isinstance(value, Expression)))

@@ -125,30 +125,30 @@ class InitialStress:
         return np.asarray((np.abs(work) * self.unknown).sum(axis=(1, 2)))
 
 
-def free_strain(d: Model, owner: Ints, step: float) -> FreeStrain | None:
+def free_strain(model: Model, owner: Ints, step: float) -> FreeStrain | None:
     """That of a scene, with the moduli in the middles of the cells of the mesh; None: there is none.
 
     Args:
-        d: the model.
+        model: the model.
         owner: the cell of the mesh that each cell is in, shape (n,).
         step: place in the lists of factors.
 
     Raises:
         Refused: a strain is given as a form.
     """
-    acting = [d.statement.now(entry, step) for entry in d.statement.of(InitialStrain) if entry.acts]
+    acting = [model.statement.now(entry, step) for entry in model.statement.of(InitialStrain) if entry.acts]
     if not any(factor != 0 for factor, _ in acting):
         return None
     expansion = np.zeros(len(owner))
-    for material in d.statement.material:
-        expansion[in_region(d, material.region, owner)] = material.expansion or 0.0
+    for material in model.statement.material:
+        expansion[in_region(model, material.region, owner)] = material.expansion or 0.0
 
     def strain(rows: Ints, x: Array) -> Array:
-        at = StrainPoints(x, np.zeros_like(x), expansion[rows], owner[rows], d.tagged)
+        at = StrainPoints(x, np.zeros_like(x), expansion[rows], owner[rows], model.tagged)
         return np.asarray(sum((factor * entry.strain_at(at) for factor, entry in acting), np.zeros(x.shape[:2])))
 
     values = [value for _, entry in acting for value in entry.given.values()]
-    return FreeStrain(strain, values, *stress_of_free_strain(d, owner))
+    return FreeStrain(strain, values, *stress_of_free_strain(model, owner))
 
 
 def initial_stress(t: Simplices, free: FreeStrain) -> InitialStress:

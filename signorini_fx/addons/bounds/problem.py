@@ -253,16 +253,16 @@ class PlainProblem:
 
     def __init__(
         self,
-        d: Model,
+        model: Model,
         y: fem.Function,
         contact: ContactState | None,
         step: float,
         before: fem.Function | None = None,
     ) -> None:
-        self._d, self._position, self._dimension = d, step, d.tagged.dimension
-        self._statement = d.statement.placed(step)
-        refuse_unknown(d)
-        if contact is not None and pushed(contact.held_inside, d.tagged.size).any():
+        self._d, self._position, self._dimension = model, step, model.tagged.dimension
+        self._statement = model.statement.placed(step)
+        refuse_unknown(model)
+        if contact is not None and pushed(contact.held_inside, model.tagged.size).any():
             raise Refused("supports push the body into its foundation")
         self._divide(y)
         self._match()
@@ -285,7 +285,7 @@ class PlainProblem:
         self.loads = (PlaneLoads if self._dimension == 2 else LinearLoads)(self.t, self.held, forces)
         self.tools: list[MovingTool] = []
         if contact is not None and (bodies := self._statement.rigid_bodies):
-            self.tools = tools_of(bodies, y, contact, self._statement.time_at(step), d.tagged.size)
+            self.tools = tools_of(bodies, y, contact, self._statement.time_at(step), model.tagged.size)
         self.contacts = (
             []
             if contact is None

@@ -48,7 +48,7 @@ _TERMS = 27
 
 
 def mean_displacement(
-    d: Model,
+    model: Model,
     y: fem.Function,
     contact: ContactState | None,
     boundary: str,
@@ -61,7 +61,7 @@ def mean_displacement(
     They rest on what the bound of the error rests on, and print it.
 
     Args:
-        d: the model.
+        model: the model.
         y: the displacement.
         contact: the contact nodes.
         boundary: its name.
@@ -70,13 +70,13 @@ def mean_displacement(
         before: see ``error_bound``.
     """
     try:
-        return _Quantity(d, y, contact, step, before).mean(boundary, np.asarray(direction, dtype=np.float64))
+        return _Quantity(model, y, contact, step, before).mean(boundary, np.asarray(direction, dtype=np.float64))
     except Refused as refused:
         return str(refused)
 
 
 def force(
-    d: Model,
+    model: Model,
     y: fem.Function,
     contact: ContactState | None,
     boundary: str,
@@ -89,7 +89,7 @@ def force(
     They rest on what the bound of the error rests on, and print it.  Where statics determines the force they are equal.
 
     Args:
-        d: the model.
+        model: the model.
         y: the displacement.
         contact: the contact nodes.
         boundary: of a support or of a contact.
@@ -98,7 +98,7 @@ def force(
         before: see ``error_bound``.
     """
     try:
-        return _Quantity(d, y, contact, step, before).force(boundary, np.asarray(direction, dtype=np.float64))
+        return _Quantity(model, y, contact, step, before).force(boundary, np.asarray(direction, dtype=np.float64))
     except Refused as refused:
         return str(refused)
 
@@ -129,15 +129,15 @@ class _Quantity(Bounded):
 
     def __init__(
         self,
-        d: Model,
+        model: Model,
         y: fem.Function,
         contact: ContactState | None,
         step: float,
         before: fem.Function | None = None,
     ) -> None:
-        if d.tagged.dimension != 2:
+        if model.tagged.dimension != 2:
             raise Refused("in space the error alone has a guaranteed bound")
-        super().__init__(d, y, contact, step, before)
+        super().__init__(model, y, contact, step, before)
 
     def mean(self, boundary: str, direction: Array) -> Interval:
         """See ``mean_displacement``."""

@@ -28,8 +28,8 @@ from petsc4py import PETSc
 
 from signorini_fx.addons.derivatives.law import LinearisedLaw
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.algebra.linalg import ElasticSystem, callbacks, options
 from signorini_fx.algebra.linalg.failures import unprinted
 from signorini_fx.algebra.problem.regularised import RegularisedProblem

@@ -24,9 +24,9 @@ from signorini_fx.addons.derivatives.adjoint import Adjoint, TransposedTangent
 from signorini_fx.addons.derivatives.law import LinearisedLaw, linearised
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
@@ -35,7 +35,7 @@ from signorini_fx.mechanics.body.assembly import action
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_map import contact_map
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.rigid_bodies import Driven
 from signorini_fx.quantities.functional import Functional

@@ -30,7 +30,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.assembly import assemble
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional, Gradient

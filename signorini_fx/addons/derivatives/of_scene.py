@@ -31,7 +31,7 @@ from signorini_fx.addons.derivatives.gradient import (
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import alone, contact_of, law_of, moved_since, placed, prepare
-from signorini_fx.mechanics.body.elastic import sum_of
+from signorini_fx.mechanics.body.elastic_body import sum_of
 from signorini_fx.mechanics.body.moduli import lame_coefficients
 from signorini_fx.mechanics.body.rigid_bodies import Driven
 from signorini_fx.mechanics.model import Model
@@ -159,30 +159,32 @@ class _Step:
     """A load step of a scene.
 
     Attributes:
-        d: the scene with its foundations where they are in this step.
+        model: the scene with its foundations where they are in this step.
         place: in the lists of factors.
         solved: its solution.
     """
 
-    d: Model
+    model: Model
     place: float
     solved: SolvedStep
 
     @cached_property
     def data(self) -> ChangedStep:
         """What derivatives leave out where a datum does not change it; collective."""
-        d = self.d
-        assert d.boundary is not None
-        assert d.data is not None
-        return ChangedStep(forms=(), boundary=d.boundary, gap=d.data.gap, law=d.law, **_loads(d, self.place))
+        model = self.model
+        assert model.boundary is not None
+        assert model.data is not None
+        return ChangedStep(
+            forms=(), boundary=model.boundary, gap=model.data.gap, law=model.law, **_loads(model, self.place)
+        )
 
     @classmethod
     def of(cls, step: LoadStep) -> _Step:
         """One that has just been solved; collective."""
-        d, state = step.body.model, step.result.contact
+        model, state = step.body.model, step.result.contact
         assert state is not None
-        of = d, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law
-        return cls(d, step.result.place, SolvedStep.of(*of))
+        of = model, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law
+        return cls(model, step.result.place, SolvedStep.of(*of))
 
 
 def _check(scene: Scene) -> None:
@@ -197,9 +199,9 @@ def _check(scene: Scene) -> None:
 def _sensitivities(
     scene: Scene, steps: list[_Step], of: list[str], by: Sequence[str] | None, solution: Solution, seconds: float
 ) -> list[Sensitivity]:
-    d = steps[-1].d
+    model = steps[-1].model
     paths = tuple(default_entries(scene) if by is None else by)
-    entries = [entry_of(scene, path, d.tagged.size, d.dimension) for path in paths]
+    entries = [entry_of(scene, path, model.tagged.size, model.dimension) for path in paths]
     begin = time.perf_counter()
     quantities = [_at_step(steps, text) for text in of]
     adjoints = adjoints_of([step.solved for step in steps], quantities if paths else [])
@@ -222,7 +224,7 @@ def _sensitivities(
                 for adjoint in step_adjoints[k : k + 1]
                 if adjoint is not None
             ),
-            parallel.global_max(d.comm, (end - begin)),
+            parallel.global_max(model.comm, (end - begin)),
             solution,
             seconds,
         )
@@ -239,11 +241,11 @@ def _at_step(steps: list[_Step], text: str) -> tuple[int, Functional]:
     """The number of the load step of a result, and the result."""
     words = text.rpartition(" step ")
     if not words[1]:
-        return len(steps) - 1, functional_of(steps[-1].d, text)
+        return len(steps) - 1, functional_of(steps[-1].model, text)
     number = int(words[2]) if words[2].strip().isdecimal() else 0
     if not 1 <= number <= len(steps):
         raise SceneError([(f"of {text!r}", f"there are load steps 1 to {len(steps)}")])
-    return number - 1, functional_of(steps[number - 1].d, words[0])
+    return number - 1, functional_of(steps[number - 1].model, words[0])
 
 
 def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Sequence[tuple[int, Functional]]) -> By:
@@ -256,7 +258,7 @@ def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Se
         step: by how much it is changed.
         quantities: each with the number of its load step.
     """
-    above, below = (varied(scene, path, change, steps[0].d.dimension) for change in (step, -step))
+    above, below = (varied(scene, path, change, steps[0].model.dimension) for change in (step, -step))
     load = load_of(scene, path)
     step_quantities = [[quantity for number, quantity in quantities if number == k] for k in range(len(steps))]
     if path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson"):
@@ -282,7 +284,7 @@ def _by_modulus(above: Scene, below: Scene, step: float, steps: list[_Step]) -> 
     """R_p of each load step, where p is a modulus: the forms of the body are linear in the Lame parameters, and are
     assembled with the derivatives of these in their place.
     """
-    d, twice = steps[0].d, 2 * step
+    d, twice = steps[0].model, 2 * step
     forms: Sequence[fem.Form] | PETSc.Mat = d.forms[: len(d.forms) - len(d.resists or ())]
     high, low = (lame_coefficients(entry.statement, d.tagged) for entry in (above, below))
     slopes = [(_values(entry) - _values(lower)) / twice for entry, lower in zip(high, low, strict=True)]
@@ -293,7 +295,7 @@ def _by_modulus(above: Scene, below: Scene, step: float, steps: list[_Step]) -> 
     prepared = [prepare(entry.statement, d.tagged, Timings()) for entry in (above, below)] if strained else []
 
     def residual(k: int) -> PETSc.Vec:
-        body = steps[k].d
+        body = steps[k].model
         with _lame(body, slopes):
             slope = elastic_forces(body, forms, steps[k].solved.displacement)
         if prepared:
@@ -311,10 +313,10 @@ def _by_load(above: Scene, below: Scene, step: float, steps: list[_Step], path: 
     for scene in (above, below):
         load = load_of(scene, path)
         assert load is not None
-        loads.append(alone(steps[0].d, scene.statement, load))
+        loads.append(alone(steps[0].model, scene.statement, load))
 
     def residual(k: int) -> PETSc.Vec:
-        load_step, body = steps[k].place, steps[k].d
+        load_step, body = steps[k].place, steps[k].model
         high, low = (load.factor(load_step) * load.at(load_step).forces for load in loads)
         slope = body.vector(low - high)
         slope.scale(0.5 / step)
@@ -327,12 +329,14 @@ def _by_load(above: Scene, below: Scene, step: float, steps: list[_Step], path: 
 def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
     """The data of each load step of a scene that differs in contact, loads, or supports."""
     of_contact, of_friction = path.startswith("contact"), path.startswith("contact") and ".friction." in path
-    changed = None if of_contact and not statement.rigid_bodies else prepare(statement, steps[0].d.tagged, Timings())
+    changed = (
+        None if of_contact and not statement.rigid_bodies else prepare(statement, steps[0].model.tagged, Timings())
+    )
     stated = [statement.placed(step.place) for step in steps]
 
     @cache
     def contact(k: int) -> dict[str, Any]:
-        d, statement_k = steps[k].d, stated[k]
+        d, statement_k = steps[k].model, stated[k]
         if k and statement_k is stated[k - 1]:
             return contact(k - 1)
         if of_friction:
@@ -349,7 +353,7 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
         return moving
 
     def data(k: int) -> ChangedStep:
-        d, usual = steps[k].d, steps[k].data
+        model, usual = steps[k].model, steps[k].data
         step_data = replace(usual, usual=usual)
         if of_contact:
             step_data = replace(step_data, **contact(k))
@@ -357,16 +361,16 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
             return step_data
         loads = _loads(changed, steps[k].place)
         unchanged = not statement.of(Resistance) and np.array_equal(loads["prescribed"], step_data.prescribed)
-        if parallel.any_rank(d.comm, not unchanged) or step_data.driven is not None:
-            step_data = replace(step_data, forms=changed.forms if statement.of(Resistance) else d.forms)
+        if parallel.any_rank(model.comm, not unchanged) or step_data.driven is not None:
+            step_data = replace(step_data, forms=changed.forms if statement.of(Resistance) else model.forms)
         return replace(step_data, **loads)
 
     return data
 
 
-def _loads(d: Model, load_step: float) -> dict[str, Any]:
-    applied = d.applied_at(load_step)
-    zero = np.zeros(d.fixed.size)
+def _loads(model: Model, load_step: float) -> dict[str, Any]:
+    applied = model.applied_at(load_step)
+    zero = np.zeros(model.fixed.size)
     return {
         "driven": Driven.together([(factor, load.driven) for factor, load in applied if load.driven is not None]),
         "forces": sum((factor * load.forces for factor, load in applied), zero),
@@ -375,15 +379,15 @@ def _loads(d: Model, load_step: float) -> dict[str, Any]:
 
 
 @contextmanager
-def _lame(d: Model, values: Sequence[Any]) -> Iterator[None]:
+def _lame(model: Model, values: Sequence[Any]) -> Iterator[None]:
     """The forms of the body have other numbers in the place of the Lame parameters."""
-    saved = [_values(part).copy() for part in d.lame]
+    saved = [_values(part).copy() for part in model.lame]
     try:
-        for mine, replacement in zip(d.lame, values, strict=True):
+        for mine, replacement in zip(model.lame, values, strict=True):
             _values(mine)[...] = replacement
         yield
     finally:
-        for mine, usual in zip(d.lame, saved, strict=True):
+        for mine, usual in zip(model.lame, saved, strict=True):
             _values(mine)[...] = usual
 
 

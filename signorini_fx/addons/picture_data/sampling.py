@@ -32,8 +32,8 @@ def pieces(solution: Solution, polygons: int = 1) -> int:
         solution: of what.
         polygons: how many are drawn; of very many none is so large that its sides look curved.
     """
-    d = solution.model
-    curved = compat.geometry_degree(d.tagged.mesh) > 1 or d.space.element.basix_element.degree > 1
+    model = solution.model
+    curved = compat.geometry_degree(model.tagged.mesh) > 1 or model.space.element.basix_element.degree > 1
     return max(1, min(_PIECES, math.isqrt(_MOST_POINTS // max(polygons, 1)))) if curved else 1
 
 
@@ -112,8 +112,8 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
         ``von_mises`` and ``density``, shape (n,), and if needed ``displacement``, its size, and ``around``, its third
         component, shape (n,), and ``stress``, shape (n, 3, 3).
     """
-    d = solution.model
-    mesh = d.tagged.mesh
+    model = solution.model
+    mesh = model.tagged.mesh
     values: dict[str, Floats] = {}
     if solution.has_stress:
         stress = solution.stress.stress

@@ -17,26 +17,26 @@ REFUSES = {"driven foundation": "not tried where a force moves a foundation"}
 _MOST_COMPONENTS = 1200
 
 
-def contact_stiffness(d: Model, step: float | None = None) -> tuple[Nodal, Nodal] | str:
+def contact_stiffness(model: Model, step: float | None = None) -> tuple[Nodal, Nodal] | str:
     """The stiffness and the contact map for ``uniqueness_of``, with Coulomb friction; or why there is no proof.
 
     Args:
-        d: the model.
+        model: the model.
         step: the place of the load step in the lists of factors; None: the last one.
     """
-    law, load_step = d.law, d.statement.steps - 1 if step is None else step
+    law, load_step = model.law, model.statement.steps - 1 if step is None else step
     assert law is not None
     for wrong, reason in (
         # What is an unknown as well the stiffness takes as fixed.
-        *((True, f"not tried where {clause}") for clause in d.statement.sought_at(load_step).values()),
-        *((True, reason) for _, reason in refused_by(d.statement, REFUSES)),
+        *((True, f"not tried where {clause}") for clause in model.statement.sought_at(load_step).values()),
+        *((True, reason) for _, reason in refused_by(model.statement, REFUSES)),
         (law.ends_open is not None, "where a point opens, its friction ends with a jump"),
         (bool(law.laws), law.unknown),
-        (d.comm.size > 1, "the proof is for one rank"),
+        (model.comm.size > 1, "the proof is for one rank"),
     ):
         if wrong:
             return reason
-    elasticity = d.elasticity([])
+    elasticity = model.elasticity([])
     operator = elasticity.contact.operator
     starts, columns, values = operator.getValuesCSR()
     retained = np.unique(columns).astype(np.int32)

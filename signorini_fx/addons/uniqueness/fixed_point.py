@@ -44,15 +44,15 @@ from signorini_fx.quantities.statements import FixedPoint
 from signorini_fx.tuned import WEIGHT_EVALUATIONS, WEIGHT_WORK
 
 
-def fixed_point(d: Model, contact: ContactState, step: float | None = None) -> FixedPoint:
+def fixed_point(model: Model, contact: ContactState, step: float | None = None) -> FixedPoint:
     """The distance of a solution with Coulomb friction from the fixed point.
 
     Args:
-        d: the model.
+        model: the model.
         contact: its contact nodes in the solution.
         step: the place of the load step in the lists of factors; None: the last one.
     """
-    law, stiffness = d.law, contact_stiffness(d, step)
+    law, stiffness = model.law, contact_stiffness(model, step)
     assert law is not None
     if isinstance(stiffness, str):
         return FixedPoint(np.inf, reason=stiffness)

@@ -76,27 +76,27 @@ class _Rough:
 
 
 def uniqueness(
-    d: Model, contact: ContactState | None, *, place: float | None = None, search: bool | None = None
+    model: Model, contact: ContactState | None, *, place: float | None = None, search: bool | None = None
 ) -> Uniqueness:
     """The statement for a load step with a solution, given the ones before it.
 
     Args:
-        d: the model.
+        model: the model.
         contact: its contact nodes in the solution; None: there is no solution yet, and no other one is searched for.
         place: of the load step in the lists of factors; None: the last one.
         search: for other solutions; None: where this one is not proved to be the only one.
     """
-    law = d.law
-    if d.statement.joint_loads:
+    law = model.law
+    if model.statement.joint_loads:
         return Uniqueness(False, 0.0, reason="a load that enters the contact depends on what opens")
     # Without a coefficient the problem is the minimum of a convex functional.
     assumed = [
-        "given the load steps before" if (d.statement.steps - 1 if place is None else place) > 0 else "",
-        *d.statement.assumed,
+        "given the load steps before" if (model.statement.steps - 1 if place is None else place) > 0 else "",
+        *model.statement.assumed,
     ]
-    if law is None or not d.statement.has_coulomb:
+    if law is None or not model.statement.has_coulomb:
         return Uniqueness(True, np.inf, assumed="; ".join(filter(None, assumed)))
-    stiffness = contact_stiffness(d, place)
+    stiffness = contact_stiffness(model, place)
     if isinstance(stiffness, str):
         return Uniqueness(False, 0.0, reason=stiffness)
     assumed.append("the stiffness is taken as computed")

@@ -16,7 +16,7 @@ import numpy as np
 
 from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
 from signorini_fx.algebra.algorithms.augmentation import with_enough_digits
-from signorini_fx.algebra.algorithms.augmented import (
+from signorini_fx.algebra.algorithms.augmented_fall_back import (
     augmentation_on,
     automatic_gamma,
     by_augmentation,

@@ -15,9 +15,9 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import NO_FORCE, NOT_HELD, NOTHING_LEFT
 

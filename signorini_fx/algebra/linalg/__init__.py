@@ -12,7 +12,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.machine import parallel
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.motions import RigidLoad, total_work
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 
 
 @dataclass(frozen=True)

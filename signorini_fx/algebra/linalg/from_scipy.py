@@ -10,9 +10,9 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.algebra.contact.points import ContactPoints
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.tuned import ZERO_SUM
 

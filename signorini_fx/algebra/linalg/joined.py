@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg.nodal_blocks import stiff_and_soft
 
 Array = npt.NDArray[np.float64]

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg import options, row_by_row
 from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks, rough
 from signorini_fx.algebra.linalg.callbacks import called_back

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.linalg import cholesky, solve_triangular
 
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import LARGEST_CONDITION, SAME_TRACE
 

@@ -13,13 +13,13 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets, release
 from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.holding_sets import hold, holds
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.points import ContactPoints, shares
 from signorini_fx.algebra.contact.statics import Escape, no_balance
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status

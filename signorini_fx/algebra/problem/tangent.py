@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from petsc4py import PETSc
 
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.algebra.linalg.blocks import change_added, is_by_blocks, with_added
 from signorini_fx.machine import parallel
 

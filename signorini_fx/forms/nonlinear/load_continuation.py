@@ -21,7 +21,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.solution import StepResult
 from signorini_fx.solving.load_steps import Marks, Stepping
-from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.stored_steps import MeshCheckpoint
 from signorini_fx.tuned import SMALL_INCREMENT
 
 

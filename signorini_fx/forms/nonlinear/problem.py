@@ -37,7 +37,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.solving.check.pushed_nodes import pushed_nodes
-from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.stored_steps import MeshCheckpoint
 from signorini_fx.tuned import LOAD_DIFFERENCE, SMALLEST_STEP
 
 # Iterations of Newton's method, unless it is said otherwise.

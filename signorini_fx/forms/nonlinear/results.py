@@ -15,7 +15,7 @@ from signorini_fx.forms.named_parts import named_parts
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.mechanics.body.deformation import deformation_of
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate

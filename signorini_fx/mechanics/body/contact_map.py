@@ -10,8 +10,8 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.tuned import ZERO_COMPONENT

@@ -17,7 +17,7 @@ from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.cell_gradients import gradients
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 
 
 @dataclass(frozen=True)

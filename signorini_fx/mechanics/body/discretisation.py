@@ -20,8 +20,8 @@ from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.body.cellwise_stiffness import cellwise_stiffness
+from signorini_fx.mechanics.body.choice_of_law import elastic_law
 from signorini_fx.mechanics.body.elastic_law import SceneLaw
-from signorini_fx.mechanics.body.elastic_laws import elastic_law
 from signorini_fx.mechanics.body.foundations import Foundations, NodalFriction
 from signorini_fx.mechanics.body.initial_strains import check_strains
 from signorini_fx.mechanics.body.jumps import holds, jump_loads, jumps_in

@@ -1,7 +1,7 @@
 """The elastic law of a body on its mesh: all that assembles, shows and judges a stress asks it, and knows no kind.
 
 Two laws have the displacement as their only unknown: that of isotropic materials, whose change of volume may be
-integrated with fewer points, and that of others.  Another one adds a pressure, see ``body.elastic_laws``.
+integrated with fewer points, and that of others.  Another one adds a pressure, see ``body.choice_of_law``.
 """
 
 from __future__ import annotations

@@ -140,9 +140,9 @@ def stress_by(
     )
 
 
-def _materials(d: Model) -> list[npt.NDArray[np.int32]]:
+def _materials(model: Model) -> list[npt.NDArray[np.int32]]:
     """The cells of each material, ghosts included."""
-    if len(d.statement.material) > 1:
-        return [d.tagged.cells(str(material.region)) for material in d.statement.material]
-    index_map = d.tagged.mesh.topology.index_map(d.tagged.dimension)
+    if len(model.statement.material) > 1:
+        return [model.tagged.cells(str(material.region)) for material in model.statement.material]
+    index_map = model.tagged.mesh.topology.index_map(model.tagged.dimension)
     return [np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)]

@@ -18,9 +18,9 @@ from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import assemble, facet_vertices, measure
+from signorini_fx.mechanics.body.choice_of_law import elastic_law
 from signorini_fx.mechanics.body.cut_loads import CutRule, cut_rule
 from signorini_fx.mechanics.body.elastic_law import SceneLaw
-from signorini_fx.mechanics.body.elastic_laws import elastic_law
 from signorini_fx.mechanics.body.moduli import of_materials
 from signorini_fx.mechanics.body.nodal_effects import forces_at_nodes
 from signorini_fx.mechanics.body.rigid_bodies import Driven, RigidBodies

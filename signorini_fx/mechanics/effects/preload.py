@@ -88,7 +88,7 @@ class Preload(Load):
     @property
     def interface(self) -> str:
         """See ``Effect``."""
-        return "sections" if self.acts else ""
+        return "bolt_preloads" if self.acts else ""
 
     @property
     def features(self) -> Features:

@@ -39,7 +39,7 @@ class Mean(Quantity):
     title = "Mean displacement of a boundary along an axis."
     request = "mean BOUNDARY AXIS"
 
-    def functional(self, d: Model, *words: str) -> Functional | None:
+    def functional(self, model: Model, *words: str) -> Functional | None:
         """See ``Quantity``."""
         import ufl
         from dolfinx import fem
@@ -49,16 +49,16 @@ class Mean(Quantity):
         from signorini_fx.quantities.differentiable import OfDisplacement
 
         boundary, axis = words
-        z, component = ufl.TestFunction(d.space), axis_of(d.dimension, axis)
+        z, component = ufl.TestFunction(model.space), axis_of(model.dimension, axis)
         try:
-            facets = d.tagged.facets(boundary)
+            facets = model.tagged.facets(boundary)
         except MeshError as error:
             raise SceneError([(f"of mean {boundary}", str(error))]) from None
-        ds = measure(d.space.mesh, [facets], {})(1)
-        around = d.kinematics.measure(ufl.SpatialCoordinate(d.space.mesh))
-        form = d.inventory.compile(f"mean of {boundary}", lambda: fem.form(z[component] * around * ds))
+        ds = measure(model.space.mesh, [facets], {})(1)
+        around = model.kinematics.measure(ufl.SpatialCoordinate(model.space.mesh))
+        form = model.inventory.compile(f"mean of {boundary}", lambda: fem.form(z[component] * around * ds))
         weights = assemble(form)
-        area = float(parallel.global_sum(d.comm, weights.sum()))
+        area = float(parallel.global_sum(model.comm, weights.sum()))
         if area == 0:
             raise SceneError([(f"of mean {boundary}", "this boundary has no area")])
         return OfDisplacement(np.asarray(weights / area, dtype=np.float64))
@@ -79,15 +79,15 @@ class AtPoint(Quantity):
     title = "Displacement of a point along an axis."
     request = "displacement X,Y[,Z] AXIS"
 
-    def functional(self, d: Model, *words: str) -> Functional | None:
+    def functional(self, model: Model, *words: str) -> Functional | None:
         """See ``Quantity``."""
         from signorini_fx.quantities.differentiable import OfDisplacement
 
         point, axis = words
         x = np.array([float(coordinate) for coordinate in point.split(",")])
-        if x.size != d.dimension:
+        if x.size != model.dimension:
             raise ValueError(point)
-        functional = OfDisplacement.at_point(d.space, x, axis_of(d.dimension, axis))
+        functional = OfDisplacement.at_point(model.space, x, axis_of(model.dimension, axis))
         if functional is None:
             raise SceneError([(f"of displacement {point}", "this point is outside of the body")])
         return functional

@@ -88,12 +88,12 @@ class TotalContactForce(_Force):
             error *= max(1.0, math.hypot(*components) / math.hypot(contact, friction))
         return error
 
-    def functional(self, d: Model, *words: str) -> Functional | None:
+    def functional(self, model: Model, *words: str) -> Functional | None:
         """See ``Quantity``: with friction, at one boundary."""
         from signorini_fx.quantities.differentiable import ContactForce
 
         boundary, axis = words
-        return ContactForce(contact_of(d.statement, boundary), axis_of(d.dimension, axis))
+        return ContactForce(contact_of(model.statement, boundary), axis_of(model.dimension, axis))
 
     def bounds(self, solution: Any, *words: str) -> Interval | str | None:
         """See ``Quantity``: of a contact or of a support."""

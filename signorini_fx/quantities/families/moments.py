@@ -51,17 +51,17 @@ class ContactMoment(_Moment):
     title = "Moment of `contact_force` about the origin, in space; with torsion about the axis x[1]."
     terminal, request = "contact moment", "moment BOUNDARY [AXIS]"
 
-    def functional(self, d: Model, *words: str) -> Functional | None:
+    def functional(self, model: Model, *words: str) -> Functional | None:
         """See ``Quantity``: with friction, at one boundary; in the plane too."""
         from signorini_fx.quantities.differentiable import ContactForce
 
         boundary, axis = words if len(words) > 1 else (*words, "z")
-        if d.dimension == 2 and axis != "z":
+        if model.dimension == 2 and axis != "z":
             raise ValueError(axis)
-        if reason := d.kinematics.refuses.get("moment"):
+        if reason := model.kinematics.refuses.get("moment"):
             raise SceneError([(f"of moment {boundary}", reason)])
-        component = 0 if d.dimension == 2 else axis_of(d.dimension, axis)
-        return ContactForce(contact_of(d.statement, boundary), component, moment=True)
+        component = 0 if model.dimension == 2 else axis_of(model.dimension, axis)
+        return ContactForce(contact_of(model.statement, boundary), component, moment=True)
 
 
 class FrictionMoment(_Moment):

@@ -62,12 +62,12 @@ class PeakPressure(Quantity):
         """See ``Quantity``."""
         return solved_prices(summary).get("peak")
 
-    def functional(self, d: Model, *words: str) -> Functional | None:
+    def functional(self, model: Model, *words: str) -> Functional | None:
         """See ``Quantity``: a smooth approximation, see ``differentiable.LargestPressure``."""
         from signorini_fx.quantities.differentiable import LargestPressure
 
         boundary, *power = words
-        return LargestPressure(contact_of(d.statement, boundary), power_of(f"pressure {boundary}", 8.0, power))
+        return LargestPressure(contact_of(model.statement, boundary), power_of(f"pressure {boundary}", 8.0, power))
 
 
 class PeakShear(Quantity):

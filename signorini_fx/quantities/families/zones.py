@@ -91,12 +91,12 @@ class Areas(Quantity):
             lines.append(row("note", "Tresca friction also acts where there is no contact"))
         return lines
 
-    def functional(self, d: Model, *words: str) -> Functional | None:
+    def functional(self, model: Model, *words: str) -> Functional | None:
         """See ``Quantity``: that of the contact, smoothed, in the plane a length."""
         from signorini_fx.quantities.differentiable import ContactArea
 
         boundary, *power = words
-        return ContactArea(contact_of(d.statement, boundary), power_of(f"area {boundary}", 2.0, power))
+        return ContactArea(contact_of(model.statement, boundary), power_of(f"area {boundary}", 2.0, power))
 
 
 QUANTITIES = (Zones(), Areas())

@@ -49,70 +49,70 @@ class DataError:
     total: float
 
 
-def data_error(d: Model, table: ContactTable, step: float) -> DataError:
+def data_error(model: Model, table: ContactTable, step: float) -> DataError:
     """Evaluate the data between nodes and quadrature points; collective.
 
     Args:
-        d: the model.
+        model: the model.
         table: the contact boundary after the load step.
         step: the load step.
     """
-    assert d.boundary is not None
-    cells = contact_cells(d)
-    forces = _missed_loads(d, step)
+    assert model.boundary is not None
+    cells = contact_cells(model)
+    forces = _missed_loads(model, step)
     squares = np.zeros_like(forces)
     if table.facets is None:
-        friction, gap = _between_nodes(d, table)
-        rings = around(table, d.kinematics)
+        friction, gap = _between_nodes(model, table)
+        rings = around(table, model.kinematics)
         squared = [errors**2 for errors in gap]
         missed = [
-            on_facets(d.boundary, table, [ring * part for ring, part in zip(rings, errors, strict=True)])
+            on_facets(model.boundary, table, [ring * part for ring, part in zip(rings, errors, strict=True)])
             for errors in (friction, squared)
         ]
     else:
         surface = ContactSurface.of(table)
-        missed = [surface.of_rank(d.boundary, errors) for errors in _inside_pieces(d, table, surface)]
+        missed = [surface.of_rank(model.boundary, errors) for errors in _inside_pieces(model, table, surface)]
     np.add.at(forces, cells, missed[0])
-    np.add.at(squares, cells, d.statement.young * missed[1])
+    np.add.at(squares, cells, model.statement.young * missed[1])
     pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
-    forces_of_step = sum(factor * load.pushing for factor, load in d.applied_at(step))
-    loads = float(parallel.global_sum(d.tagged.mesh.comm, np.abs(forces_of_step).sum()))
+    forces_of_step = sum(factor * load.pushing for factor, load in model.applied_at(step))
+    loads = float(parallel.global_sum(model.tagged.mesh.comm, np.abs(forces_of_step).sum()))
     return DataError(forces, squares, max(loads, pressed))
 
 
-def contact_cells(d: Model) -> npt.NDArray[np.int32]:
+def contact_cells(model: Model) -> npt.NDArray[np.int32]:
     """The cell of each contact facet of this rank, in the order of ``boundary.segments``."""
-    facets = [d.tagged.facets(effect.boundary) for effect in d.statement.contact]
-    return np.concatenate([facet_entities(d.tagged.mesh, boundary_facets)[:, 0] for boundary_facets in facets])
+    facets = [model.tagged.facets(effect.boundary) for effect in model.statement.contact]
+    return np.concatenate([facet_entities(model.tagged.mesh, boundary_facets)[:, 0] for boundary_facets in facets])
 
 
-def _missed_loads(d: Model, step: float) -> Floats:
+def _missed_loads(model: Model, step: float) -> Floats:
     """The part of the loads that the quadrature of each owned cell misses, ``DataError.forces``, shape (cells,)."""
-    mesh, dim = d.tagged.mesh, d.tagged.dimension
+    mesh, dim = model.tagged.mesh, model.tagged.dimension
     owned = mesh.topology.index_map(dim).size_local
-    loads = [load for load in d.statement.of(Force) if load.varies]
+    loads = [load for load in model.statement.of(Force) if load.varies]
     if not loads:
         return np.zeros(owned)
-    z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (d.dimension,))))
-    on, terms = d.coefficients, []
+    z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (model.dimension,))))
+    on, terms = model.coefficients, []
     assert on is not None
     on.move_to(step)
-    for load, where in zip(loads, measures(d.space, loads, d.tagged.facets), strict=True):
-        factor = fem.Constant(mesh, default_scalar_type(d.statement.now(load, step)[0]))
+    for load, where in zip(loads, measures(model.space, loads, model.tagged.facets), strict=True):
+        factor = fem.Constant(mesh, default_scalar_type(model.statement.now(load, step)[0]))
         density = factor * ufl.inner(load.density(on), z) * on.around
         fine = _CELL_DEGREE[dim] if load.where is None else _FACET_DEGREE[dim]
         terms += [
             density * where(metadata={"quadrature_degree": fine}),
-            -density * where(metadata={"quadrature_degree": load.degree(d.statement.element.degree)}),
+            -density * where(metadata={"quadrature_degree": load.degree(model.statement.element.degree)}),
         ]
-    missed = d.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
-    return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, d.dimension), axis=1))
+    missed = model.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
+    return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, model.dimension), axis=1))
 
 
-def _between_nodes(d: Model, table: ContactTable) -> tuple[list[Floats], list[Floats]]:
+def _between_nodes(model: Model, table: ContactTable) -> tuple[list[Floats], list[Floats]]:
     """Between neighbouring nodes: the error of the friction, force, and that of the gap, length."""
     c = table.columns
-    effects = {effect.boundary: effect for effect in d.statement.contact}
+    effects = {effect.boundary: effect for effect in model.statement.contact}
     at = (np.arange(_POINTS) + 0.5) / _POINTS
     friction, gaps = list[Floats](), list[Floats]()
     for rows in table.paths:
@@ -134,7 +134,7 @@ def _between_nodes(d: Model, table: ContactTable) -> tuple[list[Floats], list[Fl
             away = points - nodal[:-1, None][near] - np.diff(nodal)[near, None] * at
             return nodal, away, np.maximum(bend[:-1], bend[1:])[near]
 
-        gap = effect.gap_in(d.tagged.dimension)
+        gap = effect.gap_in(model.tagged.dimension)
         ends = np.column_stack((rows[:-1], rows[1:]))
         near = np.flatnonzero(_reached(gap, table, ends, np.stack((x.T[:-1], x.T[1:]), axis=1)))
         nodal, away, bend = between(gap, near)
@@ -157,14 +157,14 @@ def _between_nodes(d: Model, table: ContactTable) -> tuple[list[Floats], list[Fl
     return friction, gaps
 
 
-def _inside_pieces(d: Model, table: ContactTable, surface: ContactSurface) -> tuple[Floats, Floats]:
+def _inside_pieces(model: Model, table: ContactTable, surface: ContactSurface) -> tuple[Floats, Floats]:
     """In space, inside each piece of the contact surface: the friction that is missed, force, and what the gap misses,
     length^3: its square over a body of the size of the piece, as an energy over Young's modulus.
     """
     c = table.columns
     weights = surface.inside(_POINTS_ALONG)
     friction, gaps = np.zeros(len(surface.part)), np.zeros(len(surface.part))
-    for index, effect in enumerate(d.statement.contact):
+    for index, effect in enumerate(model.statement.contact):
         own = np.flatnonzero(surface.part == index)
         if not own.size:
             continue
@@ -181,7 +181,7 @@ def _inside_pieces(d: Model, table: ContactTable, surface: ContactSurface) -> tu
             points = sample(value, inside.reshape(3, -1)).reshape(inside.shape[1:])
             return nodal, points - nodal[corners] @ weights.T, surface.bends(nodal)[pieces]
 
-        gap = effect.gap_in(d.tagged.dimension)
+        gap = effect.gap_in(model.tagged.dimension)
         near = np.flatnonzero(_reached(gap, table, corners, surface.x[corners]))
         nodal, away, bend = between(gap, own[near], inside[:, near], corners[near])
         pressed = c["pressure"][corners[near]] != 0

@@ -49,25 +49,32 @@ class Errors:
 
 
 def estimate_errors(
-    d: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float, compliance: float
+    model: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float, compliance: float
 ) -> Errors:
     """Estimate the errors on a mesh; collective.
 
     Args:
-        d: the model.
+        model: the model.
         displacement: of the solution, up to a rigid motion.
         energy: strain energy of the solution.
         table: the contact boundary.
         step: the load step.
         compliance: 1 / gamma_1 of the regularisation; 0 without.
     """
-    assert d.boundary is not None
-    missed = data_error(d, table, step)
+    assert model.boundary is not None
+    missed = data_error(model, table, step)
     squares = np.zeros(missed.squares.shape)
     if energy > 0:
-        squares = StressRecovery.of(d).squares(displacement, step)
+        squares = StressRecovery.of(model).squares(displacement, step)
     return combined(
-        d.boundary, table, contact_cells(d), squares, missed, energy, compliance * d.statement.young, d.kinematics
+        model.boundary,
+        table,
+        contact_cells(model),
+        squares,
+        missed,
+        energy,
+        compliance * model.statement.young,
+        model.kinematics,
     )
 
 

@@ -16,7 +16,7 @@ from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.contact_table import ContactTable
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.records import IterationRecord
 from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.accuracy.mesh_level import LevelResult

@@ -83,18 +83,18 @@ class StressRecovery:
         self._residual = None if unbalanced is None else compiled("boundary residual", lambda: fem.form(unbalanced))
 
     @classmethod
-    def of(cls, d: Model, inventory: Inventory | None = None) -> StressRecovery:
+    def of(cls, model: Model, inventory: Inventory | None = None) -> StressRecovery:
         """That of a scene; ``inventory``: where it is recorded; None: that of the scene."""
-        empty = d.elastic.displacement(d.space, np.zeros(d.elastic.count))
-        stress, statement = element_stress(d, empty), d.statement
+        empty = model.elastic.displacement(model.space, np.zeros(model.elastic.count))
+        stress, statement = element_stress(model, empty), model.statement
         # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
         strained = any(effect.strains for _, effect in statement.listed())
-        plain = d.kinematics.uniform and not strained and not d.elastic.pressed
-        degree = strain_degree(d.space) if plain and parallelepipeds(d.tagged.mesh) else None
-        inventory = d.inventory if inventory is None else inventory
-        linear = d.space.element.basix_element.degree == 1 and not d.elastic.pressed
-        pattern = d.stiffness if linear and is_by_blocks(d.stiffness) else None
-        return cls(stress, partial(boundary_residual, d, stress), inventory, degree, pattern)
+        plain = model.kinematics.uniform and not strained and not model.elastic.pressed
+        degree = strain_degree(model.space) if plain and parallelepipeds(model.tagged.mesh) else None
+        inventory = model.inventory if inventory is None else inventory
+        linear = model.space.element.basix_element.degree == 1 and not model.elastic.pressed
+        pattern = model.stiffness if linear and is_by_blocks(model.stiffness) else None
+        return cls(stress, partial(boundary_residual, model, stress), inventory, degree, pattern)
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
         """Restrict the forms to these cells (local numbers, ghosts included)."""
@@ -192,31 +192,31 @@ class StressRecovery:
         self._recovered.x.scatter_forward()
 
 
-def boundary_residual(d: Model, stress: ElementStress, z: Any) -> tuple[Callable[[float], None], Any]:
+def boundary_residual(model: Model, stress: ElementStress, z: Any) -> tuple[Callable[[float], None], Any]:
     """The squared residual of the traction of a scene, see ``squared_residual``.
 
     Only where the traction is known: not in contact, and for prescribed displacements only in free components.  In the
     other components the displacement may differ between the nodes: its square, times the stiffness over h.
 
     Args:
-        d: the scene.
+        model: the scene.
         stress: of the displacement that is estimated.
         z: test function, constant in each cell.
 
     Returns:
         What moves the loads to a place in the lists of factors, and the form; None where there is no such boundary.
     """
-    statement, mesh, y = d.statement, d.tagged.mesh, stress.displacement
+    statement, mesh, y = model.statement, model.tagged.mesh, stress.displacement
     exterior_facets = dmesh.exterior_facet_indices(mesh.topology)
     touching = [name for e in statement.contact for name in (e.boundary, e.against) if name is not None]
     traction_facets = np.setdiff1d(
-        exterior_facets, np.concatenate([exterior_facets[:0], *(d.tagged.facets(name) for name in touching)])
+        exterior_facets, np.concatenate([exterior_facets[:0], *(model.tagged.facets(name) for name in touching)])
     )
     listed = (effect for _, effect in statement.listed() if effect.where is not None)
     effects = [effect for effect in listed if getattr(effect, "holding", True)]
-    on = np.array([np.isin(traction_facets, d.tagged.facets(effect.where)) for effect in effects], dtype=bool)
+    on = np.array([np.isin(traction_facets, model.tagged.facets(effect.where)) for effect in effects], dtype=bool)
     factors = [fem.Constant(mesh, default_scalar_type(1.0)) for _ in effects]
-    on_boundary = d.coefficients
+    on_boundary = model.coefficients
     assert on_boundary is not None
 
     def move_to(step: float) -> None:

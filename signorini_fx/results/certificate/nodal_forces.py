@@ -21,7 +21,7 @@ from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import adjugates, assemble
-from signorini_fx.mechanics.body.elastic_laws import volume_forces
+from signorini_fx.mechanics.body.choice_of_law import volume_forces
 from signorini_fx.mechanics.body.jumps import Jump, jumps_in
 from signorini_fx.mechanics.body.loads import FormCoefficients, compile_loads
 from signorini_fx.mechanics.body.moduli import reduced_degree

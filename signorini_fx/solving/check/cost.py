@@ -69,11 +69,11 @@ class Cost:
     next_seconds: tuple[float, float]
 
 
-def contact_nodes(d: Model) -> int:
+def contact_nodes(model: Model) -> int:
     """The number of nodes of all contact boundaries; collective."""
-    if d.boundary is None:
+    if model.boundary is None:
         return 0
-    return int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
+    return int(parallel.global_sum(model.boundary.comm, np.array(np.unique(model.boundary.nodes).size)))
 
 
 def friction_kind(statement: Statement, contacts: Sequence[Contact]) -> str:
@@ -96,30 +96,30 @@ def linear_solves(statement: Statement, kind: str, nodes: int, *, steps: int = 1
     return low + least * (levels - 1) * steps, high + greatest * (levels - 1) * steps
 
 
-def estimated_cost(d: Model) -> Cost:
+def estimated_cost(model: Model) -> Cost:
     """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
     of both.
     """
-    comm = d.comm
-    n = d.dofs
-    nodes = contact_nodes(d)
-    dim = d.tagged.dimension
+    comm = model.comm
+    n = model.dofs
+    nodes = contact_nodes(model)
+    dim = model.tagged.dimension
     entries = factor_entries(n, dim)
     factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
-    friction = friction_kind(d.statement, d.statement.contact)
+    friction = friction_kind(model.statement, model.statement.contact)
     solves = linear_solves(
-        d.statement, friction, nodes, steps=d.statement.expected_steps, levels=d.statement.solver.levels
+        model.statement, friction, nodes, steps=model.statement.expected_steps, levels=model.statement.solver.levels
     )
     matrix = 12.0 * ROW_ENTRIES[dim] * n
-    kind, reason = choice.choose_kind(d.system_size, d.statement.solver.linear_algebra)
+    kind, reason = choice.choose_kind(model.system_size, model.statement.solver.linear_algebra)
     dense, held = 0, 12.0 * entries
     if kind == "krylov":
-        rates = KRYLOV_SECONDS["meshes" if d.statement.solver.levels > 1 else "aggregation"]
+        rates = KRYLOV_SECONDS["meshes" if model.statement.solver.levels > 1 else "aggregation"]
         once, per_solve, held = rates[0] * n, rates[1] * n, MULTIGRID_SHARE * matrix
     elif kind == "condensed":
         dense = dim * nodes
         once, per_solve = CONDENSING * factorisation, dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
-    elif d.boundary is None:
+    elif model.boundary is None:
         reason, once, per_solve = (
             "one factorisation for all load steps",
             factorisation,
@@ -127,13 +127,13 @@ def estimated_cost(d: Model) -> Cost:
         )
     else:
         once, per_solve = 0.0, factorisation
-    free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
-    if d.boundary is not None and d.boundary.moving is not None:
-        free += int(np.count_nonzero(~d.boundary.moving.fixed))
+    free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~model.fixed))))
+    if model.boundary is not None and model.boundary.moving is not None:
+        free += int(np.count_nonzero(~model.boundary.moving.fixed))
     seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
-    growth = growth_before(d.statement.element.degree, dim)
-    krylov_from = choice.krylov_from(d.system_size, d.statement.solver.linear_algebra)
-    paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in d.statement.contact) else 0.0
+    growth = growth_before(model.statement.element.degree, dim)
+    krylov_from = choice.krylov_from(model.system_size, model.statement.solver.linear_algebra)
+    paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.statement.contact) else 0.0
     return Cost(
         unknowns=free,
         contact_nodes=nodes,

@@ -35,32 +35,32 @@ class _Rule(NamedTuple):
     axes: Array
 
 
-def jumping_loads(d: Model) -> list[Finding]:
+def jumping_loads(model: Model) -> list[Finding]:
     """A warning for each load of which the rule on facets or cells misses a part; collective."""
     findings = []
-    for path, entry in d.statement.listed():
+    for path, entry in model.statement.listed():
         if not isinstance(entry, Force):
             continue
-        load = d.statement.now(entry, 0)[1]
+        load = model.statement.now(entry, 0)[1]
         given = load.given | ({} if load.weighting is None else {"spread": load.weighting})
         values = {key: value for key, value in given.items() if _may_jump(value)}
         if not values:
             continue
-        rule, topology = cut_rule(load, d.coefficients), d.tagged.mesh.topology
+        rule, topology = cut_rule(load, model.coefficients), model.tagged.mesh.topology
         kind, where = ("cell", "") if load.where is None else ("facet", f" of {load.where!r}")
         every = (
             np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
             if load.where is None
-            else d.tagged.facets(load.where)
+            else model.tagged.facets(load.where)
         )
         uncut = every if rule is None else np.setdiff1d(every, rule.entities)
         for key, value in values.items():
-            missed, sizes = _missed(d, uncut, value, load).T
+            missed, sizes = _missed(model, uncut, value, load).T
             little = MISSED_LOAD if isinstance(value, Expression) else MISSED_INTERPOLATED_LOAD
-            wrong = missed > little * parallel.global_max(d.comm, float(sizes.max(initial=0.0)))
+            wrong = missed > little * parallel.global_max(model.comm, float(sizes.max(initial=0.0)))
             on_parts = 0.0 if rule is None else float((np.abs(rule.value(value)) * rule.size).sum())
             sums = np.array([wrong.sum(), missed[wrong].sum(), sizes.sum() + on_parts])
-            count, part, size = (float(total) for total in parallel.global_sum(d.comm, sums))
+            count, part, size = (float(total) for total in parallel.global_sum(model.comm, sums))
             if part <= MISSED_LOAD * size:
                 continue
             inside, share = f"inside {count:.0f} {kind}{'s' * (count != 1)}{where}", f"{100 * part / size:.2g} %"
@@ -80,23 +80,23 @@ def _may_jump(value: Any) -> bool:
     return value.jumps if isinstance(value, Expression) else callable(value) and not hasattr(value, "ufl_shape")
 
 
-def _missed(d: Model, every: Indices, value: Any, load: Force) -> Array:
+def _missed(model: Model, every: Indices, value: Any, load: Force) -> Array:
     """The force that the rule misses on facets or cells, and that on them, sizes, shape (n, 2).
 
     Args:
-        d: the model.
+        model: the model.
         every: the facets or cells, local numbers.
         value: a component of the load.
         load: the load.
     """
-    mesh, rows = d.tagged.mesh, [np.zeros((0, 2))]
+    mesh, rows = model.tagged.mesh, [np.zeros((0, 2))]
     cell, across = getattr(basix.CellType, mesh.topology.cell_name()), mesh.topology.dim
     entities, sides, kind, often = np.column_stack((every, 0 * every)), [basix.geometry(cell)], cell, _HALVED_CELLS
     if load.where is not None:
         entities, often = facet_entities(mesh, every), _HALVED_FACETS
         sides = [basix.geometry(cell)[corners] for corners in basix.topology(cell)[across - 1]]
         kind = basix.cell.subentity_types(cell)[across - 1][0]
-    rules = [basix.make_quadrature(kind, load.degree(d.statement.element.degree))]
+    rules = [basix.make_quadrature(kind, load.degree(model.statement.element.degree))]
     rules += [_halved(kind, 0 if load.where is None else 1, FIRST_DEGREE)] if len(every) > MANY_LOADED else []
     rules += [_halved(kind, often, _DEGREE)]
     reference = basix.geometry(kind)
@@ -110,11 +110,11 @@ def _missed(d: Model, every: Indices, value: Any, load: Force) -> Array:
         coarse, *finer = (_Rule(corners[0] + points @ axes, weights, axes) for points, weights in rules)
         for cells in np.array_split(on_side, -(-len(on_side) // _TOGETHER)):
             nodes = mesh.geometry.x[compat.geometry_cells(mesh)[cells]]
-            known = _forces(d, value, coarse, nodes, interpolated=not isinstance(value, Expression)).sum(axis=1)
+            known = _forces(model, value, coarse, nodes, interpolated=not isinstance(value, Expression)).sum(axis=1)
             row = np.zeros((len(cells), 2))
             near: npt.NDArray[np.intp] = np.arange(len(cells))
             for rule in finer:
-                forces = _forces(d, value, rule, nodes[near])
+                forces = _forces(model, value, rule, nodes[near])
                 row[near] = np.abs(np.column_stack((forces.sum(axis=1) - known[near], np.abs(forces).sum(axis=1))))
                 near = np.flatnonzero(row[:, 0] > SUSPECT_LOAD * row[:, 1].max(initial=0.0))
             rows.append(row)
@@ -141,17 +141,17 @@ def _halved(kind: basix.CellType, often: int, degree: int) -> tuple[Array, Array
     return places.reshape(-1, simplices.shape[2]), (np.abs(np.linalg.det(edges))[:, None] * weights).ravel()
 
 
-def _forces(d: Model, value: Any, rule: _Rule, nodes: Array, *, interpolated: bool = False) -> Array:
+def _forces(model: Model, value: Any, rule: _Rule, nodes: Array, *, interpolated: bool = False) -> Array:
     """A value times the length, area or volume that points of a rule stand for, shape (n, q).
 
     Args:
-        d: the model.
+        model: the model.
         value: a component of a load.
         rule: in the reference cell.
         nodes: of the geometry of the cells, length, shape (n, g, 3).
         interpolated: whether elements interpolate it.
     """
-    geometry = compat.geometry_element(d.tagged.mesh)
+    geometry = compat.geometry_element(model.tagged.mesh)
 
     def at(points: Array) -> tuple[Array, Array]:
         table = geometry.tabulate(1, points)[..., 0]
@@ -166,8 +166,8 @@ def _forces(d: Model, value: Any, rule: _Rule, nodes: Array, *, interpolated: bo
     squares = slopes @ slopes.swapaxes(2, 3)
     squared = squares[..., 0, 0] if squares.shape[2] == 1 else np.linalg.det(squares)
     size = np.sqrt(np.abs(squared)) * rule.weights
-    size *= d.kinematics.measure(np.moveaxis(x, -1, 0))
+    size *= model.kinematics.measure(np.moveaxis(x, -1, 0))
     if not interpolated:
         return values(x) * size
-    element = d.space.element.basix_element
+    element = model.space.element.basix_element
     return values(at(element.points)[0]) @ element.tabulate(0, rule.points)[0, ..., 0].T * size

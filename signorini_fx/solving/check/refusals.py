@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
-from signorini_fx.mechanics.body import contact_data
+from signorini_fx.mechanics.body import first_sets
 from signorini_fx.mechanics.model import Model
 
 
-def refuse_beforehand(d: Model) -> None:
+def refuse_beforehand(model: Model) -> None:
     """Refuse what no solve begins with; collective.
 
     Args:
-        d: the model, whose stiffness need not be assembled; with a requested accuracy on its first one.
+        model: the model, whose stiffness need not be assembled; with a requested accuracy on its first one.
 
     Raises:
         SceneError: the first sets of contact hold no node; ``exact`` has no unknown for a constraint; nothing
@@ -24,27 +24,31 @@ def refuse_beforehand(d: Model) -> None:
             a certified accuracy is asked for where there is no guaranteed bound.
         InstallationError: the scene asks for a proof by an add-on that is not installed.
     """
-    d.refuse_enclosed()
-    if d.boundary is not None:
-        contact_data.first_sets(d.statement, d.boundary)
-        if d.statement.solver.algorithm == "exact":
-            d.boundary.aligned()
-        _refuse_moving(d)
+    model.refuse_enclosed()
+    if model.boundary is not None:
+        first_sets.first_sets(model.statement, model.boundary)
+        if model.statement.solver.algorithm == "exact":
+            model.boundary.aligned()
+        _refuse_moving(model)
     for proof in ("error_bound", "uniqueness"):
-        if getattr(d.statement.solver, proof):
+        if getattr(model.statement.solver, proof):
             add_on(proof)  # not after hours
-    if d.statement.accuracy is not None and d.statement.accuracy.certified and (why := add_on("why_unbounded")(d)):
+    if (
+        model.statement.accuracy is not None
+        and model.statement.accuracy.certified
+        and (why := add_on("why_unbounded")(model))
+    ):
         raise SceneError([("accuracy.certified", why)])
 
 
-def _refuse_moving(d: Model) -> None:
+def _refuse_moving(model: Model) -> None:
     """Refuse a foundation that moves with the time where supports do not hold the body."""
-    if not d.motions.free.shape[1] or d.statement.steps < 2:
+    if not model.motions.free.shape[1] or model.statement.steps < 2:
         return
     wrong = (
         "moves with the time, so that supports must hold the body, and not contact alone: add them, or let a force "
         "move the foundation (keys force and prescribed)"
     )
-    problems = [(f"contact[{k}].foundation", wrong) for k, effect in enumerate(d.statement.contact) if effect.moves]
+    problems = [(f"contact[{k}].foundation", wrong) for k, effect in enumerate(model.statement.contact) if effect.moves]
     if problems:
         raise SceneError(problems)

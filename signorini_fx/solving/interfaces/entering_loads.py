@@ -53,74 +53,79 @@ class EnteringLoads(Interface):
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
         """See ``Interface``."""
-        d, task, start = step.d, step.task, step.start
-        assert d.boundary is not None
-        loads, newton = JointLoads(d.statement, d.tagged, d.space, d.boundary, start.place), task.iterate.newton
+        model, task, start = step.model, step.task, step.start
+        assert model.boundary is not None
+        loads, newton = (
+            JointLoads(model.statement, model.tagged, model.space, model.boundary, start.place),
+            task.iterate.newton,
+        )
         reached = loads.beginning(None if step.earlier is None else step.earlier.reached)
         cold, begun = start, newton.checkpoint()
         stage: Stage | None = None
         pressure = solved = loads.pressure(reached)
         end: LoadStepEnd | None = None
         while True:
-            if end is None or parallel.any_rank(d.comm, not np.array_equal(pressure, solved)):
-                self._press(d, task, pressure)
-                end, solved = step.solved(d, start), pressure
+            if end is None or parallel.any_rank(model.comm, not np.array_equal(pressure, solved)):
+                self._press(model, task, pressure)
+                end, solved = step.solved(model, start), pressure
                 if start is not cold and task.gave_up(end.outcome.status):
                     task.history.add(
                         f"{end.outcome.status.value}: from where the loads were in contact before: begun again"
                     )
                     newton.restore(begun)
-                    end = step.solved(d, cold)
-                d, cold, outcome = end.d, replace(cold, factors=end.start.factors), end.outcome
+                    end = step.solved(model, cold)
+                model, cold, outcome = end.model, replace(cold, factors=end.start.factors), end.outcome
             points = loads.at_points(reached)
             if outcome.status is not Status.CONVERGED:
-                return LoadStepEnd(d, cold, outcome, JointPressure(pressure, points, stage), end.reason)
+                return LoadStepEnd(model, cold, outcome, JointPressure(pressure, points, stage), end.reason)
             multipliers = outcome.newton.multipliers()
             open_: Flags = np.asarray(multipliers[0] <= 0)
             grown = loads.grown(open_, reached)
-            joint_pressure = JointPressure(pressure, points, stage, settled=not _differ(d, grown, reached))
-            if joint_pressure.settled or not step.holds(d, outcome, joint_pressure):
-                return LoadStepEnd(d, cold, outcome, joint_pressure)
+            joint_pressure = JointPressure(pressure, points, stage, settled=not _differ(model, grown, reached))
+            if joint_pressure.settled or not step.holds(model, outcome, joint_pressure):
+                return LoadStepEnd(model, cold, outcome, joint_pressure)
             stage, reached = Stage(points, open_), grown
             pressure = loads.pressure(reached)
             counts = np.array([np.count_nonzero(loads.at_points(reached).any(axis=1)), pressure.size])
-            reached_count, point_count = parallel.global_sum(d.comm, counts)
+            reached_count, point_count = parallel.global_sum(model.comm, counts)
             task.history.add(
                 f"loads have entered contact at {reached_count:.0f} of {point_count:.0f} points: solved again"
             )
             start = cold.begin_from(outcome.problem.sets, multipliers)
 
-    def stored(self, d: Model, step: float, contact: ContactState | None) -> tuple[dict[str, Nodal], dict[str, Any]]:
+    def stored(
+        self, model: Model, step: float, contact: ContactState | None
+    ) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """See ``Interface``: the contact points that loads have reached, as numbers."""
         assert contact is not None
         assert contact.joint is not None
         return {"reached": contact.joint.reached.astype(np.float64)}, {}
 
     def recalled(
-        self, d: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+        self, model: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
     ) -> tuple[Model, JointPressure | None]:
         """See ``Interface``."""
-        assert d.boundary is not None
-        loads = JointLoads(d.statement, d.tagged, d.space, d.boundary, step)
+        assert model.boundary is not None
+        loads = JointLoads(model.statement, model.tagged, model.space, model.boundary, step)
         nodes = loads.beginning(nodal["reached"] > 0.5)
         pressure = loads.pressure(nodes)
-        self._press(d, task, pressure)
-        return d, JointPressure(pressure, loads.at_points(nodes), recalled=True)
+        self._press(model, task, pressure)
+        return model, JointPressure(pressure, loads.at_points(nodes), recalled=True)
 
-    def _press(self, d: Model, task: Task, pressure: Array) -> None:
+    def _press(self, model: Model, task: Task, pressure: Array) -> None:
         """Put pressures at the contact points, shape (n,), on the body: on both bodies where two touch each other."""
-        load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
-        d.contact.add_forces(-pressure, np.zeros((pressure.size, d.dimension - 1)), load)
-        case = LoadCase(load, start, work_on_motions(d.at_contact, pressure))
-        number = next(k for k, applied in enumerate(d.applied) if applied.entry is self._first)
+        load, start = model.stiffness.createVecRight(), model.stiffness.createVecRight()
+        model.contact.add_forces(-pressure, np.zeros((pressure.size, model.dimension - 1)), load)
+        case = LoadCase(load, start, work_on_motions(model.at_contact, pressure))
+        number = next(k for k, applied in enumerate(model.applied) if applied.entry is self._first)
         task.system.set_case(number, case)
 
 
 Kind = EnteringLoads
 
 
-def _differ(d: Model, grown: list[Flags], reached: list[Flags]) -> bool:
+def _differ(model: Model, grown: list[Flags], reached: list[Flags]) -> bool:
     """Whether nodes that loads have reached are not the same; collective."""
     return parallel.any_rank(
-        d.comm, any((new_flags != old_flags).any() for new_flags, old_flags in zip(grown, reached, strict=True))
+        model.comm, any((new_flags != old_flags).any() for new_flags, old_flags in zip(grown, reached, strict=True))
     )

@@ -28,30 +28,30 @@ class Overclosures(Interface):
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
         """See ``Interface``."""
-        d, start, newton = step.d, step.start, step.task.iterate.newton
-        assert d.boundary is not None
-        pressure = self._first(d, start.multipliers)
+        model, start, newton = step.model, step.start, step.task.iterate.newton
+        assert model.boundary is not None
+        pressure = self._first(model, start.multipliers)
         for _ in range(OVERCLOSURE_PROBLEMS):
             begun = newton.checkpoint()
-            overclosure, slope = self._tangent(d, pressure, start.data.gamma_n)
+            overclosure, slope = self._tangent(model, pressure, start.data.gamma_n)
             share: Nodal = np.asarray(1.0 / (slope * start.data.gamma_n), dtype=np.float64)
             soft = Yielding(share, overclosure - slope * pressure)
             start = replace(start, data=replace(start.data, yielding=soft))
-            end = step.solved(d, start)
+            end = step.solved(model, start)
             if end.outcome.status is not Status.CONVERGED:
                 newton.restore(begun)
                 return end
             reached = np.maximum(end.outcome.newton.multipliers()[0], 0.0)
             meant = overclosure + slope * (reached - pressure)
-            by_law = self._tangent(d, reached, start.data.gamma_n)[0]
+            by_law = self._tangent(model, reached, start.data.gamma_n)[0]
             overlap = end.outcome.problem.system.contact.traces(end.outcome.newton.x)[0] - start.data.gap
             # A point that its tangent leaves open may be closed by the law.
             closed = np.maximum(overlap - by_law, 0.0)
             if start.data.immovable is not None:
                 closed[start.data.immovable] = 0.0
             away = np.where(reached > 0, np.abs(by_law - meant), closed)
-            scale = parallel.largest(d.comm, np.abs(meant))
-            missed = float(parallel.largest(d.comm, away) / scale) if scale > 0 else 0.0
+            scale = parallel.largest(model.comm, np.abs(meant))
+            missed = float(parallel.largest(model.comm, away) / scale) if scale > 0 else 0.0
             if missed <= OVERCLOSURE_MISSED:
                 return end
             step.task.history.add(f"soft contact: overclosures miss the law by {missed:.1e}: solved again")
@@ -63,21 +63,21 @@ class Overclosures(Interface):
     def _laws(self) -> dict[int, Overclosure]:
         return overclosures_of(self.statement)
 
-    def _first(self, d: Model, multipliers: tuple[Nodal, Nodal] | None) -> Nodal:
+    def _first(self, model: Model, multipliers: tuple[Nodal, Nodal] | None) -> Nodal:
         """Pressures to begin with: those of the last load step, and where that has none those that laws propose."""
-        assert d.boundary is not None
-        pressure = np.zeros(d.boundary.size) if multipliers is None else np.maximum(multipliers[0], 0.0)
+        assert model.boundary is not None
+        pressure = np.zeros(model.boundary.size) if multipliers is None else np.maximum(multipliers[0], 0.0)
         for number, law in self._laws.items():
-            pressure = np.where((d.boundary.part == number) & (pressure == 0), law.start, pressure)
+            pressure = np.where((model.boundary.part == number) & (pressure == 0), law.start, pressure)
         return np.asarray(pressure)
 
-    def _tangent(self, d: Model, pressure: Nodal, gamma: float) -> tuple[Nodal, Nodal]:
+    def _tangent(self, model: Model, pressure: Nodal, gamma: float) -> tuple[Nodal, Nodal]:
         """The overclosure at each point and its derivative; elsewhere those of the penalty."""
-        assert d.boundary is not None
+        assert model.boundary is not None
         overclosure: Nodal = np.asarray(pressure / gamma, dtype=np.float64)
         slope = np.full_like(pressure, 1.0 / gamma)
         for number, law in self._laws.items():
-            on = d.boundary.part == number
+            on = model.boundary.part == number
             overclosure[on], slope[on] = law.tangent(pressure[on])
         return overclosure, slope
 

@@ -27,7 +27,7 @@ class LoadStepStart:
     """A load step that an interface is to solve.
 
     Attributes:
-        d: the model.
+        model: the model.
         task: its contact problem.
         start: where the load step starts.
         max_iterations: linear solves allowed for each contact problem; None: those of a load step.
@@ -37,7 +37,7 @@ class LoadStepStart:
         inner: the interfaces that solve it within this one, the outer ones first.
     """
 
-    d: Model
+    model: Model
     task: Task
     start: Start
     max_iterations: int | None = None
@@ -46,12 +46,12 @@ class LoadStepStart:
     holds: Callable[[Model, Outcome, JointPressure], bool] = lambda d, outcome, joint: True
     inner: tuple[Any, ...] = ()
 
-    def solved(self, d: Model, start: Start) -> LoadStepEnd:
+    def solved(self, model: Model, start: Start) -> LoadStepEnd:
         """By the inner interfaces, or as one contact problem, from here; collective."""
         if self.inner:
-            end: LoadStepEnd = self.inner[0].solve(replace(self, d=d, start=start, inner=self.inner[1:]))
+            end: LoadStepEnd = self.inner[0].solve(replace(self, model=model, start=start, inner=self.inner[1:]))
             return end
-        return LoadStepEnd(d, start, solve_task(self.task, start, self.max_iterations))
+        return LoadStepEnd(model, start, solve_task(self.task, start, self.max_iterations))
 
 
 @dataclass(frozen=True)
@@ -59,14 +59,14 @@ class LoadStepEnd:
     """What an interface has made of it.
 
     Attributes:
-        d: the model with what was found.
+        model: the model with what was found.
         start: where the load step starts with that.
         outcome: how it ended.
         joint: the pressure of loads within the contact; None: none enters.
         reason: why there is no solution; None: it is not known.
     """
 
-    d: Model
+    model: Model
     start: Start
     outcome: Outcome
     joint: JointPressure | None = None
@@ -100,20 +100,22 @@ class Interface:
         """Solve a load step at a place where an entry answers ``Effect.sought_at``."""
         raise NotImplementedError
 
-    def stored(self, d: Model, step: float, contact: ContactState | None) -> tuple[dict[str, Nodal], dict[str, Any]]:
+    def stored(
+        self, model: Model, step: float, contact: ContactState | None
+    ) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """What a checkpoint needs of a load step: values at the contact points, and plain data."""
         return {}, {}
 
     def recalled(
-        self, d: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+        self, model: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
     ) -> tuple[Model, JointPressure | None]:
         """Take back what ``stored`` has returned: the scene with it, and the pressure within the contact."""
-        return d, None
+        return model, None
 
 
 def solve_step(step: LoadStepStart) -> LoadStepEnd:
     """Solve a load step: by the interfaces that something is sought of, or as one contact problem; collective."""
-    sought = step.d.statement.sought_at(step.start.place)
-    seeking = [entry for entry in step.d.statement.interfaces if sought and sought.keys() & entry.entries.keys()]
+    sought = step.model.statement.sought_at(step.start.place)
+    seeking = [entry for entry in step.model.statement.interfaces if sought and sought.keys() & entry.entries.keys()]
     inner = tuple(sorted(seeking, key=lambda interface: not interface.outer))
-    return replace(step, inner=inner).solved(step.d, step.start)
+    return replace(step, inner=inner).solved(step.model, step.start)

@@ -8,7 +8,7 @@ from dolfinx import fem
 
 from signorini_fx.mechanics.body.cellwise_stiffness import CellwiseStiffness, cellwise_stiffness
 from signorini_fx.mechanics.body.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw, VolumeForces
-from signorini_fx.mechanics.body.mixed import MixedLaw, PressureForces
+from signorini_fx.mechanics.body.mixed_pressure import MixedLaw, PressureForces
 from signorini_fx.mechanics.body.moduli import lame_coefficients, reduced_degree
 from signorini_fx.mechanics.body.pieces import BodyPieces
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

@@ -119,34 +119,34 @@ class LimitSurface:
         return motion if motion is not None and self.pushed(motion).max() < 0 else None
 
 
-def surface_of(d: Model, pressing: npt.NDArray[np.bool_] | None = None) -> dict[int, LimitSurface]:
+def surface_of(model: Model, pressing: npt.NDArray[np.bool_] | None = None) -> dict[int, LimitSurface]:
     """The contact surface of each assembly; collective.
 
     Args:
-        d: the model.
+        model: the model.
         pressing: the contact points of this rank that may press, shape (n,); a facet with one of them may; None: all.
 
     Raises:
         Unproved: something is not known of the surface.
     """
-    boundary, motions, law = d.boundary, d.motions, d.law
+    boundary, motions, law = model.boundary, model.motions, model.law
     assert boundary is not None
-    assert d.data is not None
+    assert model.data is not None
     comm, dim = boundary.comm, boundary.x.shape[1]
-    kind = d.tagged.mesh.topology.cell_name()
-    bilateral = False if d.data.bilateral is None else bool(d.data.bilateral.any())
+    kind = model.tagged.mesh.topology.cell_name()
+    bilateral = False if model.data.bilateral is None else bool(model.data.bilateral.any())
     for wrong, reason in (
-        ("proof by statics" in d.kinematics.refuses, d.kinematics.refuses.get("proof by statics", "")),
-        *((True, reason) for _, reason in refused_by(d.statement, REFUSES)),
+        ("proof by statics" in model.kinematics.refuses, model.kinematics.refuses.get("proof by statics", "")),
+        *((True, reason) for _, reason in refused_by(model.statement, REFUSES)),
         (parallel.any_rank(comm, bilateral), "the foundation can pull"),
         *(
             (contact.friction.acts, reason)
-            for contact in d.statement.contact
+            for contact in model.statement.contact
             for reason in contact.friction.exceptions.values()
         ),
         (parallel.any_rank(comm, law is not None and bool(np.isinf(law.given).any())), "friction has no limit"),
         (parallel.any_rank(comm, bool(boundary.points.immovable.any())), "a support takes the pressure at a node"),
-        (compat.geometry_degree(d.tagged.mesh) > d.space.element.basix_element.degree, "the cells are curved"),
+        (compat.geometry_degree(model.tagged.mesh) > model.space.element.basix_element.degree, "the cells are curved"),
         (dim == 3 and kind not in _VERTICES, "facets of several kinds"),
     ):
         if wrong:
@@ -166,26 +166,26 @@ def surface_of(d: Model, pressing: npt.NDArray[np.bool_] | None = None) -> dict[
     indices = np.searchsorted(keys, facets[:, :1] * stride + facets[:, 1:])
     if (indices >= len(keys)).any() or (keys[indices] != facets[:, :1] * stride + facets[:, 1:]).any():
         raise Unproved("a facet has nodes that are no contact points")
-    return _surfaces(d, rows, indices[:, [0, -1]] if dim == 2 else indices[:, : _VERTICES[kind]], indices)
+    return _surfaces(model, rows, indices[:, [0, -1]] if dim == 2 else indices[:, : _VERTICES[kind]], indices)
 
 
 def _surfaces(
-    d: Model, rows: Nodal, corners: npt.NDArray[np.int64], nodes: npt.NDArray[np.int64]
+    model: Model, rows: Nodal, corners: npt.NDArray[np.int64], nodes: npt.NDArray[np.int64]
 ) -> dict[int, LimitSurface]:
     """The surfaces, from what is known of the contact points and the vertices and nodes of the facets among them."""
-    motions, dim = d.motions, d.tagged.dimension
+    motions, dim = model.motions, model.tagged.dimension
     x, normal = rows[:, 2 : 2 + dim], rows[:, 2 + dim : 2 + 2 * dim]
     base_bound, share, able, piece = rows[:, 2 + 2 * dim :].T
-    size = d.tagged.size
+    size = model.tagged.size
     turned = np.abs(normal[nodes] - normal[nodes[:, :1]]).max(axis=(1, 2))
     bent = np.abs(np.einsum("fjd,fd->fj", x[nodes] - x[nodes[:, :1]], normal[nodes[:, 0]])).max(axis=1)
     along = bent <= SAME_LENGTH * size
-    prescribed = np.array([getattr(contact, "direction", None) is not None for contact in d.statement.contact])
+    prescribed = np.array([getattr(contact, "direction", None) is not None for contact in model.statement.contact])
     straight = (turned <= SAME_LENGTH) & (along | prescribed[rows[nodes[:, 0], 0].astype(np.int64)])
     if dim == 3 and not straight.all():
         raise Unproved("the contact surface is not flat")
     # Facets are straight wherever nodes are in line; what bends in between is not known.
-    if compat.geometry_degree(d.tagged.mesh) > 1 and not along.all():
+    if compat.geometry_degree(model.tagged.mesh) > 1 and not along.all():
         raise Unproved("the cells are curved")
     largest_bound, least = base_bound[nodes].max(axis=1), base_bound[nodes].min(axis=1)
     alike = bool(

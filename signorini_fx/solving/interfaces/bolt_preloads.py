@@ -50,7 +50,7 @@ _Flags = npt.NDArray[np.bool_]
 _MOST_PROBLEMS = 30
 
 
-class Sections(Interface):
+class BoltPreloads(Interface):
     """Those of a scene, see ``Interface``."""
 
     def jumps(self, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
@@ -59,39 +59,45 @@ class Sections(Interface):
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
         """See ``Interface``."""
-        d, task, start, scale = step.d, step.task, step.start, step.scale
+        model, task, start, scale = step.model, step.task, step.start, step.scale
         place, newton = start.place, task.iterate.newton
-        loads = _tightened(d, place)
-        of_all = [k for k, load in enumerate(d.applied) if isinstance(load.entry, Preload)]
+        loads = _tightened(model, place)
+        of_all = [k for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)]
         numbers = [of_all.index(k) for k in loads]
-        wanted = scale * np.array([entry.force_at(d.statement, place) for entry in loads.values()], dtype=np.float64)
-        previous = scale * np.array(_shortenings(d, place))
-        s = np.where(previous > 0, previous, wanted / d.scales.stiffness(d.scales.size))
+        wanted = scale * np.array(
+            [entry.force_at(model.statement, place) for entry in loads.values()], dtype=np.float64
+        )
+        previous = scale * np.array(_shortenings(model, place))
+        s = np.where(previous > 0, previous, wanted / model.scales.stiffness(model.scales.size))
         slope, last, best = np.empty((0, 0)), (s, s), np.inf
         for _ in range(_MOST_PROBLEMS):
-            d = _with_shortenings(d, place, s / scale)
-            start, begun = replace(start, factors=scale * d.factors(place)), newton.checkpoint()
-            outcome, force = step.solved(d, start).outcome, np.zeros_like(s)
+            model = _with_shortenings(model, place, s / scale)
+            start, begun = replace(start, factors=scale * model.factors(place)), newton.checkpoint()
+            outcome, force = step.solved(model, start).outcome, np.zeros_like(s)
             if outcome.status is Status.CONVERGED:
-                y = d.from_rest(task.rest, outcome.displacement())
-                force = np.array([row.force for row in section_forces(d.statement, d.tagged, y, place, scale)])[numbers]
+                y = model.from_rest(task.rest, outcome.displacement())
+                force = np.array([row.force for row in section_forces(model.statement, model.tagged, y, place, scale)])[
+                    numbers
+                ]
             elif slope.size or outcome.status is Status.NOT_HELD:  # whatever the shortenings are
-                return LoadStepEnd(d, start, outcome)
+                return LoadStepEnd(model, start, outcome)
             missing = float(np.abs(wanted - force).max() / wanted.max())
             task.history.add(
                 f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: forces miss {missing:.1e}"
             )
             if missing <= BALANCED or best / 2 <= missing <= UNBALANCED_TENSION:
-                return LoadStepEnd(d, start, outcome)
+                return LoadStepEnd(model, start, outcome)
             if outcome.status is Status.CONVERGED:
                 start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
             else:
                 newton.restore(begun)
             slack = force <= LOOSE_SECTION * wanted
             if not slope.size and slack.any():
-                if s[slack].max() > d.scales.size:
+                if s[slack].max() > model.scales.size:
                     loose = [*loads.values()][int(np.argmax(slack * s))]
-                    return LoadStepEnd(d, start, replace(outcome, status=Status.OPEN), reason=_loose(d, loose, start))
+                    return LoadStepEnd(
+                        model, start, replace(outcome, status=Status.OPEN), reason=_loose(model, loose, start)
+                    )
                 s = np.where(slack, SHORTENED_IF_LOOSE * s, s)
                 continue
             if not slope.size:  # as if the forces were proportional to the shortenings
@@ -101,36 +107,38 @@ class Sections(Interface):
                 slope = slope + np.outer(ds - slope @ dn, ds @ slope) / (ds @ slope @ dn)
             best, last = min(best, missing), (s, force)
             s = s + slope @ (wanted - force)
-        return LoadStepEnd(d, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS))
+        return LoadStepEnd(model, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS))
 
-    def stored(self, d: Model, step: float, contact: ContactState | None) -> tuple[dict[str, Nodal], dict[str, Any]]:
+    def stored(
+        self, model: Model, step: float, contact: ContactState | None
+    ) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """See ``Interface``: the shortenings that forces have led to."""
-        return {}, {"shortenings": _shortenings(d, step)}
+        return {}, {"shortenings": _shortenings(model, step)}
 
     def recalled(
-        self, d: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+        self, model: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
     ) -> tuple[Model, JointPressure | None]:
         """See ``Interface``."""
-        return _with_shortenings(d, step, figures["shortenings"]), None
+        return _with_shortenings(model, step, figures["shortenings"]), None
 
 
-Kind = Sections
+Kind = BoltPreloads
 
 
-def _tightened(d: Model, step: float) -> dict[int, Preload]:
+def _tightened(model: Model, step: float) -> dict[int, Preload]:
     """The loads that are sections which forces tighten at a place, by their numbers."""
-    entries = {k: load.entry for k, load in enumerate(d.applied) if isinstance(load.entry, Preload)}
-    return {k: entry for k, entry in entries.items() if entry.force_at(d.statement, step) is not None}
+    entries = {k: load.entry for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)}
+    return {k: entry for k, entry in entries.items() if entry.force_at(model.statement, step) is not None}
 
 
-def _shortenings(d: Model, step: float) -> list[float]:
+def _shortenings(model: Model, step: float) -> list[float]:
     """Those that forces have led to at a place, in the order of ``_tightened``, length."""
-    return [d.applied[k].factor(step) for k in _tightened(d, step)]
+    return [model.applied[k].factor(step) for k in _tightened(model, step)]
 
 
-def _loose(d: Model, entry: Preload, start: Start) -> Finding:
+def _loose(model: Model, entry: Preload, start: Start) -> Finding:
     """What to say of a section that is shortened by more than the size of the body, without any force."""
-    when = f"load step {start.step + 1}: " if d.statement.several_steps else ""
+    when = f"load step {start.step + 1}: " if model.statement.several_steps else ""
     message = (
         f"{when}{entry.name}: no force goes through it even if it is shortened by the size of "
         "the body: a part that it pulls at comes loose, or never meets what it is to clamp; check the gaps and "
@@ -139,21 +147,21 @@ def _loose(d: Model, entry: Preload, start: Start) -> Finding:
     return Finding("warning", "preload", message)
 
 
-def _with_shortenings(d: Model, step: float, lengths: Sequence[float] | Nodal) -> Model:
+def _with_shortenings(model: Model, step: float, lengths: Sequence[float] | Nodal) -> Model:
     """The same with shortenings that were found at a place; nothing is assembled again."""
-    found = zip(_tightened(d, step).values(), lengths, strict=True)
+    found = zip(_tightened(model, step).values(), lengths, strict=True)
     tight = {id(entry): entry.tightened(step, float(s)) for entry, s in found}
     changed = {
         key: tuple(tight.get(id(entry), entry) for entry in entries)
-        for key, entries in d.statement.effects.items()
+        for key, entries in model.statement.effects.items()
         if any(id(entry) in tight for entry in entries)
     }
-    statement, applied = d.statement.changed(**changed), list(d.applied)
+    statement, applied = model.statement.changed(**changed), list(model.applied)
     for k, load in enumerate(applied):
         if isinstance(load.entry, Preload):
             entry = tight.get(id(load.entry), load.entry)
             applied[k] = replace(load, entry=entry, amount=partial(entry.shortening_at, statement))
-    return replace(d, statement=statement, applied=tuple(applied))
+    return replace(model, statement=statement, applied=tuple(applied))
 
 
 def _jump(path: str, effect: Preload, statement: Any, tagged: TaggedMesh, space: fem.FunctionSpace) -> Jump:

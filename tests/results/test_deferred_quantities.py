@@ -74,10 +74,10 @@ import os, signal, sys
 from mpi4py import MPI
 from signorini_fx.scenes import cli
 from signorini_fx.addons.picture_data import of_solution
-from signorini_fx.results import afterthoughts
+from signorini_fx.results import deferred_quantities
 from signorini_fx.results.solution import Solution
 
-afterthoughts.ERROR_PATIENCE = 0.3
+deferred_quantities.ERROR_PATIENCE = 0.3
 rank, what, how = int(sys.argv[1]), sys.argv[2], sys.argv[3]
 
 def fails(*arguments, **options):

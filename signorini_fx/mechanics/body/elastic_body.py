@@ -19,10 +19,10 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.resting_place import RestingMotion
-from signorini_fx.algebra.contact.traces_and_forces import ContactMap
 from signorini_fx.algebra.linalg import ElasticSystem, options, row_by_row
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase

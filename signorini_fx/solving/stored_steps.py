@@ -25,7 +25,7 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.problem.exact import ExactProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.elastic import ElasticBody
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.checkpoint import Checkpoint
