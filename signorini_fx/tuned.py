@@ -739,6 +739,11 @@ DEEPEST_OVERLAP = 0.2
 COVERED_TWICE = 1e-3
 # Share of its weight that a function must keep to carry a point.  No record.
 KEPT_WEIGHT = 0.03
+# Share of its weight from which a function of sides that slide is all its own: below it turns evenly into a mean of
+# those beside it, which it is at the share above.  Choice.
+WHOLE_WEIGHT = 0.15
+# What a function that has turned into others' still takes of those beside it, relative to one that has not.  Choice.
+PASSED_ON = 1e-3
 # Share of a held point of one side that is over held nodes of the other side, above which nothing can move it.  Choice.
 MOSTLY_HELD = 0.5
 # The direction and the normal of a facet enclose an angle with at most this tangent.  Choice: 45 degrees.

@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
+from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers
 from signorini_fx.mechanics.pairs.overlap_space import clip
 from signorini_fx.mechanics.pairs.sliding import slide
 from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
 from signorini_fx.results.certificate.sliding_claim_in_space import _common
+from signorini_fx.tuned import KEPT_WEIGHT
 
 KINDS = pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
 PLACES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
@@ -210,3 +213,37 @@ def test_polygons_of_the_certificate_where_edges_coincide():
 def turn_in_plane(angle):
     """A rotation of the plane."""
     return Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()[:2, :2]
+
+
+@KINDS
+def test_the_map_is_even_as_a_rim_passes(kind):
+    """The force that holds both sides out of each other with equal springs at all nodes, as the rim of one passes nodes
+    of the other: no second difference of small steps is more than three thousandths of the largest force.
+    """
+    dent, forces = Dent(kind), []
+    for way in np.linspace(0.1, 0.3, 41):
+        displacement = dent.still
+        displacement[dent.count :] += [way, 0.4 * way, -0.05]
+        coupling = dent.at(displacement)
+        points = np.flatnonzero(coupling.frames.partnered)
+        rows, gap = coupling.normal_rows[points].toarray(), coupling.gap[points]
+        least = np.linalg.lstsq(rows, gap, rcond=None)[0]
+        pressing = lsq_linear(rows.T, -least, bounds=(0, np.inf), tol=1e-13, max_iter=1000).x
+        forces.append((rows.T @ pressing)[: 3 * dent.count].reshape(-1, 3).sum(axis=0))
+    largest = np.linalg.norm(forces, axis=1).max()
+    assert np.linalg.norm(np.diff(forces, 2, axis=0), axis=1).max() < 0.003 * largest
+
+
+@KINDS
+def test_shares_of_functions_sum_to_one(kind):
+    """All of each function is in points, whatever is unable, also where no neighbour of a weak node is able."""
+    rng = np.random.default_rng(4)
+    side = sheet(kind, (6, 5), (0.0, 0.0), (1.0, 1.0), 1.0)
+    for _ in range(20):
+        weight = side.area * rng.choice([1e-3, 0.05, 0.1, 0.5, 1.0], len(side.x))
+        unable = rng.random(len(side.x)) < 0.2
+        carriers = EvenCarriers.of(side, np.arange(len(side.nodes)), weight, unable)
+        assert np.asarray(carriers.shares.sum(axis=0)) == pytest.approx(np.ones(len(side.x)), abs=1e-14)
+        assert carriers.shares.data.min() >= 0.0
+        assert not unable[carriers.nodes].any()
+        assert (weight[carriers.nodes] > KEPT_WEIGHT * side.area[carriers.nodes]).all()

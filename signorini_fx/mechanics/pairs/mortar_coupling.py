@@ -31,7 +31,14 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, dual_coefficients, extended, hats
+from signorini_fx.mechanics.pairs.dual_functions import (
+    EvenCarriers,
+    HeldSides,
+    carried,
+    dual_coefficients,
+    extended,
+    hats,
+)
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
@@ -287,7 +294,7 @@ def projected(
     if apart and not tested.area.any():
         return tested, slave.nodal_normals
     _check(slave, master, tested.area, reach)
-    directions = None if nominal else _mean_normals(slave, master, tested, comm)
+    directions = None if nominal else _mean_normals(slave, master, tested, comm, slides=apart)
     if directions is not None and turned(slave, directions) > PARALLEL:
         overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
         tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
@@ -295,7 +302,9 @@ def projected(
     return tested, directions
 
 
-def _mean_normals(slave: PairSurface, master: PairSurface, tested: Tested, comm: MPI.Comm) -> Array:
+def _mean_normals(
+    slave: PairSurface, master: PairSurface, tested: Tested, comm: MPI.Comm, *, slides: bool = False
+) -> Array:
     """N_i of the nodes of the slave, as if each could carry a point, shape (N, d); collective.
 
     Where a node has no point, the normal of the master is the mean of those beside it.
@@ -305,10 +314,15 @@ def _mean_normals(slave: PairSurface, master: PairSurface, tested: Tested, comm:
     slave_normals = slave.functions.values(overlap.at) @ slave.directions[slave.nodes[overlap.slave]]
     master_normals = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]
     moments = tested.moments(slave, np.concatenate((ones, slave_normals, master_normals), axis=2), comm)
-    nodes, shares = carried(slave, tested.covered, moments[:, 0], np.zeros(len(slave.x), dtype=bool))
+    dim, unable = slave.dimension, np.zeros(len(slave.x), dtype=bool)
+    if slides:
+        carriers = EvenCarriers.of(slave, tested.covered, moments[:, 0], unable)
+        means = carriers.shares @ moments
+        means = means[:, 1:] / means[:, :1]
+        return carriers.directions(slave, means[:, :dim], means[:, dim:])
+    nodes, shares = carried(slave, tested.covered, moments[:, 0], unable)
     means = shares @ moments
     means = means[:, 1:] / means[:, :1]
-    dim = slave.dimension
     directions = slave.nodal_normals - extended(slave, nodes, means[:, dim:])
     directions[nodes] = means[:, :dim] - means[:, dim:]
     return slave.in_planes(directions, np.arange(len(directions)))

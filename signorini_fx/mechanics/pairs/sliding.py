@@ -33,7 +33,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, dual_coefficients
+from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides, dual_coefficients
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, sparse_sums, turning_of
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals
@@ -265,7 +265,8 @@ def slide(
     weight = tested.moments(slave, np.ones((*tested.weighted.shape[:2], 1)), MPI.COMM_SELF)[:, 0]
     sharing, opposite, arms = _integrals(slave, master, tested)
     helpless = np.zeros(len(slave.x), dtype=bool) if held is None else held.helpless(opposite)
-    nodes, shares = carried(slave, tested.covered, weight, unable | helpless)
+    carriers = EvenCarriers.of(slave, tested.covered, weight, unable | helpless)
+    nodes, shares = carriers.nodes, carriers.shares
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True

@@ -28,7 +28,7 @@ from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.raw import rows_of
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, extended
+from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION
 
@@ -522,15 +522,14 @@ class SlidingClaim:
             sums = np.asarray(psi.sum(axis=1)).ravel()
             covered = np.unique(rays.facet)
             unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
-            able, shares = carried(side, rows_of(slave.facets[covered], surface.nodes), sums, unable)
+            carriers = EvenCarriers.of(side, rows_of(slave.facets[covered], surface.nodes), sums, unable)
+            able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break
             mean = sp.diags_array(1.0 / (shares @ sums)) @ shares @ psi
             of_own = _at(slave, own_normals, rays.facet, rays.at)
             of_other = _at(master, other_normals, rays.over, rays.place)
-            ways = own_normals - extended(side, able, mean @ of_other)
-            ways[able] = mean @ of_own - mean @ of_other
-            ways = side.in_planes(ways, np.arange(count))
+            ways = carriers.directions(side, mean @ of_own, mean @ of_other)
         functions, partnered, weight, mean = self._carried(able, shares, psi)
         sharing, opposite = self._shares_of(rays, mean, partnered)
         normal = sharing @ own_normals - opposite @ other_normals
@@ -658,7 +657,8 @@ class SlidingClaim:
         covered = rows_of(self.chains[0].facets[np.unique(seen.rays.facet)], self.surface.nodes)
         functions = self._functions(seen.rays)
         sums = np.asarray(functions.sum(axis=1)).ravel()
-        able, shares = carried(side, covered, sums, self._unable(seen.rays, functions))
+        carriers = EvenCarriers.of(side, covered, sums, self._unable(seen.rays, functions))
+        able, shares = carriers.nodes, carriers.shares
         at, size = np.searchsorted(self.carriers, able), self.carriers.size
         placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(size, at.size)))
         return sp.csr_array(placing @ shares)

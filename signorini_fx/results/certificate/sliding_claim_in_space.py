@@ -29,7 +29,7 @@ from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.raw import rows_of
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, extended
+from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends
 from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER
@@ -465,15 +465,14 @@ class SpaceSlidingClaim(SlidingClaim):
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
             unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
-            able, shares = carried(side, facet_of_side[np.unique(rays.facet)], sums, unable)
+            carriers = EvenCarriers.of(side, facet_of_side[np.unique(rays.facet)], sums, unable)
+            able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break
             mean = sp.diags_array(1.0 / (shares @ sums)) @ shares @ psi
             of_own = np.einsum("rk,rkd->rd", _hats(rays.at, slave.width), own_normals[slave.facets[rays.facet]])
             of_other = np.einsum("rk,rkd->rd", _hats(rays.place, master.width), other_normals[master.facets[rays.over]])
-            ways = own_normals - extended(side, able, mean @ of_other)
-            ways[able] = mean @ of_own - mean @ of_other
-            ways = side.in_planes(ways, np.arange(count))
+            ways = carriers.directions(side, mean @ of_own, mean @ of_other)
             of_facets = _unit(np.einsum("k,fkd->fd", middle, ways[slave.facets]))
         functions, partnered, weight, mean = self._carried(able, shares, psi)
         sharing, opposite = self._shares_of(rays, mean, partnered)
