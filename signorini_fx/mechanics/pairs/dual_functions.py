@@ -110,13 +110,13 @@ class EvenCarriers:
     Attributes:
         nodes: ascending, shape (n,).
         shares: the share of the function of each node in each point, columns with the sum one, sparse, shape (n, N).
-        own: by how much each point is that of its own node, in (0, 1], shape (n,).
+        portion: by how much each point is that of its own node, in (0, 1], shape (n,).
         passed: how the nodes of the covered part that carry no point are means of those that do, sparse, shape (N, n).
     """
 
     nodes: Indices
     shares: sp.csr_array
-    own: Array
+    portion: Array
     passed: sp.csr_array
 
     @classmethod
@@ -126,17 +126,17 @@ class EvenCarriers:
         able = tested_nodes & ~unable & ~side.without_area & (side.area > 0)
         share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
         part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
-        own = np.where(able, part**2 * (3.0 - 2.0 * part), 0.0)
-        while own.any():
-            nodes = np.flatnonzero(own)
-            shares = _absorbed(beside, tested_nodes, own)[nodes]
-            passed = _given_away(sp.csr_array(shares), tested_nodes & (own == 0.0))
-            mixed = _mixed(sp.csr_array(shares), nodes, weight, own[nodes])
+        portion = np.where(able, part**2 * (3.0 - 2.0 * part), 0.0)
+        while portion.any():
+            nodes = np.flatnonzero(portion)
+            shares = _absorbed(beside, tested_nodes, portion)[nodes]
+            passed = _given_away(sp.csr_array(shares), tested_nodes & (portion == 0.0))
+            mixed = _mixed(sp.csr_array(shares), nodes, weight, portion[nodes])
             # What a point takes over may have a negative weight.
             weak = mixed @ weight <= 0.0
             if not weak.any():
-                return cls(nodes, mixed, own[nodes], passed)
-            own[nodes[weak]] = 0.0
+                return cls(nodes, mixed, portion[nodes], passed)
+            portion[nodes[weak]] = 0.0
         nodes, shares = carried(side, covered, weight, unable)
         passed = _given_away(shares, ~np.isin(np.arange(weight.size), nodes))
         return cls(nodes, shares, np.ones(nodes.size), passed)
@@ -149,14 +149,14 @@ class EvenCarriers:
             of_slave: mean normals of it at the points, shape (n, d).
             of_master: those of the other side.
         """
-        own = self.own[:, None]
+        portion = self.portion[:, None]
         nodal = np.array(side.nodal_normals)
         beyond = np.flatnonzero(np.diff(self.passed.indptr))
         seen = np.concatenate((self.nodes, beyond))
         order = np.argsort(seen)
         values = np.concatenate((of_master, (self.passed @ of_master)[beyond]))
         directions = nodal - extended(side, seen[order], values[order])
-        directions[self.nodes] = own * of_slave + (1.0 - own) * nodal[self.nodes] - of_master
+        directions[self.nodes] = portion * of_slave + (1.0 - portion) * nodal[self.nodes] - of_master
         return side.in_planes(directions, np.arange(len(directions)))
 
 
@@ -165,17 +165,17 @@ def _given_away(shares: sp.csr_array, chosen: Flags) -> sp.csr_array:
     return sp.csr_array(sp.csr_array(shares @ sp.diags_array(chosen.astype(np.float64))).T)
 
 
-def _absorbed(beside: sp.csr_array, tested_nodes: Flags, own: Array) -> sp.csr_array:
+def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.csr_array:
     """How nodes take over functions: each keeps its own share, and passes on the rest to those beside it, which do
     likewise; columns with the sum one, sparse, shape (N, N).
     """
     count = tested_nodes.size
-    takes = np.where(tested_nodes, own + PASSED_ON, 0.0)
+    takes = np.where(tested_nodes, portion + PASSED_ON, 0.0)
     to = sp.csr_array(sp.diags_array(takes) @ (beside - sp.diags_array(beside.diagonal())))
     sums = np.asarray(to.sum(axis=0)).ravel()
     _, piece = connected_components(beside, directed=False)
-    reached = np.bincount(piece, own) > 0
-    passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - own, 0.0)
+    reached = np.bincount(piece, portion) > 0
+    passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - portion, 0.0)
     step = sp.csr_array(to @ sp.diags_array(np.divide(passing, sums, out=np.zeros(count), where=sums > 0)))
     total = sp.csr_array(sp.eye_array(count) + step)
     while step.nnz:  # all powers of the step, in pairs
@@ -183,28 +183,32 @@ def _absorbed(beside: sp.csr_array, tested_nodes: Flags, own: Array) -> sp.csr_a
         step.data[step.data < SAME_NUMBER**2] = 0.0
         step.eliminate_zeros()
         total = sp.csr_array(total + step @ total)
-    kept = sp.csr_array(sp.diags_array(own) @ total)
+    kept = sp.csr_array(sp.diags_array(portion) @ total)
     columns = np.asarray(kept.sum(axis=0)).ravel()
     return sp.csr_array(kept @ sp.diags_array(np.divide(1.0, columns, out=np.zeros(count), where=columns > 0)))
 
 
-def _mixed(shares: sp.csr_array, nodes: Indices, weight: Array, own: Array) -> sp.csr_array:
+def _mixed(shares: sp.csr_array, nodes: Indices, weight: Array, portion: Array) -> sp.csr_array:
     """The shares of points that are not all their own with those of the points that took over the rest of them."""
-    weak = np.flatnonzero(own < 1.0)
+    weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
         return shares
     to = sp.csr_array(shares[:, nodes[weak]]).T.tocsr()
-    lost = np.asarray(to[np.arange(weak.size), weak]).ravel()
-    itself = sp.csr_array(sp.coo_array((lost, (np.arange(weak.size), weak)), shape=to.shape))
-    rest = np.maximum(1.0 - lost, 0.0)
-    mean = sp.diags_array(np.divide(1.0, rest, out=np.zeros_like(rest), where=rest > SAME_NUMBER)) @ (to - itself)
+    kept_portion = np.asarray(to[np.arange(weak.size), weak]).ravel()
+    itself = sp.csr_array(sp.coo_array((kept_portion, (np.arange(weak.size), weak)), shape=to.shape))
+    remainder = np.maximum(1.0 - kept_portion, 0.0)
+    mean = sp.diags_array(np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER)) @ (
+        to - itself
+    )
     sizes = shares @ weight
-    taken = sp.diags_array((1.0 - own[weak]) * weight[nodes[weak]]) @ mean
-    taken = sp.csr_array(taken @ sp.diags_array(np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)))
-    sums = np.asarray(taken.sum(axis=0)).ravel()
-    taken = taken @ sp.diags_array(1.0 / np.maximum(1.0, 2.0 * sums))
+    added_share = sp.diags_array((1.0 - portion[weak]) * weight[nodes[weak]]) @ mean
+    added_share = sp.csr_array(
+        added_share @ sp.diags_array(np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0))
+    )
+    sums = np.asarray(added_share.sum(axis=0)).ravel()
+    added_share = added_share @ sp.diags_array(1.0 / np.maximum(1.0, 2.0 * sums))
     places = weak, np.arange(weak.size)
-    added = sp.csr_array(sp.coo_array((np.ones(weak.size), places), shape=(nodes.size, weak.size)) @ taken)
+    added = sp.csr_array(sp.coo_array((np.ones(weak.size), places), shape=(nodes.size, weak.size)) @ added_share)
     return sp.csr_array(shares + added @ shares - sp.diags_array(np.asarray(added.sum(axis=0)).ravel()) @ shares)
 
 

@@ -238,12 +238,12 @@ def _near_lines(middles: Array, ways: Array, tree: cKDTree, width: Array, reach:
     for station in stations:
         places = middles + station * ways
         close = np.flatnonzero(np.isfinite(tree.query(places, distance_upper_bound=radius)[0]))
-        found = tree.query_ball_point(places[close], radius)
-        sizes = np.array([len(numbers) for numbers in found], dtype=np.int64)
+        balls = tree.query_ball_point(places[close], radius)
+        sizes = np.array([len(numbers) for numbers in balls], dtype=np.int64)
         if sizes.sum():
-            met.append(np.column_stack((np.repeat(close, sizes), np.concatenate(found).astype(np.int64))))
-    own, other = np.divmod(np.unique(np.concatenate(met) @ np.array([tree.n, 1])), tree.n)
-    return own, other
+            met.append(np.column_stack((np.repeat(close, sizes), np.concatenate(balls).astype(np.int64))))
+    line, point = np.divmod(np.unique(np.concatenate(met) @ np.array([tree.n, 1])), tree.n)
+    return line, point
 
 
 def _rays(slave: Sheet, x: Array, ways: Array, master: Sheet, y: Array, reach: float) -> Rays:
@@ -293,11 +293,11 @@ def _seen_from_facets(
         rule: points of a triangle, and their weights.
         reach: distance beyond which facets are no partners, length.
     """
-    (points, weights), (number, over), (own, opposite) = rule, pairs, corners
-    middle, first = own.mean(axis=1), np.eye(3)[np.abs(ways).argmin(axis=1)]
+    (points, weights), (number, over), (slave_corners, opposite) = rule, pairs, corners
+    middle, first = slave_corners.mean(axis=1), np.eye(3)[np.abs(ways).argmin(axis=1)]
     first = _unit(np.cross(ways, first))
     axes = np.stack((first, np.cross(ways, first)), axis=1)
-    flat = np.einsum("fkd,fad->fka", own - middle[:, None], axes)
+    flat = np.einsum("fkd,fad->fka", slave_corners - middle[:, None], axes)
     size = _areas(flat, np.full(len(flat), flat.shape[1]))
     over_flat = np.einsum("mkd,mad->mka", opposite[over] - middle[number][:, None], axes[number])
     near = (over_flat.min(axis=1) <= flat.max(axis=1)[number]).all(axis=1)
@@ -326,7 +326,7 @@ def _seen_from_facets(
     area = (double[:, None] * weights).ravel() * undeformed / ratio
     area = area * np.sum(hats * slave.measure[slave.facets[facet]], axis=1)
     apart = np.einsum("rk,rkd->rd", _hats(place, opposite.shape[1]), opposite[over[pair]])
-    apart = apart - np.einsum("rk,rkd->rd", hats, own[facet])
+    apart = apart - np.einsum("rk,rkd->rd", hats, slave_corners[facet])
     means = np.stack([np.bincount(pair, area * part) for part in apart.T], axis=1) / np.bincount(pair, area)[:, None]
     seen = np.flatnonzero(np.linalg.norm(means, axis=1)[pair] <= reach)
     distance = np.sum(apart * ways[facet], axis=1)
