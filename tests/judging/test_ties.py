@@ -111,3 +111,18 @@ def test_directions_that_links_leave(seed):
     np.testing.assert_allclose(rows @ dense, 0.0, atol=1e-9)
     np.testing.assert_allclose(dense[components], np.eye(len(components)), atol=1e-12)
     assert not dense[np.setdiff1d(np.arange(size), free)].any()
+
+
+def test_equal_forces_at_nodes_stay_there(tmp_path):
+    """A scene takes them as an even traction, which is another problem near the side."""
+    text = (DATA / "shelf_CPE4.inp").read_text()
+    at = text.index("*DSLOAD")
+    (tmp_path / "pushed.inp").write_text(
+        text[:at] + "*CLOAD\nBODY_TOP_N, 2, -0.2\n" + text[text.index("*NODE PRINT", at) :]
+    )
+    problem, reasons = judged_problem(tmp_path / "pushed.inp")
+    assert reasons == []
+    top = problem.mesh.points[:, 1] == 0.5
+    forces = sum(problem.loads.values())
+    np.testing.assert_allclose(forces[top], [[0.0, -0.2]] * np.count_nonzero(top), atol=1e-12)
+    assert not forces[~top].any()

@@ -152,7 +152,8 @@ class Deck:
     interactions.
     ``shells`` has the elements of sets of shells in space, and ``areas`` those that only carry a pressure to a side of
     the body (``load_areas.LoadArea``).
-    ``nonlinear`` is the last step with NLGEOM.  ``slaves`` says that contact points are those of slave surfaces, whose
+    ``nonlinear`` is the last step with NLGEOM.  ``at_nodes`` says that forces at nodes stay there, even if they are
+    nearly those of an even traction.  ``slaves`` says that contact points are those of slave surfaces, whose
     pressure is wanted, and not those that the scene would choose.
     ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
     """
@@ -210,6 +211,7 @@ class Deck:
     nonlinear: DeckBlock | None = None
     apart: bool = False
     slaves: bool = False
+    at_nodes: bool = False
 
     @property
     def kinematics(self) -> Kinematics:

@@ -57,8 +57,12 @@ _KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "
 _PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
 
 
-def read_deck(file: Path) -> Deck:
+def read_deck(file: Path, *, at_nodes: bool = False) -> Deck:
     """An input file: its mesh, and what acts on the body.
+
+    Args:
+        file: the input file.
+        at_nodes: whether equal forces at the nodes of a side stay there, and do not become an even traction.
 
     Raises:
         MeshError: there is no such file, or it is no mesh, see ``read_file``; a number is none, or a line has too few;
@@ -67,7 +71,7 @@ def read_deck(file: Path) -> Deck:
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
     model = read_model(file)
-    deck = Deck(from_raw(model.raw, str(file)), model)
+    deck = Deck(from_raw(model.raw, str(file)), model, at_nodes=at_nodes)
     for name, missing in deck.model.undefined.items():
         say = deck.lose if name in deck.model.surfaces else deck.note
         say(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")

@@ -329,7 +329,14 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         total = 0.0 if abs(total) < ALIKE_IN_DECK**2 * abs(factor) * sum(map(abs, group.values)) else total
         where = deck.boundary(group.name)
         turned = not deck.turned.keys().isdisjoint(map(int, rows))
-        evenly = not single_forces and where is not None and not turned and total and len(rows) == len(group.nodes)
+        evenly = (
+            not single_forces
+            and not deck.at_nodes
+            and where is not None
+            and not turned
+            and total
+            and len(rows) == len(group.nodes)
+        )
         if evenly and where is not None and _like_an_even_one(deck, group, where, axis):
             _set_load(deck, DeckLoad("force", where, (axis,), block), total / deck.thickness)
             deck.note(block, f"forces at nodes, {total:g} along {axis} in all ({len(rows)} nodes): on {where!r} evenly")

@@ -76,7 +76,7 @@ def judged_problem(problem: object) -> tuple[JudgedProblem, list[str]]:
 
 
 def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
-    deck = read_deck(file)
+    deck = read_deck(file, at_nodes=True)  # where programs have them
     mesh = _mesh_of_deck(deck)
     points, unclear = adjusted_points(deck, mesh)
     moved = not np.array_equal(points, mesh.points)
