@@ -933,9 +933,9 @@ LITTLE_OF_STEP = 0.01
 # were passed without this by a step of which the jump was more than half.
 FASTER = (1.2, 2.0), (2.0, 5.0)
 # An increment whose contact sets cycle is taken up to this share of the first one of its solve.  54 random seals, disks
-# and ploughed blocks took 1,310 iterations in 164 steps so, 1,542 in 199 without, none of them more.  Of 60 other random
-# bodies five differ: two took 6 and 8 iterations more, one 2,768 linear solves where it took 1,737, two fewer.  With all
-# increments taken a random body in 5 ended with a shape inside it that had a solution.
+# and ploughed blocks took 1,310 iterations in 164 steps so, 1,542 in 199 without, none of them more.  Of 60 other
+# random bodies five differ: two took 6 and 8 iterations more, one 2,768 linear solves where it took 1,737, two fewer.
+# With all increments taken a random body in 5 ended with a shape inside it that had a solution.
 CYCLING_INCREMENT = 0.25
 # What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
 MOST_TURNED = -0.5

@@ -126,3 +126,21 @@ def test_equal_forces_at_nodes_stay_there(tmp_path):
     forces = sum(problem.loads.values())
     np.testing.assert_allclose(forces[top], [[0.0, -0.2]] * np.count_nonzero(top), atol=1e-12)
     assert not forces[~top].any()
+
+
+def test_linked_nodes_in_contact(tmp_path):
+    """What an equation exerts on nodes of a contact is no force of the contact, and no reaction of the other body."""
+    problem, _ = judged_problem(DATA / "stack_CPE4.inp")
+    contact = problem.contacts[0]
+    inner = np.intersect1d(np.unique(contact.facets), np.flatnonzero(np.isnan(problem.prescribed).all(axis=1)))
+    inner = inner[np.argsort(problem.mesh.points[inner, 0])]
+    names = problem.mesh.names[inner[[1, -2]]]
+    text = (DATA / "stack_CPE4.inp").read_text()
+    equation = f"*EQUATION\n2\n{names[0]}, 2, 1., {names[1]}, 2, -3.\n*STEP"
+    (tmp_path / "linked.inp").write_text(text.replace("*STEP", equation, 1))
+    problem, reasons = judged_problem(tmp_path / "linked.inp")
+    assert reasons == []
+    ours = at_nodes_of(solved(problem.scene), problem)
+    judgement = judge(tmp_path / "linked.inp", ours, compare=False)
+    assert judgement.agrees, str(judgement)
+    assert judge(DATA / "stack_CPE4.inp", ours, compare=False).exit_code == 6

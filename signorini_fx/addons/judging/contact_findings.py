@@ -150,7 +150,7 @@ def reactions(problem: JudgedProblem, residual: Floats) -> list[ContactReaction]
             continue
         sides = np.unique(contact.facets), np.unique(contact.opposite)
         rivals = [rival for rival in problem.contacts if rival is not contact]
-        if any(np.isin(contact.nodes, rival.nodes).any() for rival in rivals):
+        if problem.linked[contact.nodes].any() or any(np.isin(contact.nodes, rival.nodes).any() for rival in rivals):
             continue
         free = np.isnan(problem.prescribed[contact.nodes]).all(axis=0)
         if not free.any():

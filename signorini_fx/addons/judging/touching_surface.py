@@ -41,7 +41,7 @@ class TouchingSurface:
         straight: of the direction of slip the length of its mean over the hat, weighted by what enters: 1 where all of
             it slips the same way, shape (c,).
         normal: to the other side, shape (c, d).
-        judged: which corners no support holds and no other contact shares, shape (c,).
+        judged: which corners no support holds and no other contact or link shares, shape (c,).
         sliding: of these the ones that no support holds in any direction, shape (c,).
         neighbours: which corners share a facet, shape (c, c).
         rotation: by which facets in contact turn at most, radians.
@@ -128,7 +128,7 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
     push = -np.einsum("cd,cd->c", force, across) / np.maximum(square, _ACROSS)
     shear = force + push[:, None] * toward
     mean_slip = mean_slip - np.einsum("cd,cd->c", mean_slip, toward)[:, None] * toward
-    shared_nodes = np.zeros(len(mesh.points), dtype=bool)
+    shared_nodes = problem.linked.copy()  # what links exert is no contact
     for rival in problem.contacts:
         if rival is not contact:
             shared_nodes[rival.nodes] = True
