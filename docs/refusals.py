@@ -31,7 +31,7 @@ from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS  # noq
 # What is computed of a scene, and the features that it does not know.
 COMPUTED = {
     "guaranteed bound": bounded_scene.REFUSES,
-    "proof by statics": limits.REFUSES,
+    "proof by statics": limit_surface.REFUSES,
     "proof of uniqueness": contact_stiffness.REFUSES,
     "derivatives": of_scene.REFUSES,
     "study of methods": reference.REFUSES,
