@@ -148,4 +148,4 @@ def test_what_is_wrong_with_a_draft_names_the_deck(tmp_path, capsys):
     (tmp_path / "deck.inp").write_text("\n".join([*lines, "*STEP", "*STATIC", "*END STEP"]) + "\n", encoding="utf-8")
     assert cli.main(["run", str(tmp_path / "deck.inp"), "--out", str(tmp_path / "out")]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert f"(from deck.inp, line {lines.index('*CONTACT PAIR, INTERACTION=I') + 1}, *CONTACT PAIR)" in said
+    assert f"(from deck.inp, line {lines.index('*BOUNDARY') + 1}, *BOUNDARY)" in said
