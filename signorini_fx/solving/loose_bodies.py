@@ -58,11 +58,11 @@ def explained(body: Model, task: Task, start: Start, outcome: Outcome, when: str
     motions = body.motions
     members = np.flatnonzero(motions.pieces.assembly == number)
     names = names_of(motions.of_all[:, motions.assembly == number], motions, members)
-    which = f"{names}, which the supports do not hold"
+    loose = f"{names}, which the supports do not hold"
     if members.size == 1:
-        which = f"the body, of which the supports do not hold {names}"
+        loose = f"the body, of which the supports do not hold {names}"
     message = (
-        f"nothing presses on {which}: it lies loose, and many positions are in equilibrium; press it on, or prescribe "
+        f"nothing presses on {loose}: it lies loose, and many positions are in equilibrium; press it on, or prescribe "
         "a displacement"
     )
     return replace(outcome, status=Status.OPEN), Finding("warning", body.statement.forces_at, f"{when}{message}")

@@ -260,13 +260,13 @@ class _Quantity(Bounded):
         t, middle = self.t, self._middles(w)
         elastic, unknown = from_strain(t, self._strain(w)), self.loads.unknown_work(w, middle)
         if self.grading is not None:
-            inside, more = self.grading.work(from_strain(t, self.enclosure.v.strain), elastic)
+            inside, unknown_part = self.grading.work(from_strain(t, self.enclosure.v.strain), elastic)
         else:
             # The strain of w is constant: the mean of that of v is enough.
             mean_stress = elastic_stress(t, self.enclosure.v.strain, self.initial).mean(axis=(1, 2))
             inside = float(t.volume @ (mean_stress * self._strain(w)[:, 0] * TWICE[2]).sum(axis=1))
-            more = 0.0 if self.initial is None else float(self.initial.unknown_work(elastic).sum())
-        return float(self.loads.work(w, middle) - inside), unknown + more
+            unknown_part = 0.0 if self.initial is None else float(self.initial.unknown_work(elastic).sum())
+        return float(self.loads.work(w, middle) - inside), unknown + unknown_part
 
     def _round_off(self, dual: _Dual, enclosure: Enclosure, size: float) -> float:
         """Bound of the round-off of a quantity.

@@ -231,7 +231,7 @@ class EquilibriumSolver:
         that comes to rest without load increments are relative to nothing: with a J, which may be another tangent, the
         residual is round-off once they are no longer halved.
         """
-        comm, u, worst, before = self.linear.space.mesh.comm, self.u, np.inf, np.inf
+        comm, u, worst, last_change = self.linear.space.mesh.comm, self.u, np.inf, np.inf
         self.linear.begin_anew()
         self.predicted = 0.0
         residual: Array | None = None
@@ -267,7 +267,7 @@ class EquilibriumSolver:
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
             small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self.linear.extent
-            shortened, before = self.tangents.given and 2 * change < before, change
+            shortened, last_change = self.tangents.given and 2 * change < last_change, change
             if small or (least and not (shortened and iteration < self.max_newton)):
                 status = self._judge()
                 if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:

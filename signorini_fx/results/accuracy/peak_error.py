@@ -97,11 +97,11 @@ class _Refinement:
         return size / (self.finer**rate - 1) / self.to_last**rate
 
 
-def _rate_seen(before: _Refinement, last: _Refinement, expected: float) -> float:
+def _rate_seen(first: _Refinement, last: _Refinement, expected: float) -> float:
     """The rate with which both changes decrease, from ``SLOWEST_PEAK`` to the expected one; this where one turns."""
-    if not (before.changes * last.changes > 0).all():
+    if not (first.changes * last.changes > 0).all():
         return expected
-    seen = np.log(before.changes / last.changes) / np.log(last.finer)
+    seen = np.log(first.changes / last.changes) / np.log(last.finer)
     return float(np.clip(seen.max(), SLOWEST_PEAK, expected))
 
 

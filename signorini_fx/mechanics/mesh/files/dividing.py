@@ -24,7 +24,7 @@ from signorini_fx.tuned import DIVIDED_AT_MOST
 _IN_PLANE = ("triangle", "quad")
 # What all cells become -> those that may be beside them, but not more.  At each corner of each of them two edges meet
 # in the plane, and three in space.
-_OTHERS = {"quad": {"triangle"}, "hexahedron": {"tetra", "wedge"}}
+_BESIDE = {"quad": {"triangle"}, "hexahedron": {"tetra", "wedge"}}
 # The kind of what a cell, a side of it or an edge becomes, by its number of nodes.
 _PARTS = {2: "line", 4: "quad", 8: "hexahedron"}
 _NUMBERS = {3: "three", 4: "four", 6: "six", 8: "eight"}
@@ -42,8 +42,8 @@ def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
     unchanged = raw, np.empty((0, 4), dtype=np.int64), ""
     if not (body := _mixed(raw)):
         return unchanged
-    others = _bodies_with(raw, body, body - _OTHERS.keys())
-    taken = [others[nodes[:, 0]] if kind in body and nodes.size else None for kind, nodes in raw.blocks]
+    mixed = _bodies_with(raw, body, body - _BESIDE.keys())
+    taken = [mixed[nodes[:, 0]] if kind in body and nodes.size else None for kind, nodes in raw.blocks]
     cells = [(kind, nodes[rows]) for (kind, nodes), rows in zip(raw.blocks, taken, strict=True) if rows is not None]
     middles = _Dividing.of(cells, len(raw.points))
     centre = middles.first + len(middles.edges) + len(middles.faces)
@@ -66,9 +66,9 @@ def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
         parts = middles.parts(kind, nodes[split], centres[split])
         width = parts.shape[2]
         # Of another kind than its parts, what is not divided is no cell and no side of one.
-        whole = np.flatnonzero(centres < 0) if _PARTS[width] == kind else split[:0]
-        blocks.append((_PARTS[width], np.concatenate((nodes[whole].reshape(-1, width), parts.reshape(-1, width)))))
-        origins.append(np.concatenate((whole, split.repeat(parts.shape[1]))))
+        undivided = np.flatnonzero(centres < 0) if _PARTS[width] == kind else split[:0]
+        blocks.append((_PARTS[width], np.concatenate((nodes[undivided].reshape(-1, width), parts.reshape(-1, width)))))
+        origins.append(np.concatenate((undivided, split.repeat(parts.shape[1]))))
     ends = middles.ends([nodes for _, nodes in cells])
     mesh = replace(
         raw,
@@ -89,9 +89,9 @@ def _mixed(raw: RawMesh) -> set[str]:
             counts[kind] = counts.get(kind, 0) + len(nodes)
     body = counts.keys() - set(_IN_PLANE) or set(counts)
     valid = all(0 <= nodes.min() <= nodes.max() < len(raw.points) for _, nodes in raw.blocks if nodes.size)
-    for kind, others in _OTHERS.items():
-        among = body & others
-        if body == {kind} | among and among and sum(counts[other] for other in among) <= counts[kind]:
+    for kind, beside in _BESIDE.items():
+        among = body & beside
+        if body == {kind} | among and among and sum(counts[fewer] for fewer in among) <= counts[kind]:
             in_space = kind == "hexahedron"
             return set(body) if valid and (not in_space or raw.points.shape[1] == 3) else set()
     return set()
@@ -143,8 +143,8 @@ class _Dividing:
             self.first + len(self.edges) + rows_of(_padded(nodes[:, face], 4), self.faces)[:, None]
             for face in FACES.get(kind, ())
         ]
-        own = np.concatenate((nodes, edges, *sides, centres[:, None]), axis=1)
-        return own[:, _parts(kind)]
+        points = np.concatenate((nodes, edges, *sides, centres[:, None]), axis=1)
+        return points[:, _parts(kind)]
 
     def ends(self, cells: Sequence[Ints]) -> Ints:
         """The nodes between which each point is, of cells by their blocks, too; see ``divided``."""
@@ -178,11 +178,11 @@ def _parts(kind: str) -> Ints:
         return count + next(k for k, pair in enumerate(pairs) if set(pair) == set(ends))
 
     def face(*corners: int) -> int:
-        return count + len(pairs) + next(k for k, own in enumerate(faces) if set(corners) <= set(own))
+        return count + len(pairs) + next(k for k, face in enumerate(faces) if set(corners) <= set(face))
 
     parts: list[Corners] = []
     for corner in range(count):
-        around = next((own for own in faces if corner in own), tuple(range(count)))
+        around = next((face for face in faces if corner in face), tuple(range(count)))
         at = around.index(corner)
         back, forth = around[at - 1], around[(at + 1) % len(around)]
         if not faces:
@@ -208,14 +208,14 @@ def _words(cells: Sequence[tuple[str, Ints]]) -> str:
     target = "quad" if counts.keys() <= set(_IN_PLANE) else "hexahedron"
     parts = [
         f"{counts[kind]} {WORDS[kind]} into {_NUMBERS[CORNERS[kind]]} each"
-        for kind in (target, *sorted(_OTHERS[target]))
+        for kind in (target, *sorted(_BESIDE[target]))
         if counts.get(kind)
     ]
-    whole = " and ".join(parts)
-    return f"{whole} are divided, as a mesh has one kind of cell: all are {WORDS[target]}"
+    divided_cells = " and ".join(parts)
+    return f"{divided_cells} are divided, as a mesh has one kind of cell: all are {WORDS[target]}"
 
 
-def _bodies_with(raw: RawMesh, body: Collection[str], others: Collection[str]) -> npt.NDArray[np.bool_]:
+def _bodies_with(raw: RawMesh, body: Collection[str], kinds: Collection[str]) -> npt.NDArray[np.bool_]:
     """Which points are of a body, cells that share nodes, that has a cell of some kinds."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -228,7 +228,7 @@ def _bodies_with(raw: RawMesh, body: Collection[str], others: Collection[str]) -
     ]
     i, j = np.concatenate(pairs).T
     number = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(count, count)), directed=False)[1]
-    corners = [nodes[:, 0] for kind, nodes in raw.blocks if kind in others and nodes.size]
+    corners = [nodes[:, 0] for kind, nodes in raw.blocks if kind in kinds and nodes.size]
     return np.isin(number, np.unique(number[np.concatenate(corners)]))
 
 
