@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
-from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers
+from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.overlap_space import clip
 from signorini_fx.mechanics.pairs.sliding import slide
 from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
@@ -247,3 +247,35 @@ def test_shares_of_functions_sum_to_one(kind):
         assert carriers.shares.data.min() >= 0.0
         assert not unable[carriers.nodes].any()
         assert (weight[carriers.nodes] > KEPT_WEIGHT * side.area[carriers.nodes]).all()
+
+
+def test_functions_of_many_nodes_without_a_point():
+    """Within a large part that cannot carry points the function of each node is shared as the mean of those around it;
+    with powers of all steps in pairs this took half a minute.
+    """
+    cells, lines = 40, 18
+    side = sheet("quadrilateral", (cells, cells), (0.0, 0.0), (1.0, 1.0), 1.0)
+    unable = np.arange(len(side.x)) < lines * (cells + 1)
+    shares = EvenCarriers.of(side, np.arange(len(side.nodes)), side.area, unable).shares.toarray()
+    assert shares.sum(axis=0) == pytest.approx(np.ones(len(side.x)), abs=1e-12)
+    grid = shares.reshape(-1, cells + 1, cells + 1)[:, :lines]
+    around = [grid[:, 1 + i : lines - 1 + i, 1 + j : cells + j] for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+    np.testing.assert_allclose(grid[:, 1:-1, 1:-1], np.mean(around, axis=0), atol=1e-12)
+
+
+@KINDS
+def test_a_point_that_keeps_only_round_off(kind):
+    """One node of a covered part that has next to nothing more than the least share takes all functions, as before."""
+    side = sheet(kind, (3, 2), (0.0, 0.0), (1.0, 1.0), 1.0)
+    weight = np.zeros(len(side.x))
+    weight[5] = KEPT_WEIGHT * (1 + 1e-14) * side.area[5]
+    carriers = EvenCarriers.of(side, np.arange(len(side.nodes)), weight, np.zeros(len(side.x), dtype=bool))
+    assert carriers.nodes.tolist() == [5]
+    assert carriers.shares.toarray() == pytest.approx(np.ones((1, len(side.x))))
+
+
+def test_held_nodes_over_held_nodes():
+    """More than half of a function is over held nodes of the other side; one of negative weight is over none."""
+    held = HeldSides(np.array([True, True, True, False]), np.array([True, False]))
+    met = np.array([[0.3, 0.7], [0.7, 0.3], [-0.1, -0.2], [1.0, 0.0]])
+    assert held.helpless(met).tolist() == [False, True, False, False]

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.surface import PairSurface
@@ -47,8 +48,9 @@ class HeldSides:
             met: integrals of the functions of the nodes of the slave times those of the master, sparse or dense, shape
                 (N, M).
         """
-        of_held = np.asarray(met @ self.master.astype(np.float64)).ravel()
-        return np.asarray(self.slave & (of_held > MOSTLY_HELD * np.asarray(met.sum(axis=1)).ravel()))
+        of_held, whole = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
+        # On a part of a facet a quadratic function may have a negative weight, which says nothing.
+        return np.asarray(self.slave & (whole > 0.0) & (of_held > MOSTLY_HELD * whole))
 
 
 def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
@@ -127,6 +129,7 @@ class EvenCarriers:
         share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
         part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
         portion = np.where(able, part**2 * (3.0 - 2.0 * part), 0.0)
+        portion[portion <= SAME_NUMBER] = 0.0  # what keeps nothing but round-off passes all on
         while portion.any():
             nodes = np.flatnonzero(portion)
             shares = _absorbed(beside, tested_nodes, portion)[nodes]
@@ -177,13 +180,17 @@ def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.c
     reached = np.bincount(piece, portion) > 0
     passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - portion, 0.0)
     step = sp.csr_array(to @ sp.diags_array(np.divide(passing, sums, out=np.zeros(count), where=sums > 0)))
-    total = sp.csr_array(sp.eye_array(count) + step)
-    while step.nnz:  # all powers of the step, in pairs
-        step = sp.csr_array(step @ step)
-        step.data[step.data < SAME_NUMBER**2] = 0.0
-        step.eliminate_zeros()
-        total = sp.csr_array(total + step @ total)
-    kept = sp.csr_array(sp.diags_array(portion) @ total)
+    chain = np.flatnonzero(passing)
+    kept = sp.csr_array(sp.diags_array(np.where(passing > 0, 0.0, portion)))
+    if chain.size:  # what each of these keeps of what the chain hands on, in any number of steps
+        begin = sp.csr_array(sp.diags_array((passing == 0).astype(np.float64)) @ step[:, chain])
+        begin = sp.csr_array(sp.diags_array(portion) @ (begin + sp.csr_array(sp.eye_array(count))[:, chain]))
+        keeping = np.flatnonzero(np.diff(begin.indptr))
+        within = sp.csc_array((sp.eye_array(chain.size) - step[chain][:, chain]).T)
+        values = splu(within).solve(begin[keeping].toarray().T).T
+        row, column = np.nonzero(values > SAME_NUMBER**2)
+        entries = values[row, column], (keeping[row], chain[column])
+        kept = sp.csr_array(kept + sp.coo_array(entries, shape=(count, count)))
     columns = np.asarray(kept.sum(axis=0)).ravel()
     return sp.csr_array(kept @ sp.diags_array(np.divide(1.0, columns, out=np.zeros(count), where=columns > 0)))
 
