@@ -413,9 +413,9 @@ class Solution:
         """What the accuracy took and what a better one would take, or why there is no forecast; collective."""
         if self.last_step.status is not Status.CONVERGED:
             return "no solution"
-        d, dimension = self.model, self.model.tagged.dimension
+        model, dimension = self.model, self.model.tagged.dimension
         degree = int(self.displacement.function_space.element.basix_element.degree)
-        iterative_from = krylov_from(d.system_size, self.statement.solver.linear_algebra)
+        iterative_from = krylov_from(model.system_size, self.statement.solver.linear_algebra)
         if self.price_list:
             asked = None if self.statement.accuracy is None else self.statement.accuracy.of
             return from_prices(self.price_list, dimension, degree, iterative_from, asked)
@@ -430,7 +430,7 @@ class Solution:
             error,
             crowded_share(self.comm, self.stress.squares),
             degree=degree,
-            dofs=d.dofs,
+            dofs=model.dofs,
             dimension=dimension,
             seconds=sum(seconds.values()),
             constant=seconds.get("compile", 0.0),

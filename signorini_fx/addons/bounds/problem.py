@@ -259,7 +259,7 @@ class PlainProblem:
         step: float,
         before: fem.Function | None = None,
     ) -> None:
-        self._d, self._position, self._dimension = model, step, model.tagged.dimension
+        self._model, self._position, self._dimension = model, step, model.tagged.dimension
         self._statement = model.statement.placed(step)
         refuse_unknown(model)
         if contact is not None and pushed(contact.held_inside, model.tagged.size).any():
@@ -299,9 +299,9 @@ class PlainProblem:
     def grounds(self) -> Grounds:
         """What all that is proved rests on."""
         return grounds(
-            self._d,
+            self._model,
             self._position,
-            coulomb=self._d.statement.has_coulomb,
+            coulomb=self._model.statement.has_coulomb,
             later=self._before is not None,
             unknown=self.loads.unknown_share,
             flat=self.flat,
@@ -309,12 +309,12 @@ class PlainProblem:
 
     def _divide(self, y: fem.Function) -> None:
         """Simplices of the cells, with degree 2 four of each triangle, and the displacement on them."""
-        mesh, dofs, d = self._d.tagged.mesh, y.function_space.dofmap.list, self._dimension
+        mesh, dofs, d = self._model.tagged.mesh, y.function_space.dofmap.list, self._dimension
         used, cells = np.unique(np.asarray(compat.geometry_cells(mesh), dtype=np.int64), return_inverse=True)
         x, cells = np.asarray(mesh.geometry.x[:, :d], dtype=np.float64)[used], cells.reshape(len(dofs), -1)
         if mesh.topology.cell_name() == "quadrilateral":
             across = x[cells[:, 0]] - x[cells[:, 1]] - x[cells[:, 2]] + x[cells[:, 3]]
-            if np.abs(across).max() > SAME_LENGTH * self._d.tagged.size:
+            if np.abs(across).max() > SAME_LENGTH * self._model.tagged.size:
                 raise Refused("a guaranteed bound is for quadrilaterals that are parallelograms: use triangles")
             corners = np.concatenate((cells[:, [0, 1, 3]], cells[:, [0, 3, 2]]))
         else:
@@ -322,7 +322,7 @@ class PlainProblem:
         owner: Ints = np.arange(len(corners)) % len(cells)
         turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
         corners = np.where(turned[:, None], corners[:, [*range(d - 1), d, d - 1]], corners)
-        t = Simplices(x, corners, moduli_of(self._d, owner))
+        t = Simplices(x, corners, moduli_of(self._model, owner))
         local = basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))
         self._corners_of_facets, self._cells, self._edges_of_cells = np.array(local[d - 1]), cells, np.array(local[1])
         self.owner, self._undivided, self._parts, self.t = owner, t, np.arange(len(t.facets))[:, None], t
@@ -338,7 +338,7 @@ class PlainProblem:
 
     def _match(self) -> None:
         """Divide the triangles at the contact of two bodies, so that the facets of both sides match."""
-        cells, pairs = self.t, self._d.pairs
+        cells, pairs = self.t, self._model.pairs
         self._sides: list[tuple[int, PairedParts]] = []
         self._split: SplitTriangles | None = None
         self.moved_nodes, self.placed, self.given_x, self.flat = 0.0, cells, cells.x, True
@@ -374,8 +374,8 @@ class PlainProblem:
 
     def _match_in_space(self) -> None:
         """The facets over each other, which have to be all that meet."""
-        tiny = SAME_LENGTH * self._d.tagged.size
-        for number, pair in sorted(self._d.pairs.items()):
+        tiny = SAME_LENGTH * self._model.tagged.size
+        for number, pair in sorted(self._model.pairs.items()):
             slave, master = (self._undivided_facets(side.facets) for side in (pair.slave, pair.master))
             matching = MatchingFacets.of(self.t, slave, master, tiny)
             area, covered = float(self.t.area[matching.slave].sum()), pair.coupling.covered
@@ -387,8 +387,8 @@ class PlainProblem:
         """Moduli in the centres of the cells where they vary inside; then no parts of a cell have the same matrices.
         And the stress of initial strains, which has these moduli.
         """
-        free = free_strain(self._d, self.owner, self._position)
-        self.grading = graded_moduli(self._d, self.t, self.owner, free)
+        free = free_strain(self._model, self.owner, self._position)
+        self.grading = graded_moduli(self._model, self.t, self.owner, free)
         if self.grading is not None:
             free = self.grading.free
             graded = replace(self.t, moduli=self.grading.moduli, parts=1)
@@ -495,7 +495,7 @@ class PlainProblem:
 
     def _undivided_facets(self, facets: npt.NDArray[np.int32]) -> Ints:
         """Those of the cells that are not divided, from facets of the mesh."""
-        entities, t = facet_entities(self._d.tagged.mesh, facets), self._undivided
+        entities, t = facet_entities(self._model.tagged.mesh, facets), self._undivided
         corners = np.take_along_axis(self._cells[entities[:, 0]], self._corners_of_facets[entities[:, 1]], axis=1)
         return np.searchsorted(t.keys(t.facets), t.keys(np.sort(corners, axis=1)))
 
@@ -503,7 +503,7 @@ class PlainProblem:
         """The facets of a boundary before cells at the contact of two bodies are divided, the parts of each facet of
         the mesh one after the other.
         """
-        return self._parts[self._undivided_facets(self._d.tagged.facets(name))].ravel()
+        return self._parts[self._undivided_facets(self._model.tagged.facets(name))].ravel()
 
     def _facets(self, name: str) -> Ints:
         """The facets of a boundary, the parts of each facet of the mesh one after the other."""
@@ -574,7 +574,7 @@ class PlainProblem:
         opposite, bonded = None, effect.bonded
         apart: Array
         if (matching := self._matching.get(number)) is not None:
-            whole_facets, whole_of = self._undivided_facets(self._d.pairs[number].slave.facets), matching.slave
+            whole_facets, whole_of = self._undivided_facets(self._model.pairs[number].slave.facets), matching.slave
             facets, normal, apart, opposite = self._facing(number, effect, whole_of, matching.master, matching.order)
         elif parts is None:
             whole_facets = self._whole_facets(effect.boundary)
@@ -582,7 +582,7 @@ class PlainProblem:
             facets, normal = self._towards(effect)
             apart = np.zeros((len(facets), d))
         else:
-            slave = self._d.pairs[number].slave.facets
+            slave = self._model.pairs[number].slave.facets
             whole_facets, whole_of = self._parts[self._undivided_facets(slave)].ravel(), parts.facets[:, SLAVE]
             facets, normal, apart, opposite = self._paired(number, effect, parts)
         given_gap = 0.0 if bonded else effect.gap_in(d)
@@ -701,7 +701,7 @@ class PlainProblem:
             opposite_facets: those over them, shape (m,).
             order: see ``OtherSide``.
         """
-        t, pair = self.t, self._d.pairs[number]
+        t, pair = self.t, self._model.pairs[number]
         normal = t.normal[facets]
         if pair.by_geometry:
             normal = normal - t.normal[opposite_facets]
@@ -711,7 +711,7 @@ class PlainProblem:
             opposite_facets, order, t.area[facets] / t.area[opposite_facets], soft[1] / (soft[0] + soft[1])
         )
         away = t.x[opposite.vertices(t)] - t.x[t.facets[facets]]
-        apart, tiny = np.einsum("fad,fd->fa", away, normal), SAME_LENGTH * self._d.tagged.size
+        apart, tiny = np.einsum("fad,fd->fa", away, normal), SAME_LENGTH * self._model.tagged.size
         flat = np.abs(t.normal[facets] + t.normal[opposite_facets]).max() <= SAME_DIRECTION
         flat &= np.abs(away - apart[:, :, None] * normal[:, None]).max() <= tiny
         self.flat &= bool(flat)

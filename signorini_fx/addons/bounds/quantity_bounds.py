@@ -162,16 +162,17 @@ class _Quantity(Bounded):
     def force(self, boundary: str, direction: Array) -> Interval:
         """See ``force``."""
         t, edges = self.t, self._facets(boundary)
-        names = [name for effect in self._d.statement.contact for name in (effect.boundary, effect.against)]
+        names = [name for effect in self._model.statement.contact for name in (effect.boundary, effect.against)]
         support = boundary not in names
         if support and not self.held[edges].any(axis=(1, 2)).all():
             raise Refused(f"{boundary!r} is neither a support nor a contact")
         closed = any(
-            boundary in (effect.boundary, effect.against) and not effect.opens for effect in self._d.statement.contact
+            boundary in (effect.boundary, effect.against) and not effect.opens
+            for effect in self._model.statement.contact
         )
         if (support or closed) and any(
             np.isin(self._facets(load.where), edges).any()
-            for load in self._d.statement.of(Force)
+            for load in self._model.statement.of(Force)
             if load.where is not None
         ):
             raise Refused(f"loads act on {boundary!r}: its own force is not known apart from them")

@@ -284,22 +284,22 @@ def _by_modulus(above: Scene, below: Scene, step: float, steps: list[_Step]) -> 
     """R_p of each load step, where p is a modulus: the forms of the body are linear in the Lame parameters, and are
     assembled with the derivatives of these in their place.
     """
-    d, twice = steps[0].model, 2 * step
-    forms: Sequence[fem.Form] | PETSc.Mat = d.forms[: len(d.forms) - len(d.resists or ())]
-    high, low = (lame_coefficients(entry.statement, d.tagged) for entry in (above, below))
+    model, twice = steps[0].model, 2 * step
+    forms: Sequence[fem.Form] | PETSc.Mat = model.forms[: len(model.forms) - len(model.resists or ())]
+    high, low = (lame_coefficients(entry.statement, model.tagged) for entry in (above, below))
     slopes = [(_values(entry) - _values(lower)) / twice for entry, lower in zip(high, low, strict=True)]
     if len(steps) > _FEW:
-        with _lame(d, slopes):
+        with _lame(model, slopes):
             forms = sum_of(forms, [])
     strained = any(entry.strains for _, entry in above.statement.listed())
-    prepared = [prepare(entry.statement, d.tagged, Timings()) for entry in (above, below)] if strained else []
+    prepared = [prepare(entry.statement, model.tagged, Timings()) for entry in (above, below)] if strained else []
 
     def residual(k: int) -> PETSc.Vec:
         body = steps[k].model
         with _lame(body, slopes):
             slope = elastic_forces(body, forms, steps[k].solved.displacement)
         if prepared:
-            forces = [_loads(model, steps[k].place)["forces"] for model in prepared]
+            forces = [_loads(changed, steps[k].place)["forces"] for changed in prepared]
             slope.axpy(-1 / twice, body.vector(forces[0] - forces[1]))
         slope.getArray()[body.prescribed] = 0.0
         return slope
@@ -336,20 +336,20 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
 
     @cache
     def contact(k: int) -> dict[str, Any]:
-        d, statement_k = steps[k].model, stated[k]
+        model, statement_k = steps[k].model, stated[k]
         if k and statement_k is stated[k - 1]:
             return contact(k - 1)
         if of_friction:
-            return {"law": law_of(d, statement_k)}
+            return {"law": law_of(model, statement_k)}
         if changed is not None:
-            model = placed(changed, steps[k].place)
-            assert model.data is not None
-            return {"boundary": model.boundary, "gap": model.data.gap, "law": model.law}
-        parts = contact_of(d, statement_k)
+            step_model = placed(changed, steps[k].place)
+            assert step_model.data is not None
+            return {"boundary": step_model.boundary, "gap": step_model.data.gap, "law": step_model.law}
+        parts = contact_of(model, statement_k)
         moving = {"gap": parts["data"].gap, "boundary": parts["boundary"], "law": parts["law"]}
         if any(effect.moves for effect in statement_k.contact):
-            model = replace(d, statement=statement_k, boundary=parts["boundary"])
-            moving["drift"] = moved_since(model, stated[k - 1] if k else statement_k.placed(-1))
+            step_model = replace(model, statement=statement_k, boundary=parts["boundary"])
+            moving["drift"] = moved_since(step_model, stated[k - 1] if k else statement_k.placed(-1))
         return moving
 
     def data(k: int) -> ChangedStep:

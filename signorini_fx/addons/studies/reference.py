@@ -84,7 +84,7 @@ class Reference:
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
         self._located: dict[Any, tuple[npt.NDArray[np.int32], Floats]] = {}
-        d, mesh = solution.model, solution.model.tagged.mesh
+        model, mesh = solution.model, solution.model.tagged.mesh
         points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
         cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
 
@@ -96,7 +96,7 @@ class Reference:
         self._points = np.zeros((cells.size * len(points), 3))
         self._points[:, : mesh.geometry.dim] = at_points(ufl.SpatialCoordinate(mesh))
         self._weights = np.abs(at_points(ufl.JacobianDeterminant(mesh))[:, 0]) * np.tile(weights, cells.size)
-        lame = at_points(ufl.as_vector(d.lame))
+        lame = at_points(ufl.as_vector(model.lame))
         self._lame, self._mu = lame.T
         self._stress = at_points(_stress(solution))
         self._size = self._energy_norm(self._stress)

@@ -207,14 +207,14 @@ class NonlinearContactProblem(ProblemOfForms):
             FormError: a value is not finite, cannot be evaluated, or ``update`` raised an exception.
         """
         self._continuation.forget()
-        with self._told():
+        with self._as_convergence_error():
             self._solver.attempt()
         self._solver.take()
         return self.u
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
-        """What ends without a solution is an error of this problem."""
+    def _as_convergence_error(self) -> Iterator[None]:
+        """What ends without a solution within is a ``ConvergenceError`` of this problem."""
         try:
             yield
         except NoEquilibrium as error:
@@ -279,7 +279,7 @@ class NonlinearContactProblem(ProblemOfForms):
             return replace(step, place=float(step.step - 1), time=gone[-1])
 
         way = Way(sizes, apply, named, controlled=tool is not None)
-        with self._told():
+        with self._as_convergence_error():
             try:
                 self._continuation.follow(way, lambda step: on_step(steps[-1]))
             except (NoEquilibrium, SnapThrough):
@@ -336,5 +336,5 @@ class NonlinearContactProblem(ProblemOfForms):
             if path.several:
                 self.history.add(StepRecord(number, path.name_at(end), path.time_at(end)))
 
-        with self._told():
+        with self._as_convergence_error():
             self._continuation.follow(Way(PathSizes(path), apply, named, announce), on_step, checkpoint)

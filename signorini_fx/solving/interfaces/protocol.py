@@ -43,7 +43,7 @@ class LoadStepStart:
     max_iterations: int | None = None
     scale: float = 1.0
     earlier: JointPressure | None = None
-    holds: Callable[[Model, Outcome, JointPressure], bool] = lambda d, outcome, joint: True
+    holds: Callable[[Model, Outcome, JointPressure], bool] = lambda model, outcome, joint: True
     inner: tuple[Any, ...] = ()
 
     def solved(self, model: Model, start: Start) -> LoadStepEnd:
