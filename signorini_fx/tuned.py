@@ -1024,6 +1024,9 @@ JUDGED_SUPPORTS, JUDGED_DIGITS = 1e-3, 4
 # By which share of the largest displacement the sides of a bond may be apart in the mean over a facet: 1.1e-2 is
 # reached by our own bond of bodies one cell wide, .49 by a tie of half a side.
 JUDGED_BOND = 5e-2
+# A component that is in one link alone follows the others if its factor is at least this share of the largest one of
+# the link.  Choice: what follows is a small multiple of these.
+JUDGED_FOLLOWER = 0.1
 # Factors of units in powers of ten: a thousand, but no load or modulus that is tried.
 JUDGED_UNITS = 2.5
 # By how much reactions that a program says differ from those of its displacement.  6e-6 is reached.

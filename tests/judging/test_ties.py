@@ -113,6 +113,24 @@ def test_directions_that_links_leave(seed):
     assert not dense[np.setdiff1d(np.arange(size), free)].any()
 
 
+def test_directions_of_a_long_tie():
+    """Each node of a fine side is between two of a coarse one, so that all links have nodes in common; as dense blocks
+    of all of them this took minutes.
+    """
+    fine, coarse = 6000, 2001
+    place = np.linspace(0, (coarse - 1) * (1 - 1e-9), fine)
+    after = place - np.floor(place)
+    start, rows = np.floor(place).astype(int) + fine, np.arange(fine)
+    entries = np.concatenate((np.ones(fine), after - 1.0, -after)), (np.tile(rows, 3), np.r_[rows, start, start + 1])
+    links = csr_array(entries, shape=(fine, fine + coarse))
+    basis, components = free_directions(links, np.arange(fine + coarse), fine + coarse)
+    assert sorted(components) == list(range(fine, fine + coarse))
+    hats = np.maximum(1.0 - np.abs(place - np.arange(10)[:, None]), 0.0)
+    np.testing.assert_allclose(
+        basis[:, np.searchsorted(components, fine + np.arange(10))][rows].T.toarray(), hats, atol=1e-9
+    )
+
+
 def test_equal_forces_at_nodes_stay_there(tmp_path):
     """A scene takes them as an even traction, which is another problem near the side."""
     text = (DATA / "shelf_CPE4.inp").read_text()
