@@ -267,8 +267,8 @@ MUTANTS = (
     ),
     Mutant(
         "derivatives/of_scene",
-        "d.forms[: len(d.forms) - len(d.resists or ())]",
-        "d.forms",
+        "model.forms[: len(model.forms) - len(model.resists or ())]",
+        "model.forms",
         "derivatives: springs grow with Young's modulus",
         tests=("derivatives_of_steps::test_moduli_and_loads_of_many_kinds",),
     ),

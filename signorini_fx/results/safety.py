@@ -175,13 +175,13 @@ def safety_of(model: Model, contact: ContactState, step: float) -> Safety | None
 
 def _assumed(model: Model) -> str:
     """What the factors rest on, in words."""
-    told = [
+    clauses = [
         "the foundation presses where the body touches it now",
         f"{model.law.unknown}, so that factors are upper bounds" if model.law is not None and model.law.unknown else "",
         *model.statement.assumed,
         STRAIGHT_CELLS if model.statement.arcs else "",
     ]
-    return "; ".join(filter(None, told))
+    return "; ".join(filter(None, clauses))
 
 
 def _along_contact(here: Reactions, motions: RigidMotions, columns: npt.NDArray[np.bool_]) -> Nodal:

@@ -64,14 +64,14 @@ def free_directions(links: csr_array, free: Ints, size: int) -> tuple[csc_array,
     inner = csr_array(links[:, free])
     inner.eliminate_zeros()
     rows, followers, weights = _in_one_link(inner)
-    others = np.setdiff1d(np.arange(free.size), followers)
-    basis, independent = _of_whole_links(csr_array(inner[np.setdiff1d(np.arange(inner.shape[0]), rows)][:, others]))
-    following = csr_array(diags_array(-1.0 / weights) @ inner[rows][:, others] @ basis)
+    candidates = np.setdiff1d(np.arange(free.size), followers)
+    basis, independent = _of_whole_links(csr_array(inner[np.setdiff1d(np.arange(inner.shape[0]), rows)][:, candidates]))
+    following = csr_array(diags_array(-1.0 / weights) @ inner[rows][:, candidates] @ basis)
     following.data[np.abs(following.data) <= SAME_LENGTH] = 0.0
     following.eliminate_zeros()
     entries = coo_array(vstack((basis, following)))
-    at = np.concatenate((free[others], free[followers]))[entries.row], entries.col
-    return csc_array((entries.data, at), shape=(size, independent.size)), free[others[independent]]
+    at = np.concatenate((free[candidates], free[followers]))[entries.row], entries.col
+    return csc_array((entries.data, at), shape=(size, independent.size)), free[candidates[independent]]
 
 
 def _in_one_link(inner: csr_array) -> tuple[Ints, Ints, Floats]:

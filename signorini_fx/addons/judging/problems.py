@@ -193,10 +193,10 @@ def _problem(
     ]
     prescribed, misfits = prescribed_of(statement, position, mesh)
     reasons += misfits
-    none = csr_array((0, mesh.points.size))
-    links = links_of(deck, mesh) if deck is not None and linked else none
+    no_links = csr_array((0, mesh.points.size))
+    links = links_of(deck, mesh) if deck is not None and linked else no_links
     ties = set() if deck is None else _linked_ties(deck, placed.contact)
-    bonds = links_of(deck, mesh)[links.shape[0] :] if deck is not None and linked else none
+    bonds = links_of(deck, mesh)[links.shape[0] :] if deck is not None and linked else no_links
     contacts = tuple(
         replace(_contact(entry, mesh, deck), of_nodes=(entry.boundary, entry.against) in ties)
         for entry in placed.contact

@@ -48,9 +48,9 @@ class HeldSides:
             met: integrals of the functions of the nodes of the slave times those of the master, sparse or dense, shape
                 (N, M).
         """
-        of_held, whole = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
+        of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
         # On a part of a facet a quadratic function may have a negative weight, which says nothing.
-        return np.asarray(self.slave & (whole > 0.0) & (of_held > MOSTLY_HELD * whole))
+        return np.asarray(self.slave & (weight > 0.0) & (of_held > MOSTLY_HELD * weight))
 
 
 def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
@@ -181,7 +181,7 @@ def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.c
     passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - portion, 0.0)
     step = sp.csr_array(to @ sp.diags_array(np.divide(passing, sums, out=np.zeros(count), where=sums > 0)))
     chain = np.flatnonzero(passing)
-    kept = sp.csr_array(sp.diags_array(np.where(passing > 0, 0.0, portion)))
+    keeps = sp.csr_array(sp.diags_array(np.where(passing > 0, 0.0, portion)))
     if chain.size:  # what each of these keeps of what the chain hands on, in any number of steps
         begin = sp.csr_array(sp.diags_array((passing == 0).astype(np.float64)) @ step[:, chain])
         begin = sp.csr_array(sp.diags_array(portion) @ (begin + sp.csr_array(sp.eye_array(count))[:, chain]))
@@ -190,9 +190,9 @@ def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.c
         values = splu(within).solve(begin[keeping].toarray().T).T
         row, column = np.nonzero(values > SAME_NUMBER**2)
         entries = values[row, column], (keeping[row], chain[column])
-        kept = sp.csr_array(kept + sp.coo_array(entries, shape=(count, count)))
-    columns = np.asarray(kept.sum(axis=0)).ravel()
-    return sp.csr_array(kept @ sp.diags_array(np.divide(1.0, columns, out=np.zeros(count), where=columns > 0)))
+        keeps = sp.csr_array(keeps + sp.coo_array(entries, shape=(count, count)))
+    columns = np.asarray(keeps.sum(axis=0)).ravel()
+    return sp.csr_array(keeps @ sp.diags_array(np.divide(1.0, columns, out=np.zeros(count), where=columns > 0)))
 
 
 def _mixed(shares: sp.csr_array, nodes: Indices, weight: Array, portion: Array) -> sp.csr_array:

@@ -145,14 +145,14 @@ class Sheet(Chain):
         return np.asarray((size * (self.measure[self.facets] @ _hats(at, self.width).T)) @ factors)
 
 
-def _inside(points: Array, window: Array, most: Array) -> npt.NDArray[np.bool_]:
+def _inside(points: Array, window: Array, tolerance: Array) -> npt.NDArray[np.bool_]:
     """Which points of the plane, shape (m, v, 2), are in convex polygons, corners counterclockwise, shape (m, k, 2), or
     outside by at most these lengths, shape (m,); shape (m, v).
     """
     edges = np.roll(window, -1, axis=1) - window
     away = points[:, :, None] - window[:, None]
     height = edges[:, None, :, 0] * away[..., 1] - edges[:, None, :, 1] * away[..., 0]
-    return np.asarray((height >= -most[:, None, None] * np.linalg.norm(edges, axis=2)[:, None]).all(axis=2))
+    return np.asarray((height >= -tolerance[:, None, None] * np.linalg.norm(edges, axis=2)[:, None]).all(axis=2))
 
 
 def _common(first: Array, second: Array) -> tuple[Array, Numbers]:
@@ -177,8 +177,8 @@ def _common(first: Array, second: Array) -> tuple[Array, Numbers]:
     points = np.concatenate((first, second, crossings), axis=1)
     kept = np.ones(points.shape[:2], dtype=bool)
     kept[:, first.shape[1] + second.shape[1] :] = crosses.reshape(count, -1)
-    most = SAME_NUMBER * np.maximum(*(np.ptp(polygon, axis=1).max(axis=1) for polygon in (first, second)))
-    kept &= _inside(points, first, most) & _inside(points, second, most)
+    tolerance = SAME_NUMBER * np.maximum(*(np.ptp(polygon, axis=1).max(axis=1) for polygon in (first, second)))
+    kept &= _inside(points, first, tolerance) & _inside(points, second, tolerance)
     number = kept.sum(axis=1)
     middle = np.where(kept[..., None], points, 0.0).sum(axis=1) / np.maximum(number, 1)[:, None]
     arms = points - middle[:, None]

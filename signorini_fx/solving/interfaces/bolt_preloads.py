@@ -149,8 +149,8 @@ def _loose(model: Model, entry: Preload, start: Start) -> Finding:
 
 def _with_shortenings(model: Model, step: float, lengths: Sequence[float] | Nodal) -> Model:
     """The same with shortenings that were found at a place; nothing is assembled again."""
-    found = zip(_tightened(model, step).values(), lengths, strict=True)
-    tight = {id(entry): entry.tightened(step, float(s)) for entry, s in found}
+    shortened = zip(_tightened(model, step).values(), lengths, strict=True)
+    tight = {id(entry): entry.tightened(step, float(s)) for entry, s in shortened}
     changed = {
         key: tuple(tight.get(id(entry), entry) for entry in entries)
         for key, entries in model.statement.effects.items()
