@@ -171,7 +171,7 @@ def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, res
     Raises:
         FormError: the folder is that of another problem, or of another run of this one.
     """
-    if (at := Path(folder).absolute()) in solver.folders:
+    if (at := Path(folder).resolve()) in solver.folders:
         reason = f"{folder} has the load steps of another run of this problem: give each run a folder of its own"
         raise FormError([("folder", reason)], "run")
     forms = solver.forms
