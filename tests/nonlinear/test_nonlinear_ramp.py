@@ -12,15 +12,13 @@ from support.nonlinear_bodies import MU, held, neo_hooke, polynomial, rectangle,
 from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
 
 
-def pressed(update=None, energy=neo_hooke, **options):
+def pressed(update=None, energy=neo_hooke, made=NonlinearContactProblem, **options):
     """A block on its ground and a circle over it."""
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
     u = fem.Function(space)
     circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
     contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
-    return NonlinearContactProblem(
-        residual(u, energy), u, bcs=[held(space, side(1, 0.0))], contact=contact, update=update, **options
-    )
+    return made(residual(u, energy), u, bcs=[held(space, side(1, 0.0))], contact=contact, update=update, **options)
 
 
 def down(problem, depth=0.2):
@@ -56,6 +54,24 @@ def test_wrong_sizes(arguments, wrong):
     """Each is named before anything is solved."""
     with pytest.raises(FormError, match=wrong):
         pressed().ramp(lambda load: pytest.fail("it began"), **arguments)
+
+
+def test_a_class_of_a_user_ends_steps():
+    """A ramp and a run end their steps by ``advance``, also that of a class of a user."""
+
+    class Counting(NonlinearContactProblem):
+        ended = 0
+
+        def advance(self):
+            """Count."""
+            super().advance()
+            self.ended += 1
+
+    problem = pressed(made=Counting)
+    assert len(problem.ramp(down(problem), first=0.5)) == problem.ended
+    before = problem.ended
+    problem.run([0.5, 1.0], down(problem))
+    assert problem.ended == before + 2
 
 
 def test_sizes_of_steps():

@@ -141,7 +141,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         actions = commit or (lambda: None), max_newton, stability
         self._solver = EquilibriumSolver(u, self.linear, residual, tangents, *actions)
-        self._continuation = Continuation(self._solver, Leaps(update is not None))
+        self._continuation = Continuation(self._solver, Leaps(update is not None), lambda: self.advance())
 
     @property
     def status(self) -> Status | None:

@@ -31,8 +31,8 @@ class HeldSides:
     """Nodes of both sides that supports hold along their normals.
 
     A held node of the slave carries a point as any other: its function moves the master.  Where the master over it is
-    held, too, nothing can move: its function is in no point, as those beside it would press for all that overlaps there.
-    Of bonds it is in those beside it.
+    held, too, nothing can move: its function is in no point, as those beside it would press for all that overlaps
+    there.  Of bonds it is in those beside it.
 
     Attributes:
         slave: shape (N,).
