@@ -195,9 +195,9 @@ def clamped(dim, slave, *, end):
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_region_in_which_both_sides_are_held(dim, slave):
     """What overlaps there pushes nothing beside it: forces are those of sides that end before the region."""
-    whole, ended = (pressed(clamped(dim, slave, end=end)) for end in (False, True))
-    assert whole == pytest.approx(ended, rel=1e-4)  # regularised by the area that is covered
-    assert whole.min() > 0.1
+    with_region, without = (pressed(clamped(dim, slave, end=end)) for end in (False, True))
+    assert with_region == pytest.approx(without, rel=1e-4)  # regularised by the area that is covered
+    assert with_region.min() > 0.1
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -220,9 +220,9 @@ def couple(
 
     helpless = np.zeros(count, dtype=bool) if held is None else held.helpless(sums[1])
     # A bond transmits what its functions sum up to; what contact overlaps between supports must push nothing else.
-    left_out = np.zeros_like(helpless) if bonded else helpless
-    nodes, shares = carried(slave, tested.covered, weight, unable | helpless, left_out)
-    idle = float(weight[left_out].sum())
+    idle_nodes = np.zeros_like(helpless) if bonded else helpless
+    nodes, shares = carried(slave, tested.covered, weight, unable | helpless, idle_nodes)
+    idle = float(weight[idle_nodes].sum())
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     if mine is not None:
