@@ -186,7 +186,8 @@ class Solution:
         ended_between = self.statement.automatic_steps is not None and last is not failed
         if self.status in path:
             wanted = ("warning", path[self.status])
-            named = (finding.message for finding in self.findings if (finding.level, finding.path) == wanted)
+            reasons = [*([] if failed.reason is None else [failed.reason]), *self.findings]
+            named = (finding.message for finding in reasons if (finding.level, finding.path) == wanted)
             between = f"there is a solution at time {last.time:.6g}, and none at time {failed.time:.6g}; "
             # What the whole load does, a part of it need not do.
             another = _ANOTHER.get(self.status) if ended_between else None

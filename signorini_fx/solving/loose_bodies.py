@@ -52,7 +52,12 @@ def explained(body: Model, task: Task, start: Start, outcome: Outcome, when: str
     understood = outcome.status not in _UNEXPLAINED
     number = None if understood else loose_assembly(task, start.data, start.law)
     if number is None:
-        return outcome, None
+        if outcome.status is not Status.OPEN or task.system.resultant.any():
+            return outcome, None
+        message = (
+            "no load presses the body on, and the supports do not hold it: press it on, or prescribe a displacement"
+        )
+        return outcome, Finding("warning", body.statement.forces_at, f"{when}{message}")
     if outcome.status is not Status.OPEN:
         task.history.add(f"{outcome.status.value}: nothing presses on a body, which can move without touching anything")
     motions = body.motions

@@ -160,18 +160,31 @@ def test_pushed_between_blocks_that_do_not_press(gap, lift):
     assert "what presses the contact" in solution.advice
 
 
-@pytest.mark.parametrize("friction", [None, COULOMB])
-def test_unloaded_between_two_loads(friction):
-    """A block alone that nothing loads any more: the outcome does not speak of a load that moves it off."""
+def unloaded(friction, factors):
+    """A block alone that is pressed on, and then is not: its solution."""
     contact = {"boundary": "bottom"} | ({} if friction is None else {"friction": friction})
     scene = {
         "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
         "material": {"young": 100.0, "poisson": 0.3},
         "displacement": [] if friction else [{"boundary": "left", "x": 0.0}],
-        "traction": [{"boundary": "top", "y": -1.0, "factors": [1.0, 0.0, 1.0]}],
+        "traction": [{"boundary": "top", "y": -1.0, "factors": factors}],
         "contact": [contact],
     }
     solution = alone(parse_scene(scene), check=False)
     assert [step.status for step in solution.steps] == [Status.CONVERGED, Status.OPEN]
+    return solution
+
+
+@pytest.mark.parametrize("friction", [None, COULOMB])
+@pytest.mark.parametrize("factors", [[1.0, 0.0, 1.0], [1.0, 0.0, -1e-4]])
+def test_unloaded_between_two_loads(friction, factors):
+    """The outcome does not speak of a load that moves it off, and not of a later load step that has one."""
     free = "translations and rotations" if friction else "the translation along (0, 1)"
-    assert f"load step 2: nothing presses on the body, of which the supports do not hold {free}" in solution.advice
+    advice = unloaded(friction, factors).advice
+    assert f"load step 2: nothing presses on the body, of which the supports do not hold {free}" in advice
+
+
+def test_unloaded_where_friction_acts_without_pressure():
+    """A law with a cohesion, of which nothing is proved where contact opens."""
+    friction = {"law": "coulomb", "coefficient": 0.3, "cohesion": 0.1}
+    assert "load step 2: no load presses the body on" in unloaded(friction, [1.0, 0.0, 1.0]).advice
