@@ -171,33 +171,8 @@ def test_where_both_sides_are_held(dim, slave):
     assert message.startswith(f"supports hold {count} contact node{'s' * (count > 1)} inside the other body, by 0.0")
     assert " at (0, " in message
     depth = float(message.split(" by ")[1].split()[0])
-    assert depth == pytest.approx(DEPTH, rel=0.05)
+    assert depth == pytest.approx(DEPTH, rel=0.03)
     assert len(set(MPI.COMM_WORLD.allgather(message))) == 1
-
-
-def clamped(dim, slave, *, end):
-    """A plate on a block of the same cells, both held where x[0] <= 0.5; ``end``: whether their sides end there."""
-    up, away, first = dim - 1, 1e-6, 0.5 if end else 0.0
-    low, high = [0.0] * up, [1.0] * up
-    bodies = (
-        grid(KINDS[dim], (8, *[2] * (dim - 2), 2), [*low, -1.0], [*high, 0.0]),
-        grid(KINDS[dim], (8, *[2] * (dim - 2), 2), [*low, away], [*high, 0.3]),
-    )
-    touching = [lambda x, y=y: np.isclose(x[up], y, atol=1e-9) & (x[0] >= first - 1e-9) for y in (0.0, away)]
-    held = [
-        lambda x: (x[up] <= away / 2) & (np.isclose(x[up], -1.0) | (x[0] <= 0.5 + 1e-9)),
-        lambda x: (x[up] >= away / 2) & (x[0] <= 0.5 + 1e-9),
-    ]
-    return SlidingBodies(KINDS[dim], bodies, touching, held, slave=slave, reach=0.5)
-
-
-@pytest.mark.parametrize("slave", [0, 1])
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_a_region_in_which_both_sides_are_held(dim, slave):
-    """What overlaps there pushes nothing beside it: forces are those of sides that end before the region."""
-    with_region, without = (pressed(clamped(dim, slave, end=end)) for end in (False, True))
-    assert with_region == pytest.approx(without, rel=1e-4)  # regularised by the area that is covered
-    assert with_region.min() > 0.1
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -279,12 +279,3 @@ def test_held_nodes_over_held_nodes():
     held = HeldSides(np.array([True, True, True, False]), np.array([True, False]))
     met = np.array([[0.3, 0.7], [0.7, 0.3], [-0.1, -0.2], [1.0, 0.0]])
     assert held.helpless(met).tolist() == [False, True, False, False]
-
-
-@pytest.mark.parametrize("above", [1e-15, 1e-12, 1e-10, 1e-8, 1e-6])
-def test_shares_of_a_point_that_is_hardly_one(above):
-    """A single point that is just above the threshold takes all functions of its facet, at once."""
-    side = PairSurface(np.array([[0, 1]]), np.array([[0.0, 0.0], [1.0, 0.0]]), Lagrange(PLACES[:2, :1]), np.ones(1))
-    carriers = EvenCarriers.of(side, np.arange(1), side.area * [KEPT_WEIGHT + above, 0.0], np.zeros(2, dtype=bool))
-    assert carriers.nodes.tolist() == [0]
-    assert carriers.shares.toarray() == pytest.approx(np.ones((1, 2)), abs=1e-14)

@@ -10,8 +10,7 @@ whoever has taken them over:
 
     sum_i w_i D_ij = integral of N_j over the covered part,
 
-which is tried at some nodes too: of those that no point sees, and of points that have taken over functions.  Where
-supports hold both sides, functions of contact are in no point, and facets with them are left out.
+which is tried at some nodes too: of those that no point sees, and of points that have taken over functions.
 
 What is projected along are the mean normals that a projection along those of the slave gives.  They are tried at some
 nodes, whose facets are covered, and so are half the rotations of both sides at the points, on displacements drawn at
@@ -283,16 +282,10 @@ def _bare(claim: Claim, nodes: npt.NDArray[np.int64], names: npt.NDArray[np.int6
     pointed, alone = parallel.gather_rows(
         claim.comm, np.column_stack((names, claim.pair.coupling.alone)).astype(np.int64)
     ).T
-    without = ~np.isin(nodes, [*pointed, *_idle(claim)]).all(axis=1)
+    without = ~np.isin(nodes, pointed).all(axis=1)
     bare = np.flatnonzero(without & np.isin(nodes, pointed[alone > 0]).any(axis=1))
     needless = ~np.isin(pointed[alone == 0], nodes[without])
     return bare[claim.comm.rank :: claim.comm.size], float(needless.any())
-
-
-def _idle(claim: Claim) -> npt.NDArray[np.int64]:
-    """Global numbers of the nodes of the slave whose functions are in no point."""
-    coupling = claim.pair.coupling
-    return claim.pair.slave.nodes[coupling.helpless & (coupling.idle != 0.0)]
 
 
 def _areas(claim: Claim, slave: PairFacets, master: PairFacets) -> tuple[npt.NDArray[np.int64], Array]:
@@ -308,15 +301,11 @@ def _areas(claim: Claim, slave: PairFacets, master: PairFacets) -> tuple[npt.NDA
         master: those of the other side.
     """
     comm, draw = claim.comm, np.random.default_rng(len(slave.nodes))
-    beside_idle = slave.nodes[np.isin(slave.points, _idle(claim)).any(axis=1)]
     nodes, first = np.unique(slave.nodes.ravel(), return_index=True)
-    tried = ~np.isin(nodes, beside_idle)
-    nodes, first = nodes[tried], first[tried]
     away = cKDTree(master.middle).query(slave.x[first])[0]
     rows = claim.own, claim.own[~claim.pair.coupling.alone]
     seen, taken = (claim.reached[np.unique(part.indices)] for part in rows)
     seen, taken = (np.unique(parallel.gather_rows(comm, part[:, None])) for part in (seen, taken))
-    taken = taken[np.isin(taken, nodes)]
     without = np.flatnonzero(~np.isin(nodes, seen))
     groups = nodes[without[np.argsort(away[without], kind="stable")]], draw.permutation(taken), draw.permutation(nodes)
     group_size = -(-_SAMPLED[slave.x.shape[1]] // len(groups))

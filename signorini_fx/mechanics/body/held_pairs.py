@@ -2,7 +2,7 @@
 
 A node of the side with the points that supports hold along its normal carries a point, which moves the other side.  If
 the place of the other side over it is held along that normal too, nothing can move it out: it has no contact point, and
-its function is in no other one, unless they are bonded.
+those beside it take over its function.
 """
 
 from __future__ import annotations

@@ -31,8 +31,7 @@ class HeldSides:
     """Nodes of both sides that supports hold along their normals.
 
     A held node of the slave carries a point as any other: its function moves the master.  Where the master over it is
-    held, too, nothing can move: its function is in no point, as those beside it would press for all that overlaps
-    there.  Of bonds it is in those beside it.
+    held, too, nothing can move, and its neighbours take over its function.
 
     Attributes:
         slave: shape (N,).
@@ -75,7 +74,7 @@ def hats(side: PairSurface) -> Array:
 
 
 def carried(
-    side: PairSurface, covered: Indices, weight: Array, unable: Flags, helpless: Flags | None = None
+    side: PairSurface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
 ) -> tuple[Indices, sp.csr_array]:
     """Which nodes carry a point, and how these take over the functions of the others.
 
@@ -84,13 +83,12 @@ def carried(
         covered: its facets that meet the other side.
         weight: the integral of the function of each node, shape (N,).
         unable: nodes that cannot carry a point, shape (N,).
-        helpless: nodes whose functions are in no point, see ``HeldSides``, shape (N,); None: there are none.
 
     Returns:
-        The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one but
-        for those of helpless nodes, sparse, shape (n, N).
+        The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one,
+        sparse, shape (n, N).
     """
-    tested_nodes, beside = _beside(side, covered, helpless)
+    tested_nodes, beside = _beside(side, covered)
     unable = unable | side.without_area
     for threshold in (KEPT_WEIGHT, 0.0):
         able = tested_nodes & ~unable & (weight > threshold * side.area)
@@ -113,8 +111,7 @@ class EvenCarriers:
 
     Attributes:
         nodes: ascending, shape (n,).
-        shares: the share of the function of each node in each point, columns with the sum one but for those of helpless
-            nodes, sparse, shape (n, N).
+        shares: the share of the function of each node in each point, columns with the sum one, sparse, shape (n, N).
         portion: by how much each point is that of its own node, in (0, 1], shape (n,).
         passed: how the nodes of the covered part that carry no point are means of those that do, sparse, shape (N, n).
     """
@@ -125,11 +122,9 @@ class EvenCarriers:
     passed: sp.csr_array
 
     @classmethod
-    def of(
-        cls, side: PairSurface, covered: Indices, weight: Array, unable: Flags, helpless: Flags | None = None
-    ) -> EvenCarriers:
+    def of(cls, side: PairSurface, covered: Indices, weight: Array, unable: Flags) -> EvenCarriers:
         """Those of a side, for the arguments see ``carried``."""
-        tested_nodes, beside = _beside(side, covered, helpless)
+        tested_nodes, beside = _beside(side, covered)
         able = tested_nodes & ~unable & ~side.without_area & (side.area > 0)
         share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
         part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
@@ -145,7 +140,7 @@ class EvenCarriers:
             if not weak.any():
                 return cls(nodes, mixed, portion[nodes], passed)
             portion[nodes[weak]] = 0.0
-        nodes, shares = carried(side, covered, weight, unable, helpless)
+        nodes, shares = carried(side, covered, weight, unable)
         passed = _given_away(shares, ~np.isin(np.arange(weight.size), nodes))
         return cls(nodes, shares, np.ones(nodes.size), passed)
 
@@ -240,15 +235,11 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
         done[ring] = True
 
 
-def _beside(side: PairSurface, facets: Indices, helpless: Flags | None = None) -> tuple[Flags, sp.csr_array]:
-    """Which nodes have test functions on some facets, but for helpless ones, shape (N,), and which nodes are on a facet
-    together.
-    """
+def _beside(side: PairSurface, facets: Indices) -> tuple[npt.NDArray[np.bool_], sp.csr_array]:
+    """Which nodes have test functions on some facets, shape (N,), and which of them are on a facet together."""
     tests, count = side.points[facets], len(side.area)
     tested_nodes = np.zeros(count, dtype=bool)
     tested_nodes[tests] = True
-    if helpless is not None:
-        tested_nodes &= ~helpless
     rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
     columns = np.tile(tests, (1, tests.shape[1])).ravel()
     beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))

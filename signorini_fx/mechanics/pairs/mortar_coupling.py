@@ -77,7 +77,6 @@ class Coupling:
         directions: of projection at the nodes of the slave with test functions, of length one, shape (N, d); None: the
             normals of the slave, as sides are nominally in contact.
         helpless: nodes of the slave that carry no point because both sides are held there, shape (N,).
-        idle: covered area of their functions, which are in no point; of bonds zero: there they are in those beside.
     """
 
     nodes: Indices
@@ -96,7 +95,6 @@ class Coupling:
     reach: float
     directions: Array | None
     helpless: npt.NDArray[np.bool_]
-    idle: float
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -219,10 +217,7 @@ def couple(
     sums, arms = ([_over_ranks(comm, matrix) for matrix in matrices] for matrices in (sums, arms))
 
     helpless = np.zeros(count, dtype=bool) if held is None else held.helpless(sums[1])
-    # A bond transmits what its functions sum up to; what contact overlaps between supports must push nothing else.
-    idle_nodes = np.zeros_like(helpless) if bonded else helpless
-    nodes, shares = carried(slave, tested.covered, weight, unable | helpless, idle_nodes)
-    idle = float(weight[idle_nodes].sum())
+    nodes, shares = carried(slave, tested.covered, weight, unable | helpless)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     if mine is not None:
@@ -256,7 +251,6 @@ def couple(
         reach=reach,
         directions=directions,
         helpless=helpless,
-        idle=idle,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:

@@ -265,7 +265,7 @@ def slide(
     weight = tested.moments(slave, np.ones((*tested.weighted.shape[:2], 1)), MPI.COMM_SELF)[:, 0]
     sharing, opposite, arms = _integrals(slave, master, tested)
     helpless = np.zeros(len(slave.x), dtype=bool) if held is None else held.helpless(opposite)
-    carriers = EvenCarriers.of(slave, tested.covered, weight, unable, helpless)
+    carriers = EvenCarriers.of(slave, tested.covered, weight, unable | helpless)
     nodes, shares = carriers.nodes, carriers.shares
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)

@@ -78,10 +78,7 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
     arm = (used - middle) / size
     total = float(parallel.global_sum(comm, claim.weight.sum()))
-    errors = [
-        abs((total + coupling.idle) / coupling.covered - 1.0),
-        parallel.local_max(-claim.weight, -np.inf) / coupling.covered,
-    ]
+    errors = [abs(total / coupling.covered - 1.0), parallel.local_max(-claim.weight, -np.inf) / coupling.covered]
     overlapping = float(parallel.global_sum(comm, coupling.overlap.weight.sum()))
     errors += [abs(overlapping / coupling.covered - 1.0), _error_of_pieces(claim)]
     errors += [largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]

@@ -521,8 +521,8 @@ class SlidingClaim:
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
             covered = np.unique(rays.facet)
-            facets = rows_of(slave.facets[covered], surface.nodes)
-            carriers = EvenCarriers.of(side, facets, sums, *self._without_points(rays, psi, turn))
+            unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
+            carriers = EvenCarriers.of(side, rows_of(slave.facets[covered], surface.nodes), sums, unable)
             able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break
@@ -657,22 +657,17 @@ class SlidingClaim:
         covered = rows_of(self.chains[0].facets[np.unique(seen.rays.facet)], self.surface.nodes)
         functions = self._functions(seen.rays)
         sums = np.asarray(functions.sum(axis=1)).ravel()
-        carriers = EvenCarriers.of(side, covered, sums, *self._without_points(seen.rays, functions))
+        carriers = EvenCarriers.of(side, covered, sums, self._unable(seen.rays, functions))
         able, shares = carriers.nodes, carriers.shares
         at, size = np.searchsorted(self.carriers, able), self.carriers.size
         placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(size, at.size)))
         return sp.csr_array(placing @ shares)
 
-    def _without_points(
-        self, rays: Rays, functions: Any, turn: int = 1
-    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """Nodes of the slave that carry no point with these functions at rays, shape (N, r): that cannot, and that are
-        helpless, shapes (N,); none where directions of rays are looked for, ``turn`` 0.
-        """
-        if not turn:
-            return np.zeros_like(self.unable), np.zeros_like(self.unable)
-        met = functions @ self._at_nodes(self.chains[1], rays.over, rays.place)
-        return self.unable, self.held.helpless(met)
+    def _unable(self, rays: Rays, functions: Any) -> npt.NDArray[np.bool_]:
+        """Nodes of the slave that carry no point with these functions at rays, shape (N, r)."""
+        master = self.chains[1]
+        met = functions @ self._at_nodes(master, rays.over, rays.place)
+        return np.asarray(self.unable | self.held.helpless(met))
 
     def _at_nodes(self, chain: Chain, facets: Numbers, places: Array) -> Any:
         """The functions of the nodes of a side at rays, scipy sparse, shape (r, N)."""

@@ -464,8 +464,8 @@ class SpaceSlidingClaim(SlidingClaim):
             rays = _rays(slave, x, of_facets, master, y, self.reach)
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
-            unable = self._without_points(rays, psi, turn)
-            carriers = EvenCarriers.of(side, facet_of_side[np.unique(rays.facet)], sums, *unable)
+            unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
+            carriers = EvenCarriers.of(side, facet_of_side[np.unique(rays.facet)], sums, unable)
             able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break

@@ -26,8 +26,9 @@ from stability.oracle.space.conditions import Points
 
 # What belongs to the discretisation: normals of facets that face each other have at most this product; beyond the least
 # distance of both sides partners are within this share of the smaller side; a function that keeps less than this share
-# of its weight carries no point; of a node that is held so much along the normal neither does it.
-_FACING, _REACH, _KEPT, _HELD = -0.2, 0.2, 0.03, 1e-8
+# of its weight carries no point; of a node that is held so much along the normal neither does it, if more than half of
+# it is over nodes of the other side that are held, too.
+_FACING, _REACH, _KEPT, _HELD, _MOSTLY = -0.2, 0.2, 0.03, 1e-8, 0.5
 # Points along a line: of integrands that are rational, and of polynomials.
 _MANY, _FEW = 14, 7
 # Places of the nodes of quadratic triangles.
@@ -175,7 +176,7 @@ def points_between(body: Body | PlaneBody, part: int) -> Points:
         slave.rays = _half_way(body, slave, master, part)
     there, weight, distance, own, others, arms = _integrals(slave, master, bonded=bonded)
     dimension = body.x.shape[1]
-    shares = _carried(body, slave, master, part, there, weight)
+    shares = _carried(body, slave, master, part, there, weight, others)
     nodes = np.flatnonzero(shares.sum(axis=1) > 0)
     shares = csr_array(shares[nodes])
     weight = shares @ weight
@@ -208,7 +209,7 @@ def _unit(vectors: Array, mirrors: Array) -> Array:
 def _half_way(body: Body | PlaneBody, slave: Side, master: Side, part: int) -> Array:
     """Normals half-way between both sides at the nodes of the slave, from a projection along its own."""
     there, weight, _, own, others, _ = _integrals(slave, master, bonded=False)
-    shares = _carried(body, slave, master, part, there, weight, free=True)
+    shares = _carried(body, slave, master, part, there, weight, others, free=True)
     nodes = np.flatnonzero(shares.sum(axis=1) > 0)
     shares = csr_array(shares[nodes])
     whole = (shares @ weight)[:, None]
@@ -263,11 +264,12 @@ def _carried(
     part: int,
     there: list[int],
     weight: Array,
+    met: csr_array,
     *,
     free: bool = False,
 ) -> csr_array:
-    """How points take over the functions of nodes that carry none: a row for each node; ``free``: as if nothing were
-    held, and there were no other contact.
+    """How points take over the functions of nodes that carry none: a row for each node; ``met``: the integrals of these
+    times the functions of the master; ``free``: as if nothing were held, and there were no other contact.
     """
     effects = listed(body.scene, "contact")
     taken = set(master.nodes.ravel().tolist())
@@ -279,12 +281,17 @@ def _carried(
     for nodes in covered:
         for node in nodes:
             beside.setdefault(node, set()).update(nodes)
-    normals, area = slave.normals, slave.moments[0]
-    loose = np.eye(body.x.shape[1]) - body.held
+    area, loose = slave.moments[0], np.eye(body.x.shape[1]) - body.held
+
+    def holds(side: Side) -> Array:
+        """Which nodes are held along the normals of a side."""
+        return np.asarray(np.linalg.norm(np.einsum("nij,nj->ni", loose, side.directions), axis=1) <= _HELD)
+
+    over_held = met @ (holds(master) * 1.0) > _MOSTLY * (met @ np.ones(len(loose)))
+    moves = ~(holds(slave) & over_held)
 
     def able(node: int, least: float) -> bool:
-        moves = np.linalg.norm(loose[node] @ normals[node]) > _HELD
-        return bool(weight[node] > least * area[node] and (free or (moves and node not in taken)))
+        return bool(weight[node] > least * area[node] and (free or (moves[node] and node not in taken)))
 
     for least in (_KEPT, 0.0):
         carry = {node for node in beside if able(node, least)}
