@@ -186,7 +186,9 @@ class Solution:
         ended_between = self.statement.automatic_steps is not None and last is not failed
         if self.status in path:
             wanted = ("warning", path[self.status])
-            reasons = [*([] if failed.reason is None else [failed.reason]), *self.findings]
+            # Of several load steps ``check`` may name another one than that which has failed.
+            of_step = [failed.reason] if failed.reason is not None and self.statement.steps > 1 else []
+            reasons = [*of_step, *self.findings]
             named = (finding.message for finding in reasons if (finding.level, finding.path) == wanted)
             between = f"there is a solution at time {last.time:.6g}, and none at time {failed.time:.6g}; "
             # What the whole load does, a part of it need not do.
