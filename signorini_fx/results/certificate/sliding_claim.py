@@ -282,6 +282,7 @@ class SeenSides:
         x, y: positions of the nodes of slave and master.
         ways: directions of the rays at the nodes of the slave, shape (N, d).
         rays: see ``Rays``.
+        shares: of points in the functions of nodes of the slave, which they take over, scipy sparse, shape (n, N).
         functions: of the points at the rays times their areas, scipy sparse, shape (n, r).
         weight: area, shape (n,).
         sharing: D, scipy sparse, shape (n, N).
@@ -295,6 +296,7 @@ class SeenSides:
     y: Array
     ways: Array
     rays: Rays
+    shares: Any
     functions: Any
     weight: Array
     sharing: Any
@@ -530,16 +532,16 @@ class SlidingClaim:
             of_own = _at(slave, own_normals, rays.facet, rays.at)
             of_other = _at(master, other_normals, rays.over, rays.place)
             ways = carriers.directions(side, mean @ of_own, mean @ of_other)
-        functions, partnered, weight, mean = self._carried(able, shares, psi)
+        shares, functions, partnered, weight, mean = self._carried(able, shares, psi)
         sharing, opposite = self._shares_of(rays, mean, partnered)
         normal = sharing @ own_normals - opposite @ other_normals
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         gap = np.where(partnered, mean @ rays.distance, self.reach)
-        return SeenSides(x, y, ways, rays, functions, weight, sharing, opposite, normal, partnered, gap)
+        return SeenSides(x, y, ways, rays, shares, functions, weight, sharing, opposite, normal, partnered, gap)
 
-    def _carried(self, able: Numbers, shares: Any, psi: Any) -> tuple[Any, npt.NDArray[np.bool_], Array, Any]:
-        """The functions of the points at rays, scipy sparse, shape (p, r), which points have some, their areas, and the
-        functions over these.
+    def _carried(self, able: Numbers, shares: Any, psi: Any) -> tuple[Any, Any, npt.NDArray[np.bool_], Array, Any]:
+        """The shares of all points, see ``SeenSides``, their functions at rays, scipy sparse, shape (p, r), which of
+        them have some, their areas, and the functions over these.
 
         Args:
             able: nodes of the slave that carry a point with functions.
@@ -548,11 +550,12 @@ class SlidingClaim:
         """
         at, size = np.searchsorted(self.carriers, able), self.carriers.size
         placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(size, at.size)))
-        functions = sp.csr_array(placing @ shares @ psi)
+        of_points = sp.csr_array(placing @ shares)
+        functions = sp.csr_array(of_points @ psi)
         partnered, weight = np.zeros(size, dtype=bool), np.array(self.surface.area[self.carriers])
         partnered[at] = True
         weight[at] = shares @ np.asarray(psi.sum(axis=1)).ravel()
-        return functions, partnered, weight, sp.csr_array(sp.diags_array(1.0 / weight) @ functions)
+        return of_points, functions, partnered, weight, sp.csr_array(sp.diags_array(1.0 / weight) @ functions)
 
     def _shares_of(self, rays: Rays, mean: Any, partnered: npt.NDArray[np.bool_]) -> tuple[Any, Any]:
         """D and M, see ``SeenSides``, of functions over areas at rays."""
@@ -634,34 +637,19 @@ class SlidingClaim:
         apart = seen.opposite @ seen.y - seen.sharing @ seen.x
         apart[~seen.partnered] = 0.0
         couples = _cross(apart, drag) / 2
-        of_point = self._shares
         for point in np.flatnonzero(couples != 0.0):
             for chain, facets, x, first in (
                 (slave, seen.rays.facet, seen.x, 0),
                 (master, seen.rays.over, seen.y, count),
             ):
                 arms = np.zeros(chain.nodes.size)
-                shares = of_point[[point]].toarray()[0][slave.facets[seen.rays.facet]].sum(axis=1) * seen.rays.area
+                shares = seen.shares[[point]].toarray()[0][slave.facets[seen.rays.facet]].sum(axis=1) * seen.rays.area
                 for column in chain.facets[facets].T:
                     np.add.at(arms, column, shares)
                 r = x - (arms @ x) / arms.sum()
                 polar = arms @ np.sum(r**2, axis=1)
                 turned = np.column_stack((-r[:, 1], r[:, 0]))
                 forces[first : first + chain.nodes.size] += couples[point] * (arms / polar)[:, None] * turned
-
-    @cached_property
-    def _shares(self) -> Any:
-        """How points take over the functions of nodes of the slave, scipy sparse, shape (p, N)."""
-        seen, count = self.present, self.chains[0].nodes.size
-        side = self.surface.displaced(self.ends[0][:count])
-        covered = rows_of(self.chains[0].facets[np.unique(seen.rays.facet)], self.surface.nodes)
-        functions = self._functions(seen.rays)
-        sums = np.asarray(functions.sum(axis=1)).ravel()
-        carriers = EvenCarriers.of(side, covered, sums, self._unable(seen.rays, functions))
-        able, shares = carriers.nodes, carriers.shares
-        at, size = np.searchsorted(self.carriers, able), self.carriers.size
-        placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(size, at.size)))
-        return sp.csr_array(placing @ shares)
 
     def _unable(self, rays: Rays, functions: Any) -> npt.NDArray[np.bool_]:
         """Nodes of the slave that carry no point with these functions at rays, shape (N, r)."""

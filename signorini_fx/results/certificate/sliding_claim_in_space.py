@@ -474,11 +474,11 @@ class SpaceSlidingClaim(SlidingClaim):
             of_other = np.einsum("rk,rkd->rd", _hats(rays.place, master.width), other_normals[master.facets[rays.over]])
             ways = carriers.directions(side, mean @ of_own, mean @ of_other)
             of_facets = _unit(np.einsum("k,fkd->fd", middle, ways[slave.facets]))
-        functions, partnered, weight, mean = self._carried(able, shares, psi)
+        shares, functions, partnered, weight, mean = self._carried(able, shares, psi)
         sharing, opposite = self._shares_of(rays, mean, partnered)
         normal = side.in_planes(sharing @ own_normals - opposite @ other_normals, self.carriers)
         gap = np.where(partnered, mean @ rays.distance, self.reach)
-        return SeenSides(x, y, ways, rays, functions, weight, sharing, opposite, normal, partnered, gap)
+        return SeenSides(x, y, ways, rays, shares, functions, weight, sharing, opposite, normal, partnered, gap)
 
     def _hats(self, places: Array, chain: Chain) -> Array:
         """See ``SlidingClaim``."""
@@ -550,7 +550,7 @@ class SpaceSlidingClaim(SlidingClaim):
         apart[~seen.partnered] = 0.0
         couples = np.cross(apart, drag) / 2
         acting = np.flatnonzero(couples.any(axis=1))
-        rays, of_point = seen.rays, sp.csr_array(self._shares[acting])
+        rays, of_point = seen.rays, sp.csr_array(seen.shares[acting])
         seen_from = sp.diags_array(rays.area) @ _incidence(slave.facets[rays.facet], count)
         for sheet, facets, x, first in ((slave, rays.facet, seen.x, 0), (master, rays.over, seen.y, count)):
             total = sheet.nodes.size
