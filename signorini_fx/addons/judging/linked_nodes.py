@@ -123,6 +123,3 @@ def _of_whole_links(inner: csr_array) -> tuple[csc_array, Ints]:
         values.append(following[first, second])
     at = np.concatenate(at_rows), np.concatenate(at_columns)
     return csc_array((np.concatenate(values), at), shape=(count, independent.size)), independent
-
-
-__all__ = ["free_directions", "links_of"]

@@ -195,7 +195,7 @@ def _problem(
     reasons += misfits
     no_links = csr_array((0, mesh.points.size))
     links = links_of(deck, mesh) if deck is not None and linked else no_links
-    ties = set() if deck is None else _linked_ties(deck, placed.contact)
+    ties = set() if deck is None else _linked_ties(deck, placed.contact)  # adds links to the deck, behind the others
     bonds = links_of(deck, mesh)[links.shape[0] :] if deck is not None and linked else no_links
     contacts = tuple(
         replace(_contact(entry, mesh, deck), of_nodes=(entry.boundary, entry.against) in ties)

@@ -1,6 +1,7 @@
 """The second opinion on two sides of the plane that slide on each other, at displaced points, by code of its own.
 
-Of the solver it takes who carries a point, which facets there are, and which nodes lie in planes of symmetry.  What it
+Of the solver it takes who carries a point and how these take over the functions of others (``EvenCarriers`` and
+``HeldSides``, with integrals of its own), which facets there are, and which nodes lie in planes of symmetry.  What it
 does otherwise:
 - the places where vertices of the other side are seen are roots of quadratic equations, of curved facets found by
   bisection,

@@ -1,6 +1,7 @@
 """The second opinion on two sides in space that slide on each other, at displaced points, by code of its own.
 
-Of the solver it takes who carries a point, which facets there are, and which nodes lie in planes of symmetry.  What it
+Of the solver it takes who carries a point and how these take over the functions of others (``EvenCarriers`` and
+``HeldSides``, with integrals of its own), which facets there are, and which nodes lie in planes of symmetry.  What it
 does otherwise:
 - facets that may see each other are looked for along lines through the middles of facets, in a tree of the others',
 - the polygon that two facets share is made of corners of the one inside the other, and of where their edges cross,
