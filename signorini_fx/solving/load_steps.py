@@ -154,7 +154,7 @@ def all_load_steps(
         beginning = newton.checkpoint()
         step = _attempt(progress, path)
         result = step.result
-        if _goes_on(path, result) and not history.exhausted:
+        if _shortened(path, result) and not history.exhausted:
             history.add(f"{step}: {HALF}")
             newton.restore(beginning)
             return None
@@ -199,7 +199,7 @@ def _marks(history: History) -> Marks:
 
 def _to_begin_again(path: Increments, result: StepResult) -> Attempt | None:
     """Why a ramp begins again after a load step; None: it does not."""
-    if path.begins_again(result.status, result.linear_solves):
+    if path.should_begin_again(result.status, result.linear_solves):
         return RAMP_BY_AUGMENTATION
     return RAMP_WITHOUT_AUGMENTATION if result.status is not Status.CONVERGED and path.falls_short else None
 
@@ -255,10 +255,13 @@ def _load_at(begun: BegunStep, path_step: float, path: Increments) -> Nodal:
     return body.load(task.system, beyond)
 
 
-def _goes_on(path: Increments, result: StepResult) -> bool:
-    """Whether a smaller increment is to be tried, because a load step has no solution."""
+def _shortened(path: Increments, result: StepResult) -> bool:
+    """Whether a load step has no solution, and the increment has been halved for another attempt."""
     status, solves = result.status, result.linear_solves
-    return status is not Status.CONVERGED and not path.begins_again(status, solves) and path.shorten(status, solves)
+    # ``shorten`` comes last: it changes the increment.
+    return (
+        status is not Status.CONVERGED and not path.should_begin_again(status, solves) and path.shorten(status, solves)
+    )
 
 
 def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, path: Increments) -> LoadStep | None:

@@ -1,4 +1,10 @@
-"""The way through the load steps: the next place, smaller increments where there is no solution, larger ones after."""
+"""The way through the load steps, up to the limit load where there is one: the next place, smaller increments where
+there is no solution, larger ones after.
+
+``Increments`` also decides about methods (fall-backs, augmentation), which a linear body has;
+``forms.nonlinear.step_sizes`` is the simpler one of nonlinear bodies.  That no load beyond a limit can be held is
+proved by statics, see ``algebra.contact.statics``.
+"""
 
 from __future__ import annotations
 
@@ -197,7 +203,7 @@ class Increments:
         closed = at.failed - at.reached <= self._enclosed
         return text if closed else f"{text}; smaller increments would take more linear solves than they may"
 
-    def begins_again(self, status: Status, linear_solves: int) -> bool:
+    def should_begin_again(self, status: Status, linear_solves: int) -> bool:
         """Whether the ramp is to begin again with augmentation: it does, once, at its first hard load step.
 
         The fixed-point iteration has then failed or contracts slowly, as it does near a limit load and where several
@@ -256,11 +262,14 @@ class Increments:
         return asdict(self.at)
 
     def shorten(self, status: Status, linear_solves: int = 0) -> bool:
-        """Whether a smaller increment is to be tried, because the next load step ended with ``status``.
+        """Halve the increment, because the next load step ended with ``status``, if a smaller one may be tried.
 
         Args:
             status: how it ended.
             linear_solves: that it took.
+
+        Returns:
+            Whether it may: not where the load is enclosed, or no linear solves are left for another attempt.
         """
         if not self._divisible:
             return False

@@ -318,23 +318,23 @@ def test_the_price_of_a_ramp():
 
 
 @pytest.mark.parametrize("hard", [False, True])
-def test_a_ramp_that_begins_again(hard):
+def test_a_ramp_that_should_begin_again(hard):
     """First with augmentation; if that comes less far, without, as far as before, and on with what is left."""
     path, solves = increments(ramp(1.0)), 100
     for _ in range(4):
         path.advance(EASY_STEP)
     known = path.next if hard else path.reached
-    assert path.begins_again(Status.CONVERGED if hard else Status.CYCLING, solves)
-    assert not path.begins_again(Status.SLIDES, solves)
+    assert path.should_begin_again(Status.CONVERGED if hard else Status.CYCLING, solves)
+    assert not path.should_begin_again(Status.SLIDES, solves)
     path.begin_again(Status.CONVERGED if hard else Status.CYCLING, 4 * EASY_STEP + solves)
     assert path.at.augmented
     path.advance(EASY_STEP)
     assert path.falls_short
-    assert not path.begins_again(Status.CYCLING, solves)
+    assert not path.should_begin_again(Status.CYCLING, solves)
     path.begin_again(Status.CYCLING, 10 * EASY_STEP + solves)
     assert not path.at.augmented
     assert not path.falls_short
-    assert not path.begins_again(Status.CYCLING, solves)
+    assert not path.should_begin_again(Status.CYCLING, solves)
     path.advance(EASY_STEP)
     while path.reached < known:
         assert path.allowed == FAILED_STEP * EASY_STEP

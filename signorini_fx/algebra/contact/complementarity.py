@@ -13,6 +13,9 @@ shear, and its shear for fixed sets is
 with e and k of the previous iterate: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual
 form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
 572-596, for the disc).  In R^1 the second term vanishes.
+
+The data (3.2), the contact condition (3.3b) and the projection (3.4) stand here; the friction condition (3.3c), from
+which the next sets follow, in ``active_sets``.
 """
 
 from __future__ import annotations
@@ -54,7 +57,8 @@ class RegularisedData:
         gap: d, length, shape (n,).
         gamma_n: gamma_1, stress per length.
         gamma_t: gamma_2, stress per length.
-        sigma: sigma of (3.3c), length per stress; infinite: a point passes through stick between the slip sets.
+        sigma: sigma of (3.3c), length per stress; inf: a point that slips one way sticks for one iterate
+            before it slips the other way.
         lambda_hat: shift of the contact pressure, stress, shape (n,).
         mu_hat: shift of the shear, stress, shape (n, d - 1).
         bound: given friction bound F g, stress, shape (n,); None if there is no friction.

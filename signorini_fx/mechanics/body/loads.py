@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import count
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -256,37 +256,58 @@ def _body(mesh: Any, rule: CutRule | None) -> Any:
     return ufl.Measure("dx", domain=mesh, subdomain_data=[(1, np.setdiff1d(every, rule.entities))])(1)
 
 
-# The factors of a load, whether these multiply it in a ramp from nothing, whether it depends on the time, and whether
-# it is an initial strain.
-Group = tuple[tuple[float, ...], bool, bool, bool]
+class LoadGroup(NamedTuple):
+    """What loads have in common that are assembled into one vector.
+
+    Attributes:
+        factors: one for each load step.
+        grows: whether they multiply the loads in a ramp from nothing.
+        timed: whether the loads depend on the time.
+        balanced: whether they are initial strains, whose forces balance each other.
+    """
+
+    factors: tuple[float, ...]
+    grows: bool
+    timed: bool
+    balanced: bool
 
 
-def load_groups(statement: Statement) -> dict[Group, list[Load]]:
+def load_groups(statement: Statement) -> dict[LoadGroup, list[Load]]:
     """The loads of the scene by what they share, without those that are zero or that an interface assembles."""
-    groups: dict[Group, list[Load]] = {}
+    groups: dict[LoadGroup, list[Load]] = {}
     for load in statement.loads:
         if load.acts and load.grouped:
             groups.setdefault(group_of(statement, load), []).append(load)
     return groups
 
 
-def group_of(statement: Statement, load: Load) -> Group:
+def group_of(statement: Statement, load: Load) -> LoadGroup:
     """The key of a load in ``load_groups``."""
     grows = not load.timed or load.factors is not None
-    return statement.factors_of(load), grows, load.timed, isinstance(load, InitialStrain)
+    return LoadGroup(statement.factors_of(load), grows, load.timed, isinstance(load, InitialStrain))
 
 
 # From a time, to prescribed displacements and supports along no axis with their values.
 SupportsAt = Callable[[float], tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], TurnedNodes | None]]
 
 
-def applied_load(group: Group, loads: list[Load], on: FormCoefficients, z: Any, supports: SupportsAt) -> AppliedLoad:
-    """Compile and assemble the loads that share their factors; collective."""
+def applied_load(
+    group: LoadGroup, loads: list[Load], on: FormCoefficients, z: Any, supports: SupportsAt
+) -> AppliedLoad:
+    """Compile and assemble the loads that share their factors; collective.
+
+    Args:
+        group: what they have in common.
+        loads: all of one group.
+        on: the mesh with its quadrature, times and materials.
+        z: the test function of L.
+        supports: the prescribed displacements at a place in the lists of factors.
+    """
     return _assembled(group, loads, on, z, supports, None, 0)
 
 
 def _assembled(
-    group: Group,
+    group: LoadGroup,
     loads: list[Load],
     on: FormCoefficients,
     z: Any,
@@ -294,7 +315,10 @@ def _assembled(
     compiled: tuple[tuple[str, ...], tuple[fem.Form, ...]] | None,
     step: float,
 ) -> AppliedLoad:
-    """The loads at the time of a place in the lists of factors; collective."""
+    """The loads at a place in the lists of factors, ``step``, for the other arguments see ``applied_load``; collective.
+
+    ``compiled`` are the names and forms of an earlier place; None: they are compiled here.
+    """
     factors, grows, timed, balanced = group
     space = on.space
     on.move_to(step)

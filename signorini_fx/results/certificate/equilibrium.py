@@ -122,6 +122,11 @@ def equilibrium(
     reactions of supports, and so a(y, .), may be far larger: a share of them is a lower bound, for what round-off
     leaves.
 
+    Four floors keep round-off from counting as a residual where hardly any force acts: ``least``, from the
+    displacement and the stiffness of an element; ``slight``, from all forces, what supports take included;
+    ``joint``, from the largest force on any piece, as all are solved in one system; and ``missing``, from the digits
+    that the sums themselves lose.
+
     Args:
         balance: forces on the body without contact.
         pieces: those of the body.
@@ -208,7 +213,9 @@ def _norm(comm: MPI.Comm, values: Nodal) -> float:
 
 
 def ratio(part: float, total: float) -> float:
-    """Nothing is a share of nothing, and what is not is more than any share of it; negative parts count as nothing."""
+    """``part / total``, with two conventions: 0 for ``part`` <= 0, also where ``total`` is 0, and otherwise inf for
+    ``total`` <= 0: a residual where no force acts is never small.
+    """
     if part <= 0:
         return 0.0
     return float(part / total) if total > 0 else np.inf

@@ -68,6 +68,8 @@ class BoltPreloads(Interface):
             [entry.force_at(model.statement, place) for entry in loads.values()], dtype=np.float64
         )
         previous = scale * np.array(_shortenings(model, place))
+        # Shortenings s, and ``slope``, length per force: Broyden's approximation of the inverse of dN/ds, empty until
+        # every section holds some force; ``last`` are s and N of the iterate before.
         s = np.where(previous > 0, previous, wanted / model.scales.stiffness(model.scales.size))
         slope, last, best = np.empty((0, 0)), (s, s), np.inf
         for _ in range(_MOST_PROBLEMS):
@@ -122,6 +124,7 @@ class BoltPreloads(Interface):
         return _with_shortenings(model, step, figures["shortenings"]), None
 
 
+# The name by which ``Statement.interfaces`` finds the class of a file.
 Kind = BoltPreloads
 
 
