@@ -3381,6 +3381,20 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/peak_error",
+        "last.top + beyond * last.largest",
+        "last.top - beyond * last.largest",
+        "largest pressure: the last mesh is extrapolated away from the solution, and then tells what coarser ones miss",
+        tests=("peak_error::test_the_error_of_a_mesh_that_finer_ones_tell",),
+    ),
+    Mutant(
+        "accuracy/peak_error",
+        "SHARE_OF_LAST_ERROR * error",
+        "0 * error",
+        "largest pressure: the last mesh, which tells what coarser ones miss, has no error",
+        tests=("peak_error::test_the_error_of_a_mesh_that_finer_ones_tell",),
+    ),
+    Mutant(
+        "accuracy/peak_error",
         "min(pollution, seen)",
         "pollution",
         "largest pressure: an error elsewhere in the body counts without a limit",

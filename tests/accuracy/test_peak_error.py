@@ -9,7 +9,7 @@ import pytest
 from surfaces import grid
 
 from signorini_fx.mechanics.body.contact_table import ContactTable
-from signorini_fx.results.accuracy.peak_error import Peak, peak_error
+from signorini_fx.results.accuracy.peak_error import Peak, peak_error, seen_from_finer
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "demos" / "studies"))
 
@@ -164,6 +164,33 @@ def test_an_error_elsewhere_in_the_body_counts():
     assert peak_error(peaks, 2) == pytest.approx(alone)
     assert peak_error(peaks, 2, pollution=0.01) == pytest.approx(np.hypot(alone, 0.01))
     assert peak_error(peaks, 2, pollution=0.5) == pytest.approx(np.sqrt(2) * alone)
+
+
+@pytest.mark.parametrize(("degree", "rate"), [(1, 1.5), (2, 2.0)])
+@pytest.mark.parametrize("missed", [-0.03, 0.0, 0.01])
+def test_the_error_of_a_mesh_that_finer_ones_tell(degree, rate, missed):
+    """Tops converge with their rate to 5: the error of the largest nodal pressure is exact whatever the node misses, on
+    each mesh but the last, and half of what is estimated on the last one is added."""
+    h = np.array([0.4, 0.2, 0.1, 0.05])
+    tops = 5.0 * (1 - 0.3 * h**rate)
+    peaks = [Peak(top * (1 + missed), top, 0.0, size) for top, size in zip(tops, h, strict=True)]
+    for index in range(3):
+        true = abs(peaks[index].largest / 5.0 - 1)
+        for own in (0.0, 0.02):
+            found = seen_from_finer(peaks, index, degree, own, 1 / h)
+            assert found == pytest.approx(np.hypot(true, own / 2), rel=1e-9)
+
+
+def test_meshes_that_tell_nothing_of_a_coarser_one():
+    """They are no finer at the peak, or there is no contact on one of them."""
+    one, two = Peak(2.0, 2.0, 0.0, 0.2), Peak(2.2, 2.2, 0.0, 0.1)
+    none = Peak(0.0, 0.0, 0.0, 0.0)
+    assert seen_from_finer([one, two], 0, 2, 0.0, [1.0, 2.0]) == pytest.approx(1 - 2.0 / (2.2 + 0.2 / 3))
+    # Finer elsewhere only.
+    assert seen_from_finer([one, replace(two, spacing=0.2)], 0, 2, 0.1, [1.0, 2.0]) is None
+    assert seen_from_finer([one, two, replace(two, largest=2.3)], 1, 2, 0.1, [1.0, 2.0, 4.0]) is None
+    assert seen_from_finer([none, two], 0, 2, 0.1, [1.0, 2.0]) is None
+    assert seen_from_finer([one, none], 0, 2, 0.1, [1.0, 2.0]) is None
 
 
 def test_scatter_is_an_error_where_the_top_does_not_change():

@@ -10,6 +10,9 @@ smooth *top*, and separates what adds up in the error of the largest nodal press
   extrapolated with its rate; the last change counts at least, with the rate that is seen where both go on changing the
   same way and that is smaller.  Its sign is that of the last change of the top;
 - on meshes that are divided here and there, what an error elsewhere in the body adds.
+
+No function of the pressures on these meshes that was tried tells more (docs/trust.md).  A finer mesh does, once it is
+solved: ``seen_from_finer``.
 """
 
 from __future__ import annotations
@@ -31,6 +34,7 @@ from signorini_fx.tuned import (
     PEAK_RATES,
     SAME_LENGTH,
     SCATTER_SHARE,
+    SHARE_OF_LAST_ERROR,
     SLOWEST_PEAK,
 )
 
@@ -105,6 +109,52 @@ def _rate_seen(first: _Refinement, last: _Refinement, expected: float) -> float:
     return float(np.clip(seen.max(), SLOWEST_PEAK, expected))
 
 
+def _refinements(peaks: Sequence[Peak], fineness: Sequence[float] | None) -> list[_Refinement]:
+    """From each mesh to the next, where that is finer at the peak, see ``peak_error``."""
+    last, steps = peaks[-1], []
+    for k in range(1, len(peaks)):
+        coarse, fine = peaks[k - 1], peaks[k]
+        # Between two bodies a node may carry a point and have no neighbour that does: then there is no spacing.
+        if min(coarse.largest, fine.largest, coarse.spacing, fine.spacing, last.spacing) <= 0:
+            continue
+        finer, to_last = coarse.spacing / fine.spacing, fine.spacing / last.spacing
+        if finer < FINER_FACTOR and fineness is not None:
+            finer, to_last = fineness[k] / fineness[k - 1], fineness[-1] / fineness[k]
+        if finer >= FINER_FACTOR:
+            changes = np.array([fine.top - coarse.top, fine.largest - coarse.largest]) / last.largest
+            steps.append(_Refinement(changes, finer, max(to_last, 1.0)))
+    return steps
+
+
+def seen_from_finer(
+    peaks: Sequence[Peak], index: int, degree: int, error: float, fineness: Sequence[float]
+) -> float | None:
+    """The relative error of the largest pressure on a mesh, from a finer one that has been solved since.
+
+    The top of the pressure on the last mesh, extrapolated with its rate, takes the place of the solution.  How far that
+    may be wrong is a share of the error that is estimated on the last mesh.
+
+    Args:
+        peaks: on the meshes, coarsest first.
+        index: of the mesh, which is not the last one.
+        degree: of the displacement.
+        error: of the last mesh, relative.
+        fineness: 1 / h of the meshes, each finer than the one before everywhere.
+
+    Returns:
+        None where the last mesh is no finer at the peak, or without contact on the mesh.
+    """
+    mesh, last = peaks[index], peaks[-1]
+    steps = _refinements(peaks, fineness)
+    known = min(mesh.largest, last.largest, last.spacing) > 0
+    if not (known and steps and mesh.spacing >= FINER_FACTOR * last.spacing):
+        return None
+    step = steps[-1]
+    beyond = step.changes[0] / (step.finer ** PEAK_RATES[degree] - 1) / step.to_last ** PEAK_RATES[degree]
+    better = last.top + beyond * last.largest
+    return float(np.hypot(mesh.largest / better - 1, SHARE_OF_LAST_ERROR * error)) if better > 0 else None
+
+
 def peak_error(
     peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None = None, pollution: float = 0.0
 ) -> float | None:
@@ -123,18 +173,7 @@ def peak_error(
     last, rate = peaks[-1], PEAK_RATES[degree]
     if not last.largest > 0:
         return None
-    steps = []
-    for k in range(1, len(peaks)):
-        coarse, fine = peaks[k - 1], peaks[k]
-        # Between two bodies a node may carry a point and have no neighbour that does: then there is no spacing.
-        if min(coarse.largest, fine.largest, coarse.spacing, fine.spacing, last.spacing) <= 0:
-            continue
-        finer, to_last = coarse.spacing / fine.spacing, fine.spacing / last.spacing
-        if finer < FINER_FACTOR and fineness is not None:
-            finer, to_last = fineness[k] / fineness[k - 1], fineness[-1] / fineness[k]
-        if finer >= FINER_FACTOR:
-            changes = np.array([fine.top - coarse.top, fine.largest - coarse.largest]) / last.largest
-            steps.append(_Refinement(changes, finer, max(to_last, 1.0)))
+    steps = _refinements(peaks, fineness)
     if not steps:
         return None
     above_top = last.largest / last.top - 1

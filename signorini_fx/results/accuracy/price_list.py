@@ -3,8 +3,8 @@
 It needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
 on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact force and
 zone ends by the change from the previous mesh, extrapolated with the expected rate; that of the largest pressure by
-``peak_error``; the regularisation error by the dependence on gamma; that of the iteration by its last residual or
-change.
+``peak_error``, on meshes before the last one by what that one tells; the regularisation error by the dependence on
+gamma; that of the iteration by its last residual or change.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from signorini_fx.results.accuracy.contact_values import interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.forecast import grown, powers
 from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
-from signorini_fx.results.accuracy.peak_error import Peak, peak_error
+from signorini_fx.results.accuracy.peak_error import Peak, peak_error, seen_from_finer
 from signorini_fx.results.accuracy.pressure_error import peak_of
 from signorini_fx.tuned import (
     CHANGES_USED,
@@ -167,9 +167,28 @@ def price_list(
         level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
         row: dict[str, Any] = {name: getattr(level, name) for name in level_fields} | errors
         rows.append(Price(**row))
+    if uniform:
+        rows = _seen_from_last(rows, levels, peaks)
     last = levels[-1]
     following = predict(rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from)
     return [*rows, following]
+
+
+def _seen_from_last(rows: list[Price], levels: Sequence[LevelResult], peaks: Sequence[Peak]) -> list[Price]:
+    """The rows of the solved meshes with the errors of the largest pressure that the last mesh tells.
+
+    Meshes that are divided here and there do not tell: what is wrong elsewhere in the body is so on all of them.
+    """
+    error, fineness = rows[-1].peak, [fineness_of(level.dofs, level.dimension) for level in levels]
+    if error is None:
+        return rows
+    told = []
+    for index, (row, level) in enumerate(zip(rows, levels, strict=True)):
+        seen = None
+        if row.peak is not None and index < len(rows) - 1:
+            seen = seen_from_finer(peaks, index, level.degree, error, fineness)
+        told.append(row if seen is None else replace(row, peak=seen + POLYGON_PEAK * level.polygon))
+    return told
 
 
 def fineness_of(dofs: float, dimension: int) -> float:
