@@ -3395,10 +3395,17 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/peak_error",
-        "min(pollution, seen)",
+        "min(pollution, max(seen, before))",
         "pollution",
         "largest pressure: an error elsewhere in the body counts without a limit",
         tests=("peak_error::test_an_error_elsewhere_in_the_body_counts",),
+    ),
+    Mutant(
+        "accuracy/peak_error",
+        "SHARE_SEEN_BEFORE * before",
+        "0 * before",
+        "largest pressure: little that is seen by chance counts, on meshes that are divided until little is seen",
+        tests=("peak_error::test_little_that_is_seen_by_chance",),
     ),
     Mutant(
         "accuracy/peak_error",

@@ -166,6 +166,22 @@ def test_an_error_elsewhere_in_the_body_counts():
     assert peak_error(peaks, 2, pollution=0.5) == pytest.approx(np.sqrt(2) * alone)
 
 
+@pytest.mark.parametrize(("degree", "slower"), [(1, 1.0), (2, 1.5)])
+def test_little_that_is_seen_by_chance(degree, slower):
+    """The largest pressure never changes, and on the last mesh it is at the top.
+
+    Of meshes that are divided here and there half of what was seen on the mesh before counts, with a slower rate, and
+    of an error elsewhere up to all of it; on uniform meshes neither does.
+    """
+    peaks = [Peak(2.0, 2.0, 0.0, 0.4), Peak(2.0, 1.8, 0.0, 0.2), Peak(2.0, 2.0, 0.0, 0.1)]
+    assert peak_error(peaks[:2], degree) == pytest.approx(1 / 9)
+    before = 1 / 9 / 2**slower
+    assert peak_error(peaks, degree) == pytest.approx(before / 2)
+    assert peak_error(peaks, degree, pollution=0.001) == pytest.approx(np.hypot(before / 2, 0.001))
+    assert peak_error(peaks, degree, pollution=1.0) == pytest.approx(np.hypot(before / 2, before))
+    assert peak_error(peaks, degree, [1.0, 2.0, 4.0], 1.0) == 0.0
+
+
 @pytest.mark.parametrize(("degree", "rate"), [(1, 1.5), (2, 2.0)])
 @pytest.mark.parametrize("missed", [-0.03, 0.0, 0.01])
 def test_the_error_of_a_mesh_that_finer_ones_tell(degree, rate, missed):

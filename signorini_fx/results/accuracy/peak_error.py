@@ -9,7 +9,8 @@ smooth *top*, and separates what adds up in the error of the largest nodal press
 - the error of the top itself, by how it and the largest nodal pressure change from mesh to mesh, their geometric mean,
   extrapolated with its rate; the last change counts at least, with the rate that is seen where both go on changing the
   same way and that is smaller.  Its sign is that of the last change of the top;
-- on meshes that are divided here and there, what an error elsewhere in the body adds.
+- on meshes that are divided here and there, what an error elsewhere in the body adds, and a share of what was seen on
+  the mesh before.
 
 No function of the pressures on these meshes that was tried tells more (docs/trust.md).  A finer mesh does, once it is
 solved: ``seen_from_finer``.
@@ -32,9 +33,11 @@ from signorini_fx.tuned import (
     LEAST_SHARE_OF_PARTS,
     NODES_AROUND_PEAK,
     PEAK_RATES,
+    RATE_SEEN_BEFORE,
     SAME_LENGTH,
     SCATTER_SHARE,
     SHARE_OF_LAST_ERROR,
+    SHARE_SEEN_BEFORE,
     SLOWEST_PEAK,
 )
 
@@ -170,6 +173,17 @@ def peak_error(
     Returns:
         None where no mesh was coarser at the peak, without contact, or where a single node may be in contact.
     """
+    seen = _seen(peaks, degree, fineness)
+    if seen is None:
+        return None
+    # Meshes are divided until little is seen, which may be so by chance: then what was seen before counts.
+    before = _seen_before(peaks, degree) if fineness is None else 0.0
+    # What the changes do not show at all on meshes that were divided for the peak is no more than what they show.
+    return float(np.hypot(max(seen, SHARE_SEEN_BEFORE * before), min(pollution, max(seen, before))))
+
+
+def _seen(peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None) -> float | None:
+    """What the pressures around the peak show of the error, see ``peak_error``."""
     last, rate = peaks[-1], PEAK_RATES[degree]
     if not last.largest > 0:
         return None
@@ -181,9 +195,16 @@ def peak_error(
     seen_rate = _rate_seen(steps[-2], steps[-1], rate) if len(steps) > 1 else rate
     of_top = -np.copysign(max(of_top, steps[-1].beyond(seen_rate)), steps[-1].changes[0])
     parts = np.linalg.norm([above_top, of_top, SCATTER_SHARE * last.scatter])
-    seen = max(abs(above_top + of_top), LEAST_SHARE_OF_PARTS * parts)
-    # What the changes do not show at all on meshes that were divided for the peak is no more than what they show.
-    return float(np.hypot(seen, min(pollution, seen)))
+    return max(float(abs(above_top + of_top)), float(LEAST_SHARE_OF_PARTS * parts))
+
+
+def _seen_before(peaks: Sequence[Peak], degree: int) -> float:
+    """What was seen on the mesh before the last one, as it is expected to have decreased since, or more; 0: nothing."""
+    before, last = peaks[-2:]
+    seen = _seen(peaks[:-1], degree, None)
+    if seen is None or min(before.spacing, last.spacing) <= 0:
+        return 0.0
+    return float(seen / max(before.spacing / last.spacing, 1.0) ** RATE_SEEN_BEFORE[degree])
 
 
 def _around_on_curve(table: ContactTable, row: int) -> tuple[Floats, Ints]:
