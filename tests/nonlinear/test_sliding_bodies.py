@@ -10,8 +10,8 @@ import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.nonlinear_bodies import stress_of_block
-from support.sliding_bodies import SlidingBodies, as_linear_bodies, blocks, bump, grid, out_of_balance, roller
+from support.nonlinear_bodies import LAME, MU, stress_of_block
+from support.sliding_bodies import SlidingBodies, as_linear_bodies, blocks, bump, grid, out_of_balance, roller, wheel
 
 from signorini_fx import (
     ConvergenceError,
@@ -306,3 +306,45 @@ def test_bounded_shear(degree):
     bound = np.minimum(0.8 * state.pressure[closed], 2.0)
     assert np.count_nonzero(bound == 2.0) > 0
     assert np.abs(state.shear[closed, 0]) == pytest.approx(bound, rel=1e-6)
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        pytest.param({"friction": Coulomb(0.3)}, marks=pytest.mark.slow),
+        pytest.param({"degree": 2}, marks=pytest.mark.slow),
+    ],
+    ids=["smooth", "rough", "quadratic"],
+)
+def test_half_a_model(settings, slave):
+    """Of bodies with a plane of symmetry, whichever of them is curved, the half has half of the force of the whole."""
+    whole, half = (wheel(slave=slave, half=half, reach=0.3, algorithm="alm", **settings) for half in (False, True))
+    for depth in (0.02, 0.08):
+        assert 2 * half.move(0.0, -depth)[1] == pytest.approx(whole.move(0.0, -depth)[1], rel=1e-9)
+    assert half.problem.certificate.holds
+    state = half.problem.state
+    on_plane = np.isclose(state.boundary.x[:, 0], 0.0)
+    assert state.pressure[on_plane] > 0.5 * state.pressure.max()
+    assert state.boundary.normal[on_plane, 0] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize(
+    ("kind", "cells"), [("quadrilateral", 1), ("triangle", 1), pytest.param("quadrilateral", 2, marks=pytest.mark.slow)]
+)
+def test_few_facets_between_two_planes_of_symmetry(kind, cells, slave):
+    """A block of one facet, whose points are all in planes of symmetry, on one of several, neither of which can widen:
+    each is stretched evenly, and its stress is known.
+    """
+    sides = [lambda x: np.isclose(x[0], 0.0) | np.isclose(x[0], 1.0), lambda x: np.isclose(x[1], 0.0)]
+    counts = (cells, 1), (3, 2)
+    bodies = grid(kind, counts[slave], [0.0, -1.0], [1.0, 0.0]), grid(kind, counts[1 - slave], [0.0, 0.0], [1.0, 1.0])
+    ends = [lambda x, y=y: np.isclose(x[1], y) for y in (-1.0, 1.0)]
+    scene = SlidingBodies(kind, bodies, [sides[1]] * 2, ends, slave=slave, smooth=sides[0], algorithm="alm")
+    for depth in (0.1, 0.4):
+        stretch = 1.0 - depth / 2
+        stress = MU * (stretch - 1.0 / stretch) + LAME * np.log(stretch) / stretch
+        force = scene.move(0.0, -depth)
+        assert np.abs(force) == pytest.approx([0.0, -stress], abs=-1e-9 * stress)

@@ -160,6 +160,30 @@ def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, 
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
+def wheel(kind="quadrilateral", cells=(12, 6), around=8, radius=0.5, **settings):
+    """The lower half of a ring on a block of the width 2 and the height 1, both around x = 0, driven at its ends;
+    ``half``: where x > 0 alone.
+    """
+    half = settings.get("half", False)
+    parts, first = (1, 0.5) if half else (2, 1.0)
+
+    def ring(x):
+        angle, r = np.pi * first * (x[:, 0] - 1), radius * (0.3 + 0.7 * x[:, 1])
+        return np.column_stack((r * np.cos(angle), radius + r * np.sin(angle)))
+
+    bodies = (
+        grid(kind, (parts * cells[0], cells[1]), [1.0 - parts, -1.0], [1.0, 0.0]),
+        grid(kind, (parts * around, 4), [0.0, 0.0], [1.0, 1.0], ring),
+    )
+
+    def outer(x):
+        return np.isclose(np.hypot(x[0], x[1] - radius), radius)
+
+    touching = [lambda x: np.isclose(x[1], 0.0), outer]
+    held = [lambda x: np.isclose(x[1], -1.0), lambda x: np.isclose(x[1], radius)]
+    return SlidingBodies(kind, bodies, touching, held, **settings)
+
+
 def cylinders(kind="quadrilateral", lower=(5, 3), upper=(3, 2), inner=0.0, **settings):
     """Two cylinders of the radius and the height 1 on each other, or tubes, held and driven at smooth ends."""
     bodies = grid(kind, lower, [inner, -1.0], [1.0, 0.0]), grid(kind, upper, [inner, 0.0], [1.0, 1.0])

@@ -283,8 +283,7 @@ def slide(
     sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
     normals, distance = _directed(slave, master, sharing, opposite), opposite @ master.x - sharing @ slave.x
     distance[lonely] = 0.0
-    if dim == 3:
-        normals = slave.in_planes(normals, points)
+    normals = slave.in_planes(normals, points)
     tangents = tangents_of_points(slave, points, normals)
     turnings = [
         sp.kron(placing, identity) @ turning_of(sp.csr_array(shares @ arm), side.x, 0.5 * distance[at])

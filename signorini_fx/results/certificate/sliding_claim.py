@@ -535,8 +535,7 @@ class SlidingClaim:
             ways = carriers.directions(side, mean @ of_own, mean @ of_other)
         shares, functions, partnered, weight, mean = self._carried(able, shares, psi)
         sharing, opposite = self._shares_of(rays, mean, partnered)
-        normal = sharing @ own_normals - opposite @ other_normals
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        normal = side.in_planes(sharing @ own_normals - opposite @ other_normals, self.carriers)
         gap = np.where(partnered, mean @ rays.distance, self.reach)
         return SeenSides(x, y, ways, rays, shares, functions, weight, sharing, opposite, normal, partnered, gap)
 
