@@ -40,9 +40,9 @@ def plate(dim, kind=None, cells=3, finer=1, upto=0.0, **settings):
     return SlidingBodies(kind, bodies, touching, held, reach=0.5, **settings)
 
 
-def pressed(scene, *way):
+def pressed(scene, depth=DEPTH):
     """The force across the sides on the lower body, of bodies that slide and of linear ones."""
-    force = scene.move(*[0.0] * (len(scene.u) - 1), -DEPTH, *way)[-1]
+    force = scene.move(*[0.0] * (len(scene.u) - 1), -depth)[-1]
     linear = sum(as_linear_bodies(scene).state.forces)[-1]
     return np.abs([force, linear])
 
@@ -173,6 +173,56 @@ def test_where_both_sides_are_held(dim, slave):
     depth = float(message.split(" by ")[1].split()[0])
     assert depth == pytest.approx(DEPTH, rel=0.03)
     assert len(set(MPI.COMM_WORLD.allgather(message))) == 1
+
+
+def clamped(dim, slave, part, *, end=False, cells=(8, 8)):
+    """A plate on a block, both held where x[0] is at most ``part``; ``end``: whether their sides end there."""
+    up, away, first = dim - 1, 1e-6, part if end else 0.0
+    low, high = [0.0] * up, [1.0] * up
+    bodies = (
+        grid(KINDS[dim], (cells[0], *[2] * (dim - 2), 2), [*low, -1.0], [*high, 0.0]),
+        grid(KINDS[dim], (cells[1], *[2] * (dim - 2), 2), [*low, away], [*high, 0.3]),
+    )
+    touching = [lambda x, y=y: np.isclose(x[up], y, atol=1e-9) & (x[0] >= first - 1e-9) for y in (0.0, away)]
+    held = [
+        lambda x: (x[up] <= away / 2) & (np.isclose(x[up], -1.0) | (x[0] <= part + 1e-9)),
+        lambda x: (x[up] >= away / 2) & (x[0] <= part + 1e-9),
+    ]
+    return SlidingBodies(KINDS[dim], bodies, touching, held, slave=slave, reach=0.5)
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize(
+    ("dim", "part", "cells"),
+    [
+        (2, 0.5, (8, 8)),
+        (2, 0.25, (8, 16)),
+        *(
+            pytest.param(dim, part, cells, marks=pytest.mark.slow)
+            for dim, part, cells in ((2, 0.75, (8, 8)), (2, 0.75, (16, 8)), (3, 0.5, (8, 8)))
+        ),
+    ],
+)
+def test_a_region_in_which_both_sides_are_held(dim, part, cells, slave):
+    """What overlaps there pushes nothing beside it: forces are those of sides that end before the region, but for the
+    normals at the border, which in space turn; and the user is told of all of it.
+    """
+    scenes = [clamped(dim, slave, part, end=end, cells=cells) for end in (False, True)]
+    with_region, without = (pressed(scene) for scene in scenes)
+    assert with_region[1] == pytest.approx(without[1], rel=1e-8)
+    assert with_region[0] == pytest.approx(without[0], rel=1e-8 if dim == 2 else 2e-3)
+    assert with_region.min() > 0.1
+    count = round(part * cells[slave] + 1) * (1 if dim == 2 else 3)
+    assert told(scenes[0])[0].startswith(f"supports hold {count} contact nodes inside the other body, by 0.0")
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_the_depth_of_a_region_in_which_both_sides_are_held(dim, slave):
+    """Forces begin at none, and grow in proportion to the depth from the first digit on: nothing jumps."""
+    depths = 1e-6 + np.array([1e-12, 1e-9, 1e-7])  # which are apart by 1e-6
+    forces = np.array([pressed(clamped(dim, slave, 0.5), depth) for depth in depths])
+    assert forces / (depths - 1e-6)[:, None] == pytest.approx(np.tile(forces[-1] / 1e-7, (3, 1)), rel=1e-3)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

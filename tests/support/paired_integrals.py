@@ -10,7 +10,8 @@ whoever has taken them over:
 
     sum_i w_i D_ij = integral of N_j over the covered part,
 
-which is tried at some nodes too: of those that no point sees, and of points that have taken over functions.
+which is tried at some nodes too: of those that no point sees, and of points that have taken over functions.  Which
+facets over each other are left out because supports hold both is what the solver says.
 
 What is projected along are the mean normals that a projection along those of the slave gives.  They are tried at some
 nodes, whose facets are covered, and so are half the rotations of both sides at the points, on displacements drawn at
@@ -89,7 +90,11 @@ def sampled(claim: Claim, space: fem.FunctionSpace, slave: PairFacets, master: P
         tried = draw.permutation(needed)[: -(-_TRIED[space.mesh.geometry.dim] // claim.comm.size)]
         errors = [_error_of_direction(claim, int(node), slave, master, reach) for node in tried]
         worst = max([worst, float(claim.nominal), *errors])
-    overlaps = _overlaps(slave, master, reach, claimed, directions)
+    still = _still(claim)
+    overlaps = {
+        number: (facet, [piece for piece in pieces if (_name(facet), _name(piece.master)) not in still])
+        for number, (facet, pieces) in _overlaps(slave, master, reach, claimed, directions).items()
+    }
     errors = [
         worst,
         *(
@@ -118,6 +123,25 @@ def _overlaps(
         number: (facet, pieces_of(facet, [master[k] for k in master.near(facet, reach)], reach, directions))
         for number, facet in facets.items()
     }
+
+
+def _name(facet: Facet) -> tuple[int, ...]:
+    """The global numbers of the nodes of a facet, ascending."""
+    return tuple(np.sort(facet.nodes).tolist())
+
+
+def _still(claim: Claim) -> set[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Facets of both sides over each other that the solver leaves out, by their names, as supports hold both;
+    collective.
+    """
+    pair, still = claim.pair, claim.pair.coupling.still
+    columns = [
+        np.sort(side.nodes[side.surface.nodes[facets]], axis=1)
+        for side, facets in ((pair.slave, still.slave), (pair.master, still.master))
+    ]
+    split = columns[0].shape[1]
+    rows = parallel.gather_rows(claim.comm, np.concatenate(columns, axis=1)).tolist()
+    return {(tuple(row[:split]), tuple(row[split:])) for row in rows}
 
 
 def _normals(claim: Claim, side: PairFacets, nodes: npt.NDArray[np.int64]) -> dict[int, Array]:

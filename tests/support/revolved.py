@@ -183,7 +183,7 @@ def _system(bodies, degree):
     return x, stiffness, load.ravel()
 
 
-def _areas(x, nodes, bodies, name, *, moments=False):
+def _areas(x, nodes, bodies, name, *, moments=False, still=None):
     """Integrals of hat functions times 2 pi r along a side at each node, and outward normals there, of length one.
 
     Args:
@@ -193,6 +193,7 @@ def _areas(x, nodes, bodies, name, *, moments=False):
         name: of the side.
         moments: whether the normals are those integrals of hat function and normal, over the former; else means of
             the normals of both facets by their lengths.
+        still: whether nodes cannot move; areas of facets between two such nodes do not count; None: all count.
     """
     axis, end = SIDES[name.split(".")[1]]
     area, normal = np.zeros(len(nodes)), np.zeros((len(nodes), 2))
@@ -204,8 +205,9 @@ def _areas(x, nodes, bodies, name, *, moments=False):
         outward = np.array([along[1], -along[0]]) * (1 if (axis == 0) == (end == 1) else -1)
         (r, s), length = (first[0], last[0]), np.linalg.norm(along)
         parts = 2 * np.pi * length * np.array([2 * r + s, r + 2 * s]) / 6
+        counts = still is None or not still[k : k + 2].all()
         for node, part in ((k, parts[0]), (k + 1, parts[1])):
-            area[node] += part
+            area[node] += part * counts
             weighted[node] += part * outward / length
             normal[node] += outward
     if moments:
@@ -251,11 +253,14 @@ def reference(bodies, degree, *, tolerance=1e-12):
                 if at_rest and (on_axis or abs(direction[component]) <= _SMOOTH):
                     direction[component] = 0.0
             direction /= np.linalg.norm(direction)
-        # A node that cannot move along its normal has no point: the one beside it takes its area over.
+        # Where neither side can move along the normal a node has no point: the one beside it takes its area over, and
+        # between two such nodes there is no contact.
         able = [
-            any(2 * int(node) + k not in prescribed and abs(n[k]) > 0.01 for k in (0, 1))
-            for node, n in zip(nodes, normal, strict=True)
+            any(2 * int(node) + k not in prescribed and abs(n[k]) > 0.01 for k in (0, 1) for node in both)
+            for both, n in zip(zip(nodes, partners, strict=True), normal, strict=True)
         ]
+        if pair.kind != "bonded":
+            area, _ = _areas(x, nodes, bodies, pair.slave, still=~np.array(able))
         taken = np.eye(len(nodes))[able]
         for lost in np.flatnonzero(~np.array(able)):
             beside = [k for k in (lost - 1, lost + 1) if 0 <= k < len(nodes) and able[k]]

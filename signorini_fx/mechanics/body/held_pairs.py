@@ -1,14 +1,16 @@
 """Where supports hold both sides of a pair of bodies, so that they alone decide about the distance there.
 
-A node of the side with the points that supports hold along its normal carries a point, which moves the other side.  If
-the place of the other side over it is held along that normal too, nothing can move it out: it has no contact point, and
-those beside it take over its function.
+Where supports hold facets of both sides over each other there is no contact.  Anywhere else a node of the side with the
+points that supports hold along its normal carries a point, which moves the other side.  If the place of the other side
+over it is held along that normal too, nothing can move it out: it has no contact point, and those beside it take over
+its function.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -88,7 +90,9 @@ class HeldPairs:
         """
         (slave, master), dim = sides, sides[0].dimension
         rows: dict[int, tuple[Nodes, Array, bool]] = {}
-        for node, facet, place in _over(slave, coupling.overlap, held):
+        for node, facet, place in chain.from_iterable(
+            _over(slave, part, held) for part in (coupling.still, coupling.overlap)
+        ):
             shape = master.functions.values(place[None])[0]
             nodes = master.nodes[facet][np.abs(shape) > SAME_PLACE_IN_CELL]
             normal = np.tile(slave.nodal_normals[node], (nodes.size, 1))

@@ -165,9 +165,8 @@ class FacingSides:
             replace(side, surface=replace(side.surface, across=planes))
             for side, planes in zip((slave, master), across, strict=True)
         )
-        normals = slave.surface.nodal_normals
-        supported = held_along(normals, frames, entries[:, :dim])
-        supported[~normals.any(axis=1)] = False  # nodes that no point belongs to
+        normals = slave.surface.directions
+        supported = held_along(normals, frames, entries[:, :dim]) & normals.any(axis=1)
         held = HeldSides(supported, held_along(master.surface.directions, axes, reached[:, :dim]))
         return cls(slave, master, (frames, axes), (entries, reached), held)
 

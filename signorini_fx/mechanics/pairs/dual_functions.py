@@ -30,8 +30,9 @@ Flags = npt.NDArray[np.bool_]
 class HeldSides:
     """Nodes of both sides that supports hold along their normals.
 
-    A held node of the slave carries a point as any other: its function moves the master.  Where the master over it is
-    held, too, nothing can move, and its neighbours take over its function.
+    Contact is where at least one side can move: both sides end where facets of which all nodes are held lie over each
+    other.  Anywhere else a held node of the slave carries a point as any other: its function moves the master.  Where
+    most of the master that it sees there is held, too, nothing can move it, and its neighbours take over its function.
 
     Attributes:
         slave: shape (N,).
@@ -40,6 +41,15 @@ class HeldSides:
 
     slave: Flags
     master: Flags
+
+    def still(self, slave: Indices, master: Indices) -> Flags:
+        """Where nothing can move: all nodes of both facets over each other are held, shape (p,).
+
+        Args:
+            slave: the nodes of the facets of the slave, shape (p, k).
+            master: those of the facets over them, shape (p, l).
+        """
+        return np.asarray(self.slave[slave].all(axis=1) & self.master[master].all(axis=1))
 
     def helpless(self, met: Any) -> Flags:
         """Nodes of the slave that are held over what is held of the master, by more than half, shape (N,).

@@ -69,13 +69,14 @@ class Coupling:
             nominally in contact.
         master_turning: omega_i(u_m) x d_i / 2, of those without the half, sparse, shape (n d, d nodes of the master).
         centre: where forces act: at the same place on both sides, length, shape (n, d).
-        overlap: where both sides meet, as far as this rank has found it.
-        covered: area (in the plane: length) of the slave where they meet, times the measure, of all ranks.
+        overlap: where both sides meet and one can move, as far as this rank has found it.
+        covered: area (in the plane: length) of the slave there, times the measure, of all ranks.
         alone: points that have taken over no function of another node, shape (n,).
         hats: whether the functions are hats, not dual ones.
         reach: distance beyond which facets were no partners, length.
         directions: of projection at the nodes of the slave with test functions, of length one, shape (N, d); None: the
             normals of the slave, as sides are nominally in contact.
+        still: where both sides meet and nothing can move, see ``HeldSides``, which is no part of ``overlap``.
         helpless: nodes of the slave that carry no point because both sides are held there, shape (N,).
     """
 
@@ -94,6 +95,7 @@ class Coupling:
     hats: bool
     reach: float
     directions: Array | None
+    still: Overlap
     helpless: npt.NDArray[np.bool_]
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
@@ -153,6 +155,26 @@ class Tested:
         psi = np.einsum("pij,pqj->pqi", coefficients[overlap.slave], slave.tests.values(overlap.at))
         return cls(overlap, area, psi * overlap.weight[..., None], uses_hats)
 
+    def parted(
+        self, slave: PairSurface, master: PairSurface, held: HeldSides, comm: MPI.Comm
+    ) -> tuple[Tested, Overlap]:
+        """Where one side can move, and the rest, see ``HeldSides``; collective."""
+        still = held.still(slave.nodes[self.overlap.slave], master.nodes[self.overlap.master])
+        moving = self
+        if parallel.any_rank(comm, bool(still.any())):
+            moving = Tested.of(slave, master, self.overlap.chosen(~still), comm, bonded=self.hats)
+        return moving, self.overlap.chosen(still)
+
+    def met(self, slave: PairSurface, master: PairSurface) -> sp.csr_array:
+        """Integrals of the functions of the nodes of the slave times those of the master, as far as this rank has found
+        them, sparse, shape (N, M).
+        """
+        shape, overlap = master.functions.values(self.overlap.over), self.overlap
+        products = np.einsum("pqi,pqj->pij", self.weighted, shape)
+        return sparse_sums(
+            slave.points[overlap.slave], master.nodes[overlap.master], products, len(slave.x), len(master.x)
+        )
+
     @property
     def covered(self) -> Indices:
         """The facets of the slave that meet the other side."""
@@ -196,7 +218,10 @@ def couple(
     used = [side.x[np.unique(side.nodes)] for side in (slave, master)]
     if reach is None:
         reach = default_reach(*used)
-    tested, directions = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
+    whole, directions = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
+    tested, still = whole, whole.overlap.chosen(np.zeros(len(whole.overlap.slave), dtype=bool))
+    if held is not None and not bonded:  # a bond transmits what its functions sum up to
+        tested, still = whole.parted(slave, master, held, comm)
     overlap = tested.overlap
     points, weighted = slave.points[overlap.slave], tested.weighted
     count = len(slave.x)
@@ -220,6 +245,9 @@ def couple(
     nodes, shares = carried(slave, tested.covered, weight, unable | helpless)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
+    if held is not None and whole is not tested:
+        helpless = held.helpless(_over_ranks(comm, whole.met(slave, master)))
+        helpless[nodes] = False
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
     weight = shares @ weight
@@ -250,6 +278,7 @@ def couple(
         hats=tested.hats,
         reach=reach,
         directions=directions,
+        still=still,
         helpless=helpless,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)

@@ -45,5 +45,8 @@ class Overlap:
         moment = np.einsum("pq,pqd->pd", self.weight, self.distance(slave, master))
         mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
         near = np.linalg.norm(mean, axis=1) <= reach * np.bincount(pair, self.weight.sum(axis=1))
-        selected = near[pair]
-        return Overlap(*(values[selected] for values in (self.slave, self.master, self.at, self.over, self.weight)))
+        return self.chosen(near[pair])
+
+    def chosen(self, pieces: npt.NDArray[np.bool_]) -> Overlap:
+        """Some of the pieces, shape (p,)."""
+        return Overlap(self.slave[pieces], self.master[pieces], self.at[pieces], self.over[pieces], self.weight[pieces])

@@ -260,9 +260,10 @@ def slide(
     Raises:
         PairingError: a facet sees two sheets of the master.
     """
-    tested, directions = projected(slave, master, reach, apart=True)
+    whole, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
-    weight = tested.moments(slave, np.ones((*tested.weighted.shape[:2], 1)), MPI.COMM_SELF)[:, 0]
+    tested = whole if held is None else whole.parted(slave, master, held, MPI.COMM_SELF)[0]
+    weight = _areas(slave, tested)
     sharing, opposite, arms = _integrals(slave, master, tested)
     helpless = np.zeros(len(slave.x), dtype=bool) if held is None else held.helpless(opposite)
     carriers = EvenCarriers.of(slave, tested.covered, weight, unable | helpless)
@@ -279,7 +280,10 @@ def slide(
     weights = np.where(partnered, placing @ (shares @ weight), slave.area[points])
     covered = (placing @ (shares @ weight)) / slave.area[points]
     mean = sp.csr_array(placing @ sp.diags_array(1.0 / (shares @ weight)) @ shares)  # of moments of the functions
-    lonely_gap = _gap_of_nodes(slave, master, (sharing, opposite), weight, helpless)
+    if held is not None and whole is not tested:
+        helpless = held.helpless(whole.met(slave, master))
+        helpless[nodes] = False
+    lonely_gap = _gap_of_nodes(slave, master, whole, helpless)
     sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
     normals, distance = _directed(slave, master, sharing, opposite), opposite @ master.x - sharing @ slave.x
     distance[lonely] = 0.0
@@ -313,25 +317,25 @@ def slide(
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, centre, pieces)
 
 
-def _gap_of_nodes(
-    slave: PairSurface,
-    master: PairSurface,
-    products: tuple[sp.csr_array, sp.csr_array],
-    weight: Array,
-    chosen: npt.NDArray[np.bool_],
-) -> Array:
+def _areas(slave: PairSurface, tested: Tested) -> Array:
+    """Integrals of the functions of the nodes of the slave, shape (N,)."""
+    return tested.moments(slave, np.ones((*tested.weighted.shape[:2], 1)), MPI.COMM_SELF)[:, 0]
+
+
+def _gap_of_nodes(slave: PairSurface, master: PairSurface, tested: Tested, chosen: npt.NDArray[np.bool_]) -> Array:
     """The distance of both sides along their mean normal, averaged by the functions of some nodes, length, shape (m,).
 
     Args:
         slave: the side with the nodes.
         master: the other one.
-        products: see ``_integrals``.
-        weight: integrals of the functions, shape (N,).
+        tested: all that both have over each other.
         chosen: which nodes, shape (N,).
     """
     rows = np.flatnonzero(chosen)
-    scale = sp.diags_array(1.0 / weight[rows])
-    sharing, opposite = (sp.csr_array(scale @ matrix[rows]) for matrix in products)
+    if not rows.size:
+        return np.zeros(0)
+    scale = sp.diags_array(1.0 / _areas(slave, tested)[rows])
+    sharing, opposite = (sp.csr_array(scale @ matrix[rows]) for matrix in _integrals(slave, master, tested)[:2])
     normals = _directed(slave, master, sharing, opposite)
     return np.asarray(np.einsum("nd,nd->n", normals, opposite @ master.x - sharing @ slave.x))
 

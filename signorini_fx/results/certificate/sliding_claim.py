@@ -521,6 +521,8 @@ class SlidingClaim:
         ways, rays = own_normals, Rays.none()
         for turn in range(2):
             rays = _rays(slave, x, ways, master, y, self.reach)
+            if turn:
+                rays = self._moving(rays)
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
             covered = np.unique(rays.facet)
@@ -650,6 +652,15 @@ class SlidingClaim:
                 polar = arms @ np.sum(r**2, axis=1)
                 turned = np.column_stack((-r[:, 1], r[:, 0]))
                 forces[first : first + chain.nodes.size] += couples[point] * (arms / polar)[:, None] * turned
+
+    def _moving(self, rays: Rays) -> Rays:
+        """Those where one of the sides can move: supports do not hold all nodes of both facets."""
+        slave, master = (chain.facets for chain in self.chains)
+        still = self.held.slave[slave[rays.facet]].all(axis=1) & self.held.master[master[rays.over]].all(axis=1)
+        rest = np.flatnonzero(~still)
+        return Rays(
+            rays.facet[rest], rays.at[rest], rays.over[rest], rays.place[rest], rays.distance[rest], rays.area[rest]
+        )
 
     def _unable(self, rays: Rays, functions: Any) -> npt.NDArray[np.bool_]:
         """Nodes of the slave that carry no point with these functions at rays, shape (N, r)."""

@@ -463,6 +463,8 @@ class SpaceSlidingClaim(SlidingClaim):
         facet_of_side = self._facets_of_surface
         for turn in range(2):
             rays = _rays(slave, x, of_facets, master, y, self.reach)
+            if turn:
+                rays = self._moving(rays)
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
             unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)

@@ -27,7 +27,7 @@ from stability.oracle.space.conditions import Points
 # What belongs to the discretisation: normals of facets that face each other have at most this product; beyond the least
 # distance of both sides partners are within this share of the smaller side; a function that keeps less than this share
 # of its weight carries no point; of a node that is held so much along the normal neither does it, if more than half of
-# it is over nodes of the other side that are held, too.
+# it is over nodes of the other side that are held, too; where whole facets of both are held there is no contact.
 _FACING, _REACH, _KEPT, _HELD, _MOSTLY = -0.2, 0.2, 0.03, 1e-8, 0.5
 # Points along a line: of integrands that are rational, and of polynomials.
 _MANY, _FEW = 14, 7
@@ -174,7 +174,8 @@ def points_between(body: Body | PlaneBody, part: int) -> Points:
     between = not bonded and effect.get("distance", "geometry") == "geometry"
     if between:
         slave.rays = _half_way(body, slave, master, part)
-    there, weight, distance, own, others, arms = _integrals(slave, master, bonded=bonded)
+    still = () if bonded else tuple(_held(body, side)[side.nodes].all(axis=1) for side in (slave, master))
+    there, weight, distance, own, others, arms = _integrals(slave, master, bonded=bonded, still=still)
     dimension = body.x.shape[1]
     shares = _carried(body, slave, master, part, there, weight, others)
     nodes = np.flatnonzero(shares.sum(axis=1) > 0)
@@ -225,12 +226,16 @@ def _half_way(body: Body | PlaneBody, slave: Side, master: Side, part: int) -> A
 
 
 def _integrals(
-    slave: Side, master: Side, *, bonded: bool
+    slave: Side, master: Side, *, bonded: bool, still: tuple[Array, ...] = ()
 ) -> tuple[list[int], Array, Array, csr_array, csr_array, list[csr_array]]:
     """Covered facets; by the nodes of the slave weights, and these times distances and times shares of both sides; and
-    the areas in which nodes of both are seen.
+    the areas in which nodes of both are seen; ``still``: facets of both that are held, which over each other count not.
     """
-    pieces = _pieces(slave, master)
+    pieces = [
+        (facet, piece)
+        for facet, piece in _pieces(slave, master)
+        if not (still and still[0][facet] and still[1][piece.master])
+    ]
     size = len(slave.x)
     weight, distance = np.zeros(size), np.zeros(slave.x.shape)
     own, others, beside, arms = (lil_array((size, size)) for _ in range(4))
@@ -281,14 +286,9 @@ def _carried(
     for nodes in covered:
         for node in nodes:
             beside.setdefault(node, set()).update(nodes)
-    area, loose = slave.moments[0], np.eye(body.x.shape[1]) - body.held
-
-    def holds(side: Side) -> Array:
-        """Which nodes are held along the normals of a side."""
-        return np.asarray(np.linalg.norm(np.einsum("nij,nj->ni", loose, side.directions), axis=1) <= _HELD)
-
-    over_held = met @ (holds(master) * 1.0) > _MOSTLY * (met @ np.ones(len(loose)))
-    moves = ~(holds(slave) & over_held)
+    area = slave.moments[0]
+    over_held = met @ (_held(body, master) * 1.0) > _MOSTLY * (met @ np.ones(len(body.x)))
+    moves = ~(_held(body, slave) & over_held)
 
     def able(node: int, least: float) -> bool:
         return bool(weight[node] > least * area[node] and (free or (moves[node] and node not in taken)))
@@ -302,6 +302,12 @@ def _carried(
                 return found
             carry -= weak
     raise ValueError("no node can carry a point")
+
+
+def _held(body: Body | PlaneBody, side: Side) -> Array:
+    """Which nodes of the body are held along the normals of a side."""
+    loose = np.eye(body.x.shape[1]) - body.held
+    return np.asarray(np.linalg.norm(np.einsum("nij,nj->ni", loose, side.directions), axis=1) <= _HELD)
 
 
 def _ring_by_ring(beside: dict[int, set[int]], carry: set[int], count: int) -> csr_array:
