@@ -186,7 +186,7 @@ class FormSolver:
         begin, self.solves_before, self.timings = time.perf_counter(), len(self.history.iterations), Timings()
         with options.applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
-            outcome = solve_task(self.task, self.begun)
+            outcome = self._outcome_of_now()
             self.show(outcome, self._judged(outcome))
         self.cost = time.perf_counter() - begin, peak_memory(self.space.mesh.comm)
         status = self.status
@@ -194,6 +194,10 @@ class FormSolver:
             return ""
         told = [f"{finding.path}: {finding.message}" for finding in self.doubtful_laws()]
         return "\n".join([f"{status.value}: {status.advice}", *told])
+
+    def _outcome_of_now(self) -> Outcome:
+        """How the contact problem of now ends; collective."""
+        return solve_task(self.task, self.begun)
 
     @property
     def state(self) -> ContactState:

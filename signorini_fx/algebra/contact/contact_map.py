@@ -9,7 +9,7 @@ condensed system, or one with turned unknowns, has the product of B with its own
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -35,6 +35,8 @@ class ContactMap:
             with a rigid foundation, or no such unknowns are known.
         paired: whether points are those of two bodies, or of rigid ones that move, so that B takes differences of
             displacements.
+        elsewhere: relative displacements of points that have no unknowns here, zero at the others, length, shape (n,
+            d); None: there are none.
     """
 
     operator: PETSc.Mat
@@ -42,6 +44,7 @@ class ContactMap:
     fixed: npt.NDArray[np.bool_]
     lift: PETSc.Mat | None = None
     paired: bool = False
+    elsewhere: Nodal | None = None
 
     @classmethod
     def without_contact(cls, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_], dimension: int) -> ContactMap:
@@ -54,6 +57,8 @@ class ContactMap:
         """(tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""
         self.operator.mult(x, self._relative)
         relative = self._relative.getArray(readonly=True).reshape(-1, self.points.dimension)
+        if self.elsewhere is not None:
+            relative = relative + self.elsewhere
         return relative[:, 0].copy(), relative[:, 1:].copy()
 
     def add_forces(self, pressure: Nodal, shear: Nodal, force: PETSc.Vec) -> None:
@@ -83,7 +88,22 @@ class ContactMap:
             for indices in (rows, self.operator.getOwnershipRangeColumn()[0] + unknowns)
         ]
         lift = None if self.lift is None else self.lift.createSubMatrix(*sets[::-1])
-        return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed, lift, self.paired)
+        return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed, lift, self.paired, self.elsewhere)
+
+    def near(self, far: npt.NDArray[np.bool_], x: PETSc.Vec) -> ContactMap:
+        """The map without the rows of some points, which stay where they are; one rank.
+
+        Args:
+            far: which of the points, shape (n,).
+            x: unknowns that tell where they are.
+        """
+        dim, (starts, columns, values) = self.points.dimension, self.operator.getValuesCSR()
+        kept = np.repeat(np.repeat(~far, dim), np.diff(starts))
+        ends = np.concatenate(([0], np.cumsum(kept)))[starts].astype(PETSc.IntType)
+        csr = (ends, columns[kept], values[kept])
+        operator = PETSc.Mat().createAIJ(self.operator.getSizes(), csr=csr, comm=self.operator.comm)
+        elsewhere = np.where(far[:, None], np.column_stack(self.traces(x)), 0.0)
+        return replace(self, operator=operator, elsewhere=elsewhere)
 
     def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
         """The matrix with a block of shape (d, d) for each point on its diagonal; collective.

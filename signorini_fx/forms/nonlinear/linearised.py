@@ -37,6 +37,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
 )
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
 from signorini_fx.forms.nonlinear.residual import Residual
+from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.averages import averaging
@@ -166,6 +167,7 @@ class LinearisedProblem(FormSolver):
 
     symmetric = True
     residual: Array | None = None
+    _retained: RetainedPoints
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
     _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
     _foundations_class = MovingFoundations
@@ -197,6 +199,7 @@ class LinearisedProblem(FormSolver):
             (petsc_options_prefix, petsc_options),
         )
         self._evaluated, self._definite, mesh = evaluated, True, at.function_space.mesh
+        self._retained = RetainedPoints(at)
         dim = mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative: RelativeStiffness | None = None
@@ -335,6 +338,8 @@ class LinearisedProblem(FormSolver):
         beside: dict[str, Any] = {"beside": self._added, "definite": definite, "symmetric": self.symmetric}
         if self.relative is not None and len(self.relative.blocks) == boundary.size:
             beside["relative"] = self.relative.blocks
+        if not self.pairs and definite:
+            beside["far"] = self._retained.far_points(boundary, self._state, self.shapes, self.prescribed)
         try:
             return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, settings, **beside)
         except MatrixError as error:
@@ -401,6 +406,7 @@ class LinearisedProblem(FormSolver):
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it, and is not damped."""
         self._definite, self._damping = True, 0.0
+        self._retained.begin_anew()
 
     def damp(self) -> bool:
         """Add more of its diagonal to the tangent, so that increments are shorter and go down where it is not definite;
@@ -451,6 +457,20 @@ class LinearisedProblem(FormSolver):
         self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
         if why := self.attempt():
             raise ConvergenceError(self, why)
+
+    def attempt(self) -> str:
+        """See ``FormSolver``."""
+        with self._retained.chosen():
+            return super().attempt()
+
+    def _outcome_of_now(self) -> Outcome:
+        """See ``FormSolver``: once more with more points if one has touched that was taken to be far."""
+        outcome = super()._outcome_of_now()
+        while not self._retained.suffice(self.elastic.far, self.begun, outcome):
+            self._last_pattern = None
+            self.begun = self.begin_step()
+            outcome = super()._outcome_of_now()
+        return outcome
 
     def leave_open(self, status: Status) -> None:
         """Make the displacement of now, without any contact, the last result; collective.

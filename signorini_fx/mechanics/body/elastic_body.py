@@ -25,7 +25,7 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.resting_place import RestingMotion
 from signorini_fx.algebra.linalg import ElasticSystem, options, row_by_row
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
-from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCase
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
@@ -85,6 +85,8 @@ class ElasticBody:
         definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
         symmetric: whether a(., .) is symmetric; else it is not definite.
         links: between nodes, which a(., .) has beside ``terms``; None: there are none.
+        far: which contact points are not expected to touch, shape (n,), and a displacement that tells where they are;
+            None: any of them may.
         of_body: results that depend on everything above but ``boundary``, such as the stiffness; they are kept for
             another boundary, unless unknowns are along its normals.
         of_contact: results that depend on ``boundary``, too.
@@ -108,6 +110,7 @@ class ElasticBody:
     definite: bool = True
     symmetric: bool = True
     links: LinkStiffness | None = None
+    far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -332,7 +335,8 @@ class ElasticBody:
         free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
         definite = self.definite and not self.elastic.pressed
-        return Elasticity(*of, definite=definite, rigid=self._rigid, symmetric=self.symmetric)
+        far = None if self.far is None or free else FarPoints(self.far[0], self.unknowns(self.far[1]))
+        return Elasticity(*of, definite=definite, rigid=self._rigid, symmetric=self.symmetric, far=far)
 
     def case(
         self,

@@ -1,0 +1,132 @@
+"""Which contact points of a nonlinear body its tangents are condensed onto: those that may touch in an iteration.
+
+In space the contact boundary has far more nodes than the contact.  A point that is farther from its shape than an
+increment may bring it is left out of the dense matrix, as the inside of the body is, and stays open.  Where it is in
+the solution of the linearised problem is known afterwards: if it has come into contact, or if there is no solution, the
+problem is solved once more with that point, or with all of them.  So solutions do not depend on the choice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.algebra.algorithms.task import Outcome, Start
+from signorini_fx.algebra.contact.active_sets import classify
+from signorini_fx.algebra.linalg.condensed import CondensedSystem
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.records import Status
+from signorini_fx.tuned import FEWEST_LEFT_OUT, RETAINED_REACH
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+class RetainedPoints:
+    """The choice for the tangents of one load, on one rank in space; elsewhere dense matrices are small, or none.
+
+    Args:
+        at: the displacement of now.
+    """
+
+    def __init__(self, at: fem.Function) -> None:
+        self._at = at
+        space = at.function_space
+        self._possible = space.mesh.geometry.dim == 3 and space.mesh.comm.size == 1
+        self._choosing = self._all = False
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """A new load."""
+        self._near: Flags | None = None
+        self._before: Array | None = None  # values of the displacement in the last iteration
+
+    @contextmanager
+    def chosen(self) -> Iterator[None]:
+        """While one tangent is solved for."""
+        self._choosing, self._all = self._possible, False
+        try:
+            yield
+        finally:
+            self._choosing = False
+
+    def far_points(
+        self,
+        boundary: ContactBoundary,
+        state: ContactState | None,
+        shapes: Mapping[int, MovingShape],
+        prescribed: tuple[Flags, Array],
+    ) -> tuple[Flags, fem.Function] | None:
+        """Which points are left out, shape (n,), and the displacement of now; None: none is.
+
+        Args:
+            boundary: the contact points.
+            state: that of the last solution; None: there is none.
+            shapes: by the numbers of their foundations.
+            prescribed: which unknowns are prescribed, and to what, shapes (dofs,).
+        """
+        plain = boundary.averages is None and boundary.moving is None and boundary.size > 0
+        if not self._choosing or self._all or not plain or state is None or state.boundary.size != boundary.size:
+            return None
+        values, (fixed, to) = self._at.x.array, prescribed
+        distance = distances(boundary, shapes, values.reshape(-1, boundary.x.shape[1]))
+        # As far as shapes are inside, supports move now, or the last increment has moved anything.
+        increments = [np.abs(to - values)[fixed], -distance[np.isfinite(distance)]]
+        if self._before is not None:
+            increments.append(np.abs(values - self._before))
+        near = state.in_contact | (distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments))
+        if self._near is not None and self._near.size == near.size:
+            near |= self._near
+        near[distance.argmin()] = True  # a dense matrix of nothing is none
+        self._near, self._before = near, values.copy()
+        if np.count_nonzero(near) > (1.0 - FEWEST_LEFT_OUT) * near.size:
+            return None
+        return ~near, self._at
+
+    def suffice(self, far: tuple[Flags, fem.Function] | None, begun: Start, outcome: Outcome) -> bool:
+        """Whether an outcome is that of the problem with all points; else more of them will be retained.
+
+        Args:
+            far: what ``far_points`` said.
+            begun: where the solve has begun.
+            outcome: how it ended.
+        """
+        system = outcome.problem.system
+        if far is None or not isinstance(system, CondensedSystem):
+            return True
+        points, _ = far
+        begins = begun.sets is not None and bool((begun.sets.contact & points).any())
+        if begins or outcome.status is not Status.CONVERGED:
+            self._all = True
+            return False
+        problem = outcome.problem
+        system.find_far_points(outcome.newton.x)
+        touching = classify(problem.sets, *system.contact.traces(outcome.newton.x), problem.data).contact & points
+        if not touching.any():
+            return True
+        assert self._near is not None
+        self._near |= touching
+        return False
+
+
+def distances(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array:
+    """How far contact points are from their shapes, length, shape (n,); minus infinity for those of no shape.
+
+    Args:
+        boundary: the points.
+        shapes: by the numbers of their foundations.
+        places: displacements of the nodes, shape (nodes, d).
+    """
+    distance = np.full(boundary.size, -np.inf)
+    for number, moving in shapes.items():
+        points = np.flatnonzero(boundary.part == number)
+        nodes, added = boundary.nodes[points], np.zeros(len(places))
+        added[moving.nodes] = moving.added
+        distance[points] = moving.shape.distance(boundary.x[points] + places[nodes])[0] + added[nodes]
+    return distance
