@@ -95,8 +95,8 @@ SPARSE_OPERATIONS = {2: (50.0, 1.5), 3: (8.0, 2.0)}
 # In three dimensions memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
 MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
 # Of a nonlinear body in space those contact points are condensed onto that are in contact, or nearer to their shapes
-# than this many times the largest motion to be expected; not for less than this share of the points to be left out.  The
-# answers do not depend on it: what touches beyond is added, and the tangent is condensed once more.  Source:
+# than this many times the largest motion to be expected; not for less than this share of the points to be left out.
+# The answers do not depend on it: what touches beyond is added, and the tangent is condensed once more.  Source:
 # docs/evidence/nonlinear_costs.csv, where no tangent had to be condensed twice.
 RETAINED_REACH, FEWEST_LEFT_OUT = 0.5, 0.2
 # From this number of unknowns on a Krylov method with multigrid is taken, by dimension; in the plane where the memory

@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.sparse_scaling import scaled_columns, scaled_rows
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, PASSED_ON, SAME_NUMBER, SINGULAR, WHOLE_WEIGHT
 
@@ -175,7 +176,7 @@ class EvenCarriers:
 
 def _given_away(shares: sp.csr_array, chosen: Flags) -> sp.csr_array:
     """The shares in points of the functions of some nodes, sparse, shape (N, n)."""
-    return sp.csr_array(sp.csr_array(shares @ sp.diags_array(chosen.astype(np.float64))).T)
+    return sp.csr_array(scaled_columns(shares, chosen.astype(np.float64)).T)
 
 
 def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.csr_array:
@@ -184,25 +185,37 @@ def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.c
     """
     count = tested_nodes.size
     takes = np.where(tested_nodes, portion + PASSED_ON, 0.0)
-    to = sp.csr_array(sp.diags_array(takes) @ (beside - sp.diags_array(beside.diagonal())))
-    sums = np.asarray(to.sum(axis=0)).ravel()
+    row, column = np.repeat(np.arange(count), np.diff(beside.indptr)), beside.indices
+    others = np.flatnonzero((row != column) & (takes[row] > 0))
+    row, column = row[others], column[others]
+    sums = np.bincount(column, takes[row], minlength=count)
     _, piece = connected_components(beside, directed=False)
     reached = np.bincount(piece, portion) > 0
     passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - portion, 0.0)
-    step = sp.csr_array(to @ sp.diags_array(np.divide(passing, sums, out=np.zeros(count), where=sums > 0)))
-    chain = np.flatnonzero(passing)
-    keeps = sp.csr_array(sp.diags_array(np.where(passing > 0, 0.0, portion)))
+    step = takes[row] * np.divide(passing, sums, out=np.zeros(count), where=sums > 0)[column]
+    chain, place, own = np.flatnonzero(passing), np.full(count, -1), np.where(passing > 0, 0.0, portion)
+    place[chain] = np.arange(chain.size)
+    kept = np.flatnonzero(own)
+    entries = own[kept], (kept, kept)
     if chain.size:  # what each of these keeps of what the chain hands on, in any number of steps
-        begin = sp.csr_array(sp.diags_array((passing == 0).astype(np.float64)) @ step[:, chain])
-        begin = sp.csr_array(sp.diags_array(portion) @ (begin + sp.csr_array(sp.eye_array(count))[:, chain]))
-        keeping = np.flatnonzero(np.diff(begin.indptr))
-        within = sp.csc_array((sp.eye_array(chain.size) - step[chain][:, chain]).T)
-        values = splu(within).solve(begin[keeping].toarray().T).T
-        row, column = np.nonzero(values > SAME_NUMBER**2)
-        entries = values[row, column], (keeping[row], chain[column])
-        keeps = sp.csr_array(keeps + sp.coo_array(entries, shape=(count, count)))
-    columns = np.asarray(keeps.sum(axis=0)).ravel()
-    return sp.csr_array(keeps @ sp.diags_array(np.divide(1.0, columns, out=np.zeros(count), where=columns > 0)))
+        handed = np.flatnonzero((passing[row] == 0) & (portion[row] > 0) & (place[column] >= 0))
+        keepers = chain[portion[chain] > 0]
+        keeping, at = np.unique(np.concatenate((row[handed], keepers)), return_inverse=True)
+        begin = np.zeros((keeping.size, chain.size))
+        begin[at, np.concatenate((place[column[handed]], place[keepers]))] = np.concatenate(
+            (portion[row[handed]] * step[handed], portion[keepers])
+        )
+        both = np.flatnonzero((place[row] >= 0) & (place[column] >= 0))
+        numbers, ones = np.arange(chain.size), np.ones(chain.size)
+        transposed = np.concatenate((numbers, place[column[both]])), np.concatenate((numbers, place[row[both]]))
+        within = sp.csc_array((np.concatenate((ones, -step[both])), transposed), shape=(chain.size, chain.size))
+        values = splu(within).solve(begin.T).T
+        of_keeping, of_chain = np.nonzero(values > SAME_NUMBER**2)
+        places = np.concatenate((kept, keeping[of_keeping])), np.concatenate((kept, chain[of_chain]))
+        entries = np.concatenate((own[kept], values[of_keeping, of_chain])), places
+    keeps = sp.csr_array(sp.coo_array(entries, shape=(count, count)))
+    columns = np.bincount(keeps.indices, keeps.data, minlength=count)
+    return scaled_columns(keeps, np.divide(1.0, columns, out=np.zeros(count), where=columns > 0))
 
 
 def _mixed(shares: sp.csr_array, nodes: Indices, weight: Array, portion: Array) -> sp.csr_array:
@@ -214,19 +227,17 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weight: Array, portion: Array) 
     kept_portion = np.asarray(to[np.arange(weak.size), weak]).ravel()
     itself = sp.csr_array(sp.coo_array((kept_portion, (np.arange(weak.size), weak)), shape=to.shape))
     remainder = np.maximum(1.0 - kept_portion, 0.0)
-    mean = sp.diags_array(np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER)) @ (
-        to - itself
+    mean = scaled_rows(
+        np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER), to - itself
     )
     sizes = shares @ weight
-    added_share = sp.diags_array((1.0 - portion[weak]) * weight[nodes[weak]]) @ mean
-    added_share = sp.csr_array(
-        added_share @ sp.diags_array(np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0))
-    )
+    added_share = scaled_rows((1.0 - portion[weak]) * weight[nodes[weak]], mean)
+    added_share = scaled_columns(added_share, np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0))
     sums = np.asarray(added_share.sum(axis=0)).ravel()
-    added_share = added_share @ sp.diags_array(1.0 / np.maximum(1.0, 2.0 * sums))
+    added_share = scaled_columns(added_share, 1.0 / np.maximum(1.0, 2.0 * sums))
     places = weak, np.arange(weak.size)
     added = sp.csr_array(sp.coo_array((np.ones(weak.size), places), shape=(nodes.size, weak.size)) @ added_share)
-    return sp.csr_array(shares + added @ shares - sp.diags_array(np.asarray(added.sum(axis=0)).ravel()) @ shares)
+    return sp.csr_array(shares + added @ shares - scaled_rows(np.asarray(added.sum(axis=0)).ravel(), shares))
 
 
 def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
@@ -241,7 +252,7 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
         ring = np.flatnonzero(tested_nodes & ~done & (number > 0))
         if not ring.size:
             return extension
-        extension[ring] = (beside[ring] @ extension) / number[ring, None]
+        extension[ring] = (beside @ extension)[ring] / number[ring, None]
         done[ring] = True
 
 

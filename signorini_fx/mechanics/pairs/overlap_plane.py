@@ -41,9 +41,9 @@ def plane_overlap(
     slave_facets = facets[slave_facets]
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[slave_facets]]
     corners = slave.corners[slave_facets]
-    ends = np.stack(
-        [_under(slave, corners, normals, _end(master, master_facets, parameter)) for parameter in (0.0, 1.0)], axis=1
-    )  # of each pair: the images of both ends
+    vertices = np.concatenate([_end(master, master_facets, parameter) for parameter in (0.0, 1.0)])
+    twice = (np.concatenate((values, values)) for values in (corners, normals))
+    ends = _under(slave, *twice, vertices).reshape(2, -1).T.copy()  # of each pair: the images of both ends
     ends.sort(axis=1)
     meets = ends[:, 1] - ends[:, 0] > NO_PART
     slave_facets, master_facets = slave_facets[meets], master_facets[meets]
@@ -98,48 +98,51 @@ def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _at(shape: Array, values: Array) -> Array:
-    """Nodal values of each pair, shape (m, k, d), at one point of each with functions of shape (m, k)."""
-    return np.einsum("mk,mkd->md", shape, values)
-
-
 def _under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array:
     """The place s in [0, 1] of the slave point under each point of shape (m, d), or the end beyond which it is."""
-
-    def miss(s: Array) -> Array:
-        shape = side.functions.values(s[:, None])
-        return _cross(x - _at(shape, corners), _at(shape, normals))
-
-    def slope(s: Array) -> Array:
-        shape, along = side.functions.values(s[:, None]), side.functions.slopes(s[:, None])[0]
-        moved = _cross(_at(along, corners), _at(shape, normals))
-        return _cross(x - _at(shape, corners), _at(along, normals)) - moved
-
-    low: Array = np.zeros(len(x))
-    high: Array = np.ones(len(x))
-    first, last = (_at(side.functions.values(s[:, None]), corners) for s in (low, high))
+    ends = side.functions.values(np.array([[0.0], [1.0]]))
+    (first, last), outward = ((ends @ values).transpose(1, 0, 2) for values in (corners, normals))
     # Along the facet the misses fall or rise, as its normal is on its right or left.
     way = np.sign(_cross(last - first, normals.mean(axis=1)))
-    above_low, below_high = way * miss(low) > 0, way * miss(high) < 0
+    above_low, below_high = way * _cross(x - first, outward[0]) > 0, way * _cross(x - last, outward[1]) < 0
+    # The misses are polynomials of the place.
+    places = side.functions.polynomials(corners - first[:, None])
+    ways = side.functions.polynomials(normals)
+    places[:, 0] -= x - first
+    factors: Array = np.zeros((2 * places.shape[1] - 1, len(x)))
+    for power, place in enumerate(places.transpose(1, 0, 2)):
+        factors[power : power + ways.shape[1]] -= _cross(place[:, None], ways).T
+    rates = factors[1:] * np.arange(1, len(factors))[:, None]
+    low, rising, width = np.zeros(len(x)), way * factors, 1.0
     for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        right = way * miss(middle) > 0
-        low, high = np.where(right, middle, low), np.where(right, high, middle)
-    root: Array = (low + high) / 2
+        width /= 2
+        middle = low + width
+        low = np.where(_powers(rising, middle) > 0, middle, low)
+    root: Array = low + width / 2
     for _ in range(_STEPS):
-        gradient = slope(root)
-        step = np.divide(miss(root), gradient, out=np.zeros(len(x)), where=gradient != 0)
+        gradient = _powers(rates, root)
+        step = np.divide(_powers(factors, root), gradient, out=np.zeros(len(x)), where=gradient != 0)
         root = np.clip(root - step, 0.0, 1.0)
     return np.where(above_low & below_high, root, np.where(above_low, 1.0, 0.0))
 
 
+def _powers(factors: Array, s: Array) -> Array:
+    """The values of polynomials at s, with factors of powers in ascending order along the first axis."""
+    value = factors[-1]
+    for factor in factors[-2::-1]:
+        value = value * s + factor
+    return value
+
+
 def _over(side: PairSurface, corners: Array, x: Array, normal: Array) -> Array:
     """The place of the master point over each point of shape (m, q, d) along its normal, in [0, 1]."""
-    at = np.full(x.shape[:2], 0.5)
+    at, start = np.full(x.shape[:2], 0.5), corners[:, :1]
+    places = side.functions.polynomials(corners - start).transpose(1, 0, 2)[:, :, None]
+    factors = _cross(places, normal)
+    factors[0] -= _cross(x - start, normal)
+    rates = factors[1:] * np.arange(1, len(factors))[:, None, None]
     for _ in range(_BISECTIONS):
-        shape, along = side.functions.values(at[..., None]), side.functions.slopes(at[..., None])[0]
-        miss = _cross(np.einsum("mqk,mkd->mqd", shape, corners) - x, normal)
-        slope = _cross(np.einsum("mqk,mkd->mqd", along, corners), normal)
+        miss, slope = _powers(factors, at), _powers(rates, at)
         step = np.divide(miss, slope, out=np.zeros_like(miss), where=slope != 0)
         at = np.clip(at - step, 0.0, 1.0)
         if np.abs(step).max(initial=0.0) < 1e-15:

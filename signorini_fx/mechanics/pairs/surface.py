@@ -52,6 +52,9 @@ class Lagrange:
 
     def _monomials(self, at: Array, along: int | None = None) -> Array:
         """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
+        if self.places.shape[1] == 1:
+            powers = (at**0, at, at * at) if along is None else (0.0 * at, at**0, 2.0 * at)
+            return np.concatenate(powers[: self.degree + 1], axis=-1)
         product: Array = np.ones(1)
         for axis, power in enumerate(self._exponents.T):
             s = at[..., axis, None]
@@ -67,6 +70,12 @@ class Lagrange:
     def slopes(self, at: Array) -> Array:
         """Their derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
         return np.array([self._monomials(at, axis) @ self._coefficients for axis in range(self.places.shape[1])])
+
+    def polynomials(self, values: Array) -> Array:
+        """What interpolates nodal values in an interval, shape (..., k, d): factors of the powers of the place, in
+        ascending order, likewise.
+        """
+        return np.asarray(self._coefficients @ values)
 
     @property
     def curvatures(self) -> Array:
