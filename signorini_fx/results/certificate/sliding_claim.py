@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -71,14 +70,14 @@ def _slopes(s: Any, count: int) -> Any:
 
 
 def _meeting(nodes: Array, points: Any, rays: Any) -> Array:
-    """Where rays through points, shape (r, 2), meet facets with these nodes, shape (f, k, 2): places, shape (r, f);
+    """Where rays through points, shape (..., 2), meet facets with these nodes, shape (..., k, 2): places, shape (...);
     outside of [0, 1] they do not.
     """
-    start, end = nodes[:, 0], nodes[:, 1]
-    bend = 0 * start if nodes.shape[1] == 2 else 2 * (start + end) - 4 * nodes[:, 2]
-    square = _cross(bend, rays[:, None])
-    linear = _cross(end - start - bend, rays[:, None])
-    constant = _cross(start - points[:, None], rays[:, None])
+    start, end = nodes[..., 0, :], nodes[..., 1, :]
+    bend = 0 * start if nodes.shape[-2] == 2 else 2 * (start + end) - 4 * nodes[..., 2, :]
+    square = _cross(bend, rays)
+    linear = _cross(end - start - bend, rays)
+    constant = _cross(start - points, rays)
     root = np.sqrt(np.maximum(linear**2 - 4 * square * constant, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(2 * constant / -(linear + np.where(linear >= 0, root, -root)))
@@ -191,87 +190,123 @@ class Rays:
         return cls(numbers, values, numbers, values, values, values)
 
 
-def _breaks(positions: Array, directions: Array, vertices: Array) -> Array:
-    """The ends of a facet of the slave, and the places on it that see vertices along directions, ascending.
+def _breaks(positions: Array, directions: Array, vertices: Array, seen: npt.NDArray[np.bool_]) -> tuple[Numbers, Array]:
+    """The ends of facets of the slave, and the places on them that see vertices along directions: the facet of each,
+    ascending, and the place, ascending on each.
 
     Args:
-        positions: of its nodes, shape (k, 2).
+        positions: of their nodes, shape (m, k, 2).
         directions: there, likewise.
-        vertices: shape (v, 2).
+        vertices: of the master, shape (v, 2).
+        seen: which of them each facet may see, shape (m, v).
     """
-    if len(positions) == 2:
-        along, turn = positions[1] - positions[0], directions[1] - directions[0]
+    if positions.shape[1] == 2:
+        along, turn = (values[:, None, 1] - values[:, None, 0] for values in (positions, directions))
         # (p - s q) x (N_a + s m) = 0
-        away = vertices - positions[0]
-        square, linear = -_cross(along, turn), _cross(away, turn) - _cross(along, directions[0])
-        constant = _cross(away, directions[0])
+        away = vertices - positions[:, None, 0]
+        square, linear = -_cross(along, turn), _cross(away, turn) - _cross(along, directions[:, None, 0])
+        constant = _cross(away, directions[:, None, 0])
         root = np.sqrt(np.maximum(linear**2 - 4 * square * constant, 0.0))
         half = -(linear + np.where(linear >= 0, root, -root)) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
-            places = np.concatenate((half / square, constant / half))
+            places = np.stack((half / square, constant / half), axis=2)
+        facet, vertex, _ = np.nonzero((places > 0) & (places < 1) & seen[:, :, None])
+        place = places[(places > 0) & (places < 1) & seen[:, :, None]]
     else:
+        facet, vertex = np.nonzero(seen)
 
-        def missed(s: Array, of: Array) -> Array:
-            hats = _hats(s, len(positions))
-            return np.asarray(_cross(of - hats @ positions, hats @ directions))
+        def missed(s: Array, rows: Numbers) -> Array:
+            hats, of = _hats(s, positions.shape[1]), facet[rows]
+            at, way = (np.einsum("...k,...kd->...d", hats, values[of]) for values in (positions, directions))
+            return np.asarray(_cross(vertices[vertex[rows]] - at, way))
 
-        values = missed(_SCANNED[None], vertices[:, None])
+        every = np.arange(facet.size)[:, None]
+        values = missed(_SCANNED[None], every)
         row, first = np.nonzero((values[:, :-1] >= 0) != (values[:, 1:] >= 0))
-        low, high, of = _SCANNED[first], _SCANNED[first + 1], vertices[row]
-        rising = values[row, first + 1] >= 0
+        low, high, rising = _SCANNED[first], _SCANNED[first + 1], values[row, first + 1] >= 0
         for _ in range(_HALVED):
-            places = (low + high) / 2
-            above = (missed(places, of) >= 0) == rising
-            low, high = np.where(above, low, places), np.where(above, places, high)
-        places = (low + high) / 2
-    return np.unique(np.concatenate(([0.0, 1.0], places[(places > 0) & (places < 1)])))
+            place = (low + high) / 2
+            above = (missed(place, row) >= 0) == rising
+            low, high = np.where(above, low, place), np.where(above, place, high)
+        place = (low + high) / 2
+        facet = facet[row]
+    ends, inside = np.arange(len(positions)), (place > 0) & (place < 1)
+    facet = np.concatenate((ends, ends, facet[inside]))
+    place = np.concatenate((np.zeros(ends.size), np.ones(ends.size), place[inside]))
+    order = np.lexsort((place, facet))
+    facet, place = facet[order], place[order]
+    fresh = np.append(True, (np.diff(facet) > 0) | (np.diff(place) > 0))
+    return facet[fresh], place[fresh]
+
+
+# How many facets of the slave are looked at together.
+_TOGETHER = 64
 
 
 def _rays(slave: Chain, x: Array, ways: Array, master: Chain, y: Array, reach: float) -> Rays:
     """All pairs of points that see each other along directions at the nodes of the slave, of length one, shape (N, 2);
     the nodes of both sides are at x and y.
     """
-    ends = y[master.facets[:, :2]]
-    away = ends[:, 1] - ends[:, 0]
-    facing = np.column_stack((away[:, 1], -away[:, 0])) / np.linalg.norm(away, axis=1, keepdims=True)
-    columns: list[tuple[Array, ...]] = []
-    for number, nodes in enumerate(slave.facets):
-        positions, directions = x[nodes], ways[nodes]
-        along = positions[1] - positions[0]
-        outward = np.array([along[1], -along[0]]) / np.hypot(*along)
-        seen = np.flatnonzero(facing @ outward < FACING_SIDES)
-        vertices = y[np.unique(master.facets[seen, :2])]
-        for low, high in pairwise(_breaks(positions, directions, vertices)):
-            s = low + (high - low) * np.append(0.5, (_POINTS + 1) / 2)
-            hats = _hats(s, slave.width)
-            points, rays = hats @ positions, _unit(hats @ directions)
-            at = _meeting(y[master.facets[seen]], points, rays)
-            stretch = _slopes(s[1:], slave.width) @ slave.x[nodes]
-            area = _WEIGHTS / 2 * (high - low) * np.hypot(*stretch.T) * (hats[1:] @ slave.measure[nodes])
-            for k in np.flatnonzero((at[0] >= 0) & (at[0] <= 1)):
-                over = at[1:, k]
-                apart = _hats(over, master.width) @ y[master.facets[seen[k]]] - points[1:]
-                distance = np.sum(apart * rays[1:], axis=1)
-                size = np.full(over.size, float(number)), np.full(over.size, float(seen[k]))
-                columns.append((size[0], s[1:], size[1], over, distance, area, apart[:, 0], apart[:, 1]))
-    if not columns:
-        return Rays.none()
+    blocks = [
+        _rays_of(slave, np.arange(first, min(first + _TOGETHER, len(slave.facets))), x, ways, master, y)
+        for first in range(0, len(slave.facets), _TOGETHER)
+    ]
     facet, at, over, place, distance, area, *apart_columns = (
-        np.concatenate(column) for column in zip(*columns, strict=True)
+        np.concatenate(column) for column in zip(*blocks, strict=True)
     )
+    if not facet.size:
+        return Rays.none()
     # Pairs of facets are partners by their mean distance.
     key = facet * len(master.facets) + over
     _, pair = np.unique(key, return_inverse=True)
     first, second = (np.bincount(pair, area * column) for column in apart_columns)
     means = np.column_stack((first, second)) / np.bincount(pair, area)[:, None]
     near = np.flatnonzero(np.linalg.norm(means[pair], axis=1) <= reach)
-    return Rays(
-        facet[near].astype(np.int64),
-        at[near],
-        over[near].astype(np.int64),
-        place[near],
-        distance[near],
-        area[near],
+    return Rays(facet[near], at[near], over[near], place[near], distance[near], area[near])
+
+
+def _rays_of(
+    slave: Chain, numbers: Numbers, x: Array, ways: Array, master: Chain, y: Array
+) -> tuple[Numbers, Array, Numbers, Array, Array, Array, Array, Array]:
+    """Those of some facets of the slave: the facets, the places on them, the facets over these, the places there, how
+    far along the rays, the areas, and the distance as vectors, one array for each component.
+    """
+    facing, outward = (
+        np.column_stack((away[:, 1], -away[:, 0])) / np.linalg.norm(away, axis=1, keepdims=True)
+        for away in (at[ends[:, 1]] - at[ends[:, 0]] for at, ends in ((y, master.facets), (x, slave.facets[numbers])))
+    )
+    opposite = outward @ facing.T < FACING_SIDES
+    seen = np.zeros((numbers.size, len(y)), dtype=bool)
+    facet, over = np.nonzero(opposite)
+    seen[facet[:, None], master.facets[over, :2]] = True
+    vertices = np.flatnonzero(seen.any(axis=0))
+    nodes = slave.facets[numbers]
+    facet, place = _breaks(x[nodes], ways[nodes], y[vertices], seen[:, vertices])
+    parts = np.flatnonzero(facet[1:] == facet[:-1])
+    facet, low, high = facet[parts], place[parts, None], place[parts + 1, None]
+    s = low + (high - low) * np.append(0.5, (_POINTS + 1) / 2)
+    hats, of_part = _hats(s, slave.width), nodes[facet]
+    points, rays = hats @ x[of_part], _unit(hats @ ways[of_part])
+    stretch = _slopes(s[:, 1:], slave.width) @ slave.x[of_part]
+    area = _WEIGHTS / 2 * (high - low) * np.hypot(stretch[..., 0], stretch[..., 1])
+    area = area * np.einsum("pqk,pk->pq", hats[:, 1:], slave.measure[of_part])
+    # A part sees one facet of each sheet of the master: that which its middle sees.
+    middle = _meeting(y[master.facets], points[:, :1], rays[:, :1])
+    part, over = np.nonzero((middle >= 0) & (middle <= 1) & opposite[facet])
+    of_over, points, rays = y[master.facets[over]], points[part, 1:], rays[part, 1:]
+    there = _meeting(of_over[:, None], points, rays)
+    apart = _hats(there, master.width) @ of_over - points
+    distance = np.sum(apart * rays, axis=2)
+    count = _POINTS.size
+    return (
+        np.repeat(numbers[facet[part]], count),
+        s[part, 1:].ravel(),
+        np.repeat(over, count),
+        there.ravel(),
+        distance.ravel(),
+        area[part].ravel(),
+        apart[..., 0].ravel(),
+        apart[..., 1].ravel(),
     )
 
 
