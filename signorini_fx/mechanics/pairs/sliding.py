@@ -37,6 +37,7 @@ from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides,
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, sparse_sums, turning_of
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals
+from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
 from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import NO_PART
 
@@ -115,10 +116,12 @@ class SlidingCoupling:
             slave: positions of the nodes of the slave at the beginning, shape (N, 2).
             master: those of the master.
         """
-        old = sp.diags_array(begun.partnered.astype(np.float64))
-        new = sp.diags_array((~begun.partnered).astype(np.float64))
-        sharing = sp.csr_array(old @ begun.slave + new @ self.frames.slave)
-        opposite = sp.csr_array(old @ begun.master + new @ self.frames.master)
+        if begun.partnered.all():
+            sharing, opposite = begun.slave, begun.master
+        else:
+            old, new = begun.partnered.astype(np.float64), (~begun.partnered).astype(np.float64)
+            sharing = scaled_rows(old, begun.slave) + scaled_rows(new, self.frames.slave)
+            opposite = scaled_rows(old, begun.master) + scaled_rows(new, self.frames.master)
         met = begun.partnered[:, None]
         return Frames(
             sharing,
@@ -188,16 +191,18 @@ class _Pieces:
 
     def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array, *, near: bool) -> sp.csr_array:
         """See ``SlidingCoupling.stiffness``, with forces at the points, shape (n,) each."""
-        forces = sp.diags_array(self.shares.T @ pressing)
-        bends = self.along.T @ forces @ self.shift - self.change.T @ forces @ self.turn
-        turns = self.turning.T @ sp.diags_array(shearing) @ normal_rows
-        half = sp.csr_array(-bends - turns)
+        forces = self.shares.T @ pressing
+        bends = self.along.T @ scaled_rows(forces, self.shift) - self.change.T @ scaled_rows(forces, self.turn)
+        half = -bends
+        if shearing.any():
+            half = half - self.turning.T @ scaled_rows(shearing, normal_rows)
         passing, kinks = self.passing
         if near:
-            corners = passing.T @ sp.diags_array((self.vertices.T @ pressing) * kinks) @ passing
-            corners = corners - self.shift.T @ forces @ sp.diags_array(self.curved) @ self.shift
+            corners = passing.T @ scaled_rows((self.vertices.T @ pressing) * kinks, passing)
+            if self.curved.any():
+                corners = corners - self.shift.T @ scaled_rows(forces * self.curved, self.shift)
         else:
-            corners = self.shift.T @ forces @ sp.diags_array(self.bending) @ self.shift
+            corners = self.shift.T @ scaled_rows(forces * self.bending, self.shift)
         return sp.csr_array(half + half.T + corners)
 
 
@@ -279,7 +284,7 @@ def slide(
 
     weights = np.where(partnered, placing @ (shares @ weight), slave.area[points])
     covered = (placing @ (shares @ weight)) / slave.area[points]
-    mean = sp.csr_array(placing @ sp.diags_array(1.0 / (shares @ weight)) @ shares)  # of moments of the functions
+    mean = sp.csr_array(placing @ scaled_rows(1.0 / (shares @ weight), shares))  # of moments of the functions
     if held is not None and whole is not tested:
         helpless = held.helpless(whole.met(slave, master))
         helpless[nodes] = False
@@ -308,7 +313,7 @@ def slide(
             pieces = _TurningPieces(in_space, (slave, master), tested.overlap, (sharing, opposite, tangents))
             gaps, change = in_space.gap, in_space.rows
         gap[at] = gaps[at]
-        normal_rows = sp.diags_array((~partnered).astype(np.float64)) @ normal_rows - change
+        normal_rows = scaled_rows((~partnered).astype(np.float64), normal_rows) - change
     way = _way(tangents, sharing @ slave.x - opposite @ master.x)
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
@@ -334,8 +339,8 @@ def _gap_of_nodes(slave: PairSurface, master: PairSurface, tested: Tested, chose
     rows = np.flatnonzero(chosen)
     if not rows.size:
         return np.zeros(0)
-    scale = sp.diags_array(1.0 / _areas(slave, tested)[rows])
-    sharing, opposite = (sp.csr_array(scale @ matrix[rows]) for matrix in _integrals(slave, master, tested)[:2])
+    factors = 1.0 / _areas(slave, tested)[rows]
+    sharing, opposite = (scaled_rows(factors, matrix[rows]) for matrix in _integrals(slave, master, tested)[:2])
     normals = _directed(slave, master, sharing, opposite)
     return np.asarray(np.einsum("nd,nd->n", normals, opposite @ master.x - sharing @ slave.x))
 
@@ -484,13 +489,10 @@ def _pieces(
             master_part - _rows(row[:, None], at_slave, shape[:, :, None] * vectors[:, None], (size, total))
         )
 
-    def scaled(factor: Array, matrix: sp.csr_array) -> sp.csr_array:
-        return sp.csr_array(sp.diags_array(factor) @ matrix)
-
     inclined = np.einsum("qd,qd->q", facing, across) / cosine[:, 0]
-    change = difference(facing / cosine) - scaled(distance * inclined, turn)
+    change = difference(facing / cosine) - scaled_rows(distance * inclined, turn)
     stretched = np.einsum("qd,qd->q", facet, across)
-    shift = scaled(1.0 / stretched, scaled(distance, turn) - difference(across))
+    shift = scaled_rows(1.0 / stretched, scaled_rows(distance, turn) - difference(across))
     along_facet = _rows(row[:, None], at_master, slope_over[:, :, None] * (facing / cosine)[:, None], (size, total))
     weighted = tested.weighted.reshape(size, -1)
     functions = _nodal(flat(slave.points[overlap.slave]), row[:, None], weighted, (len(slave.x), size))
@@ -511,9 +513,9 @@ def _pieces(
     along_n, along_t = (np.einsum("qkd,qd->qk", master.directions[over], w) for w in (ways, across))
     bending = np.einsum("qk,qk->q", slope_over, along_t / along_n) * stretched
     for axis in range(2):
-        parts.append(-1.0 * scaled(tangents[:, axis] * inverse, shares) @ scaled(bend[:, axis], shift))
+        parts.append(scaled_rows(-tangents[:, axis] * inverse, shares) @ scaled_rows(bend[:, axis], shift))
     turning = sp.csr_array(sum(parts[1:], parts[0]))
-    rows = along_facet, shift, sp.csr_array(change), scaled(inclined, turn), turning
+    rows = along_facet, shift, sp.csr_array(change), scaled_rows(inclined, turn), turning
     corners = _vertices((slave, master), overlap, directions, mean, turned[0])
     second = master.x[over] * master.functions.curvatures[:, None]
     curved = np.einsum("qkd,qd->q", second, facing / cosine)
@@ -579,7 +581,7 @@ def _vertices(
     passing = (
         _rows(row, len(slave.x) + vertices, across, (count, total))
         - _rows(row[:, None], nodes, shape[:, :, None] * across[:, None], (count, total))
-        - sp.diags_array(distance) @ (turn @ turned)
+        - scaled_rows(distance, turn @ turned)
     )
     coefficients = dual_coefficients(slave, overlap)[facets]
     functions = np.einsum("vij,vj->vi", coefficients, slave.tests.values(s[:, None]))
