@@ -29,8 +29,9 @@ HEAD = """# How a deck is read
   moment; otherwise it becomes forces at nodes. Loads that a step gives twice are added. Each static `*STEP` is a load
   step, `*PRE-TENSION SECTION` a `preload`.
 - **Constraints.** `*EQUATION`, cyclic symmetry and ties of nodes that fill no facets become [links](#nodes), which
-  yield by 1e-5 of the strain of a cell. `*KINEMATIC` becomes a rigid tool, `*DISTRIBUTING` spreads its force over
-  nodes.
+  yield by 1e-5 of the strain of a cell. Where a sector touches the next one (`CONTACT`), the elements at its
+  independent side are added once more, turned by a sector, with 1e-4 of the smallest stiffness, and linked to those
+  that they are images of. `*KINEMATIC` becomes a rigid tool, `*DISTRIBUTING` spreads its force over nodes.
 - **Contact.** Each `*CONTACT PAIR` has its own `*FRICTION`, even if it changes, and `ADJUST`. Nodes that do not fill
   facets are replaced by the facets around them that face the other side. This counts as a change of the answer unless
   equations move all nodes of these facets alike. The slope of `PRESSURE-OVERCLOSURE=LINEAR` becomes `gamma_n`, or, if

@@ -735,6 +735,11 @@ STIFF_LINK = 1e5
 FACING = 0.7
 # Nodes of a sector find a place of its other side within this share of the size of the body, or are lost.  Choice.
 TIED_AT_MOST = 0.01
+# Elements of the next sector that a sector touches have this share of the smallest stiffness of a deck: they stiffen
+# those that they are images of by less than that, and the stiffness of contact stays above round-off.  Choice.
+WEAK_IMAGE = 1e-4
+# Their density likewise, as nothing else needs it.  Choice: round-off.
+WEIGHTLESS_IMAGE = 1e-15
 # More nodes than these get their forces from a file beside the scene.  Choice.
 NODES_OF_TABLES = 12
 # Cells in space are divided where that makes at most so many nodes: three times as many unknowns are solved in minutes;

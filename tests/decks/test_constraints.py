@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import MeshError
+from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
 
@@ -305,6 +306,94 @@ def test_sectors_that_do_not_meet(tmp_path):
     lines[lines.index("*CYCLIC SYMMETRY MODEL, N=6, TIE=T")] = "*CYCLIC SYMMETRY MODEL, N=5, TIE=T"
     lost = drafted(tmp_path, lines)[0].lost
     assert "cyclic symmetry: 6 of 6 nodes of 'A' find no place of 'B'" in lost[0]
+
+
+EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+
+
+def quadratic(lines):
+    """The same bricks with nodes in the middle of their edges."""
+    x, middles, result = {}, {}, []
+    for line in lines:
+        words = line.split(",")
+        if len(words) == 4 and not line.startswith("*"):
+            x[int(words[0])] = np.array(list(map(float, words[1:])))
+        if len(words) == 9:
+            corners = [int(word) for word in words[1:]]
+            for a, b in EDGES:
+                middles.setdefault(frozenset((corners[a], corners[b])), 500 + len(middles))
+            more = [middles[frozenset((corners[a], corners[b]))] for a, b in EDGES]
+            result += [", ".join(map(str, [int(words[0]), *corners, *more[:7]])) + ",", ", ".join(map(str, more[7:]))]
+        else:
+            result.append(line.replace("C3D8", "C3D20"))
+    added = [f"{n}, {', '.join(repr(float(v)) for v in sum(x[k] for k in ends) / 2)}" for ends, n in middles.items()]
+    return ["*NODE", *added, *result]
+
+
+def pressed(joint, *, inwards=-1.0):
+    """A sector of a ring whose outside is moved towards the axis, or away from it, by even radial forces; its middle
+    does not move around the axis and its bottom not along it.
+    """
+    lines, number = ring(1)
+    middle = [number(i, 1, k) for i in range(len(RADII)) for k in (0, 1)]
+    bottom = [number(i, j, 0) for i in range(len(RADII)) for j in range(ROWS + 1)]
+    lines += ["*NSET, NSET=MIDDLE", *map(str, middle), "*NSET, NSET=BOTTOM", *map(str, bottom)]
+    lines += ["*TRANSFORM, NSET=MIDDLE, TYPE=C", "0., 0., 0., 0., 0., 1."]
+    for name, row, face in (("A", 0, "S3"), ("B", ROWS - 1, "S5")):
+        lines += [f"*SURFACE, NAME={name}", *(f"{1 + i + (len(RADII) - 1) * row}, {face}" for i in range(2))]
+    forces = []
+    for j, share in ((0, 0.5), (1, 1.0), (2, 0.5)):
+        angle = 2 * np.pi * j / (ROWS * SECTORS)
+        for k in (0, 1):
+            vector = inwards * share * np.array([np.cos(angle), np.sin(angle)])
+            forces += [f"{number(2, j, k)}, {axis}, {float(value)!r}" for axis, value in enumerate(vector, 1)]
+    held = ["*BOUNDARY", "MIDDLE, 2", "BOTTOM, 3"]
+    return [*lines, *joint, *held, "*STEP", "*STATIC", "*CLOAD", *forces, END]
+
+
+MODEL = "*CYCLIC SYMMETRY MODEL, N=6, TIE=T"
+AXIS = "0., 0., 0., 0., 0., 1."
+TIED = ["*TIE, CYCLIC SYMMETRY, NAME=T", "A, B", MODEL, AXIS]
+TOUCHING = ["*SURFACE INTERACTION, NAME=I", *TIED[:2], f"{MODEL}, CONTACT", AXIS]
+PAIR = ["*CONTACT PAIR, INTERACTION=I", "A, B"]
+
+
+@pytest.mark.parametrize("shape", [list, quadratic])
+@pytest.mark.parametrize("pair", [PAIR, ["*CONTACT PAIR, INTERACTION=I", "B, A"]], ids=["slave", "master"])
+def test_a_sector_touches_the_next_one(tmp_path, pair, shape):
+    """Under forces towards the axis a ring of loose sectors is one whole ring, whose sectors press each other without
+    shear; the images of the next sector have less than 1e-4 of its stiffness.
+    """
+    whole = solved(tmp_path, shape(pressed(TIED)), "whole")
+    loose = solved(tmp_path, shape(pressed([*TOUCHING, *pair])), "loose")
+    assert loose.converged
+    (at, expected), (x, u) = moved(whole, 3), moved(loose, 3)
+    size = np.sqrt(0.75)
+    turns = [np.eye(3), *(np.array([[0.5, -s, 0.0], [s, 0.5, 0.0], [0.0, 0.0, 1.0]]) for s in (size, -size))]
+    places, values = (np.vstack([rows @ turn.T for turn in turns]) for rows in (at, expected))
+    rows = [int(np.argmin(np.linalg.norm(places - place, axis=1))) for place in x]
+    assert len(x) == len(at) + (45 if shape is quadratic else 12)
+    assert np.abs(places[rows] - x).max() < 1e-9
+    np.testing.assert_allclose(u, values[rows], atol=1e-3 * np.abs(expected).max())
+
+
+def test_sectors_come_apart(tmp_path):
+    """Forces away from the axis are held by ties and not by contact."""
+    assert solved(tmp_path, pressed(TIED, inwards=1.0), "whole").converged
+    with pytest.raises(ConvergenceError, match="contact opens, no static equilibrium"):
+        solved(tmp_path, pressed([*TOUCHING, *PAIR], inwards=1.0), "loose")
+
+
+def test_a_sector_that_touches_nothing(tmp_path):
+    """Without a contact pair of both sides the contact is lost, in so many words."""
+    for name, joint in (
+        ("alone", TOUCHING),
+        ("other", [*TOUCHING, "*CONTACT PAIR, INTERACTION=I", "A, C"]),
+    ):
+        lost = drafted(tmp_path, pressed(joint), name)[0].lost
+        assert any(
+            "contact of a sector with the next one: no *CONTACT PAIR of 'A' and the faces 'B'" in line for line in lost
+        )
 
 
 # --- directions and temperatures -------------------------------------------------------------------------------------

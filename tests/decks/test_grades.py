@@ -34,6 +34,7 @@ SAID = {
         [],
     ),
     ("CYCLICSYMMETRYMODEL", ""): ELSEWHERE,
+    ("CYCLICSYMMETRYMODEL", "CONTACT, without a contact pair of both sides"): ELSEWHERE,
     ("HYPERELASTIC", ""): ELSEWHERE,
     ("HYPERELASTIC", "another energy, or incompressible"): ELSEWHERE,
     ("HYPERELASTIC", "elsewhere"): ELSEWHERE,

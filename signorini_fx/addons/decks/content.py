@@ -253,6 +253,12 @@ class Deck:
         pair = frozenset((slave.upper(), master.upper()))
         return pair in self.vanished or not pair.isdisjoint(self.model.emptied)
 
+    def facing(self, pair: tuple[str, str, str]) -> tuple[str, str, str]:
+        """A contact pair; one of both sides of a sector is that with the next sector."""
+        for sector in self.model.sectors.values():
+            pair = sector.facing(pair)
+        return pair
+
     @property
     def step(self) -> int:
         """The current one, from 0; -1 before the first."""

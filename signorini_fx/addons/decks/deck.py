@@ -238,7 +238,7 @@ def _read(deck: Deck, block: DeckBlock) -> None:
             read_temperatures(deck, block)
         case "CONTACTPAIR":
             _check_pair(deck, parameters)
-            pairs = [_pair(row, parameters.get("INTERACTION", "")) for row in rows]
+            pairs = [deck.facing(_pair(row, parameters.get("INTERACTION", ""))) for row in rows]
             deck.pairs += pairs
             deck.pairing |= dict.fromkeys(pairs, block)
             if "ADJUST" in parameters:

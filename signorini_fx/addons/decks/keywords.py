@@ -51,6 +51,7 @@ SMALL = "NLGEOM: displacements and rotations are taken as small"
 PERTURBATION = "PERTURBATION: contact may open and close here, and does not in such a step"
 TURNED = "axes are rectangular, R, or cylindrical, C; those of space are taken"
 NO_SECTORS = "cyclic symmetry without *CYCLIC SYMMETRY MODEL"
+UNTOUCHED_SECTOR = "contact of a sector with the next one"
 UNKNOWN = "not known to scenes"
 OTHER_PROCEDURE = "only static steps are taken"
 STATIC = "STATIC"
@@ -160,7 +161,10 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, "is no boundary of the body", "CONTACT PAIR", "TIE", case="of another surface"),
     *_rules(Grade.LOST, GENERAL_CONTACT, "CONTACT", "CONTACT INCLUSIONS"),
     *_rules(Grade.TAKEN, "bond", "TIE"),
-    *_rules(Grade.TAKEN, "links of both sides of a sector", "CYCLIC SYMMETRY MODEL"),
+    *_rules(Grade.TAKEN, "links of both sides of a sector, or contact with the next one", "CYCLIC SYMMETRY MODEL"),
+    *_rules(
+        Grade.LOST, UNTOUCHED_SECTOR, "CYCLIC SYMMETRY MODEL", case="CONTACT, without a contact pair of both sides"
+    ),
     *_rules(Grade.LOST, NO_SECTORS, "TIE", case="CYCLIC SYMMETRY alone"),
     *_rules(Grade.TAKEN, "links between nodes", "EQUATION"),
     *_rules(Grade.TAKEN, "rigid foundation, or a bonded tool", "RIGID BODY"),

@@ -9,8 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck
+from signorini_fx.addons.decks.keywords import UNTOUCHED_SECTOR
 from signorini_fx.addons.decks.nodal import Term, link_nodes
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, parameter, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, real
+from signorini_fx.mechanics.mesh.files.abaqus_sectors import Sectors, asks_for_contact, sectors_of
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import Cell
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
@@ -68,48 +70,51 @@ def link_sectors(deck: Deck, block: DeckBlock) -> None:
     Raises:
         DeckError: the number of sectors or the axis is wrong.
     """
-    name = block.parameters.get("TIE", "").upper()
-    ties = [
-        tie
-        for tie in deck.model.blocks
-        if tie.keyword == "TIE" and "CYCLICSYMMETRY" in tie.parameters
-        if not name or tie.parameters.get("NAME", "").upper() == name
-    ]
-    if len(ties) != 1 or not ties[0].rows or len(ties[0].rows[0]) < 2:
-        raise DeckError(block, f"{f'TIE={name}' if name else 'its tie'} is no single *TIE, CYCLIC SYMMETRY of the file")
-    count = parameter(block, "N")
-    words = [real(word) for word in block.rows[0][:6]]
-    if count < 2 or count != round(count) or len(words) != 6 or words[:3] == words[3:]:
-        raise DeckError(block, "N, a whole number from 2 on, and two points of the axis are expected")
-    slave, master = ties[0].rows[0][:2]
-    if "CONTACT" in block.parameters:
-        deck.lose(block, "contact of a sector with the next one")
-        deck.unpaired.add(frozenset((slave.upper(), master.upper())))
+    sectors = sectors_of(block, deck.model.blocks)
+    slave, master = sectors.slave, sectors.master
+    if asks_for_contact(block):
+        _link_images(deck, block, sectors)
         return
     moving, fixed = surface_nodes(deck, slave), surface_nodes(deck, master)
     missing = [name for name, nodes in ((slave, moving), (master, fixed)) if not nodes.size]
     if missing or deck.mesh.dim == 2:
         deck.lose(block, f"cyclic symmetry: {missing[0]!r} is no surface of the body" if missing else "in the plane")
         return
-    first, second = np.array(words[:3]), np.array(words[3:])
-    axis = (second - first) / np.linalg.norm(second - first)
     x = deck.mesh.points
-    turns = [_turn(axis, sign * 2 * np.pi / count) for sign in (1.0, -1.0)]
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(x[fixed])
-    # A sector is on either side of its master.
-    turn = min(turns, key=lambda turn: float(np.median(tree.query((x[moving] - first) @ turn.T + first)[0])))
+    turn = sectors.turn(x[moving], x[fixed])
     size = float(np.linalg.norm(np.ptp(x, axis=0)))
-    far = _link(deck, block, moving, fixed, turn, TIED_AT_MOST * size, first)
+    far = _link(deck, block, moving, fixed, turn, TIED_AT_MOST * size, sectors.first)
     if far:
         deck.lose(block, f"cyclic symmetry: {far} of {len(moving)} nodes of {slave!r} find no place of {master!r}")
 
 
-def _turn(axis: Floats, angle: float) -> Floats:
-    """The matrix of a rotation about an axis."""
-    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+def _link_images(deck: Deck, block: DeckBlock, sectors: Sectors) -> None:
+    """What a sector touches of the next one moves as its own nodes, turned."""
+    sector = deck.model.sectors.get(block.number)
+    region = None if sector is None else deck.region(sector.region)
+    if sector is None or region is None:
+        names = f"*CONTACT PAIR of {sectors.slave!r} and the faces {sectors.master!r}"
+        deck.lose(block, f"{UNTOUCHED_SECTOR}: no {names}")
+        deck.unpaired.add(frozenset((sectors.slave.upper(), sectors.master.upper())))
+        return
+    x, cells, of_file = deck.mesh.points, deck.mesh.cells, len(deck.numbers)
+    images, originals = (
+        np.array([deck.node(deck.model.places[name]) for name in names])
+        for names in (sector.images, sector.images.values())
+    )
+    # Nodes that complete the cells of the file, or divide them, are images of those of the same cells.
+    more = np.setdiff1d(cells[deck.mesh.regions[region]], images)
+    if more.size:
+        from scipy.spatial import cKDTree
+
+        own = cells[(np.isin(cells, originals) | (cells >= of_file)).all(axis=1)]
+        completing = np.setdiff1d(own, originals)
+        nearest = cKDTree(sectors.turned(x[completing], sector.turn)).query(x[more])[1]
+        images, originals = np.append(images, more), np.append(originals, completing[nearest])
+    unit = np.eye(3)
+    for image, original in zip(plain(images), plain(originals), strict=True):
+        for k in range(3):
+            link_nodes(deck, block, [(image, unit[k]), (original, -sector.turn[k])])
 
 
 def _link(

@@ -24,6 +24,7 @@ from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group, Groups, agreeing, bodies, single
 from signorini_fx.mechanics.mesh.files.abaqus_include import Source
 from signorini_fx.mechanics.mesh.files.abaqus_node_surfaces import ElementFaces, faces_of_nodes
+from signorini_fx.mechanics.mesh.files.abaqus_sectors import NextSector, ReadMesh, asks_for_contact, with_next_sectors
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mechanics.mesh.files.cells import Corners, completed, straight
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, rows_of
@@ -185,6 +186,10 @@ class _Reader:
         """A name that the file does not have."""
         return None if name.upper() in self._spelt else self._name(name)
 
+    def _unused(self, word: str) -> str:
+        """A name that the file does not have, a word and perhaps a number."""
+        return next(filter(None, (self._free(f"{word}{n or ''}") for n in itertools.count())))
+
     def _resolve_sections(self) -> None:
         """Of an element in several sections the last one holds: what is left of the others is a set of its own."""
         owner: dict[int, int] = {}
@@ -204,8 +209,7 @@ class _Reader:
                 continue
             self.sections[block.number] = None
             if owned:
-                names = (self._free(f"{block.parameters['ELSET']}_rest{n or ''}") for n in itertools.count())
-                name = next(filter(None, names))
+                name = self._unused(f"{block.parameters['ELSET']}_rest")
                 self.sections[block.number] = name
                 self.element_sets[name] = owned
 
@@ -351,6 +355,21 @@ class _Reader:
                 self.emptied.add(name.upper())
             self.surfaces[name] = rest
 
+    def with_next_sectors(self, blocks: list[DeckBlock]) -> tuple[list[DeckBlock], dict[int, NextSector]]:
+        """The keywords that have been read, and what sectors touch; see ``abaqus_sectors.with_next_sectors``."""
+        solid = [number for number in self.elements if self._is_body(number)]
+        kinds = {number: self.elements[number] for number in solid}
+        mesh = ReadMesh(
+            self.points,
+            {number: self.blocks[kind][row] for number, (kind, row) in kinds.items()},
+            {number: self._defining(number).parameters["TYPE"] for number in solid},
+            self.surfaces,
+            self.node_sets,
+            self.element_sets,
+            lambda number, face: dict(enumerate(faces_of(self.elements[number][0]), 1)).get(face, ()),
+        )
+        return with_next_sectors(blocks, mesh, self._unused)
+
     def _by_kind(self) -> list[tuple[str, list[int]]]:
         """The numbers of the elements of each kind, in their order."""
         numbers: dict[str, list[int]] = {kind: [] for kind in self.blocks}
@@ -436,6 +455,7 @@ class DeckModel:
         surfaces: name of a surface -> its elements, each with a face from 1 on.
         bare: an element of the body that is in no section, and the keyword that defines it; None: all are in one.
         emptied: names of surfaces, in capitals, all of whose elements the first step removes.
+        sectors: number of a *CYCLIC SYMMETRY MODEL with contact -> the part of the next sector that has been added.
         tied: whether there are elements with stiffness that are nothing of the body, such as springs.
         bodies: names of the parts that share no node, if there are several and the file gives nodes values.
     """
@@ -451,6 +471,7 @@ class DeckModel:
     bodies: tuple[str, ...]
     tied: bool
     emptied: frozenset[str]
+    sectors: dict[int, NextSector]
 
 
 def read_keywords(file: Path) -> list[DeckBlock]:
@@ -471,6 +492,19 @@ def _keywords(file: Path) -> tuple[list[DeckBlock], int]:
         raise MeshError(f"{file}: {error.text}") from None
 
 
+def _read_blocks(file: Path, blocks: list[DeckBlock], size: int) -> _Reader:
+    """What the keywords of a file say of its mesh.
+
+    Raises:
+        MeshError: a keyword is wrong.
+    """
+    reader = _Reader(size)
+    for block in blocks:
+        with _named(file, f"{block.place}, *{block.name}"):
+            reader.read(block)
+    return reader
+
+
 def read_model(file: Path) -> DeckModel:
     """The mesh of an Abaqus input file, and all of its keywords.
 
@@ -479,10 +513,12 @@ def read_model(file: Path) -> DeckModel:
             solid.
     """
     blocks, size = _keywords(file)
-    reader = _Reader(size)
-    for block in blocks:
-        with _named(file, f"{block.place}, *{block.name}"):
-            reader.read(block)
+    reader = _read_blocks(file, blocks, size)
+    sectors: dict[int, NextSector] = {}
+    if any(map(asks_for_contact, blocks)):
+        with _named(file, "sets and elements"):
+            blocks, sectors = reader.with_next_sectors(blocks)
+        reader = _read_blocks(file, blocks, size)
     with _named(file, "sets and elements"):
         mesh = reader.result()
         if reader.passed_over | reader.elements.keys() and all(kind.startswith("line") for kind, _ in mesh.blocks):
@@ -502,6 +538,7 @@ def read_model(file: Path) -> DeckModel:
         reader.bodies,
         reader.tied,
         frozenset(reader.emptied),
+        sectors,
     )
 
 
