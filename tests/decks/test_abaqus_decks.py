@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from signorini_fx.addons.decks.draft import draft
+from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results.sections import section_forces
@@ -320,6 +322,20 @@ def test_steps_that_are_not_static(tmp_path, capsys):
         "STEP: the step, a perturbation of the one before it",
         "'WALL' is free along x in one: here it is held there",
     ]
+
+
+def test_a_step_that_does_not_end(tmp_path, capsys):
+    """What the step before says would be lost: one error that names both.  The last step may end with the file."""
+    first = ["*STEP", "*STATIC", "*DSLOAD", "LID, P, 4.0"]
+    lines = [*block(), *MATERIAL, *first, "*STEP", "*STATIC", "*DSLOAD", "LID, P, 2.0"]
+    deck = tmp_path / "open.inp"
+    deck.write_text("\n".join([*lines, "*END STEP"]) + "\n", encoding="utf-8")
+    numbers = [n for n, line in enumerate("\n".join(lines).splitlines(), 1) if line == "*STEP"]
+    with pytest.raises(MeshError, match=rf"line {numbers[1]}, \*STEP: the step of line {numbers[0]} has no \*END STEP"):
+        draft(deck, tmp_path / "open.toml")
+    lines.insert(-4, "*END STEP")
+    _, data, _ = drafted(tmp_path, lines, capsys)
+    assert data["traction"] == [{"boundary": "LID", "pressure": 4.0, "factors": [1.0, 0.5]}]
 
 
 def test_amplitudes(tmp_path, capsys):

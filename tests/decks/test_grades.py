@@ -110,6 +110,7 @@ SAID = {
     ("NODE", "SYSTEM other than R"): (["*NODE, SYSTEM=C", "900, 1., 1."], []),
     ("ELEMENT", "springs, gaps, connectors"): (["*ELEMENT, TYPE=SPRINGA, ELSET=S", "900, 1, 2"], []),
     ("ELEMENT", "CPE, CPS and CAX in one file"): ("CPS", []),
+    ("STEP", "within another one"): ELSEWHERE,
     ("STEP", "NLGEOM; small rotations"): ("*STEP, NLGEOM", []),
     ("STEP", "NLGEOM; run finds rotations that matter"): ELSEWHERE,
     ("STEP", "PERTURBATION"): ("*STEP, PERTURBATION", []),

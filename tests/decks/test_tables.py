@@ -65,6 +65,16 @@ def test_two_blocks(tmp_path):
     np.testing.assert_allclose(values[:, 1], -PRESSURE, rtol=1e-4)
 
 
+def test_a_last_step_without_an_end(tmp_path):
+    """The file ends it: its tables are the same."""
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{SLOPE}"])
+    lines[-1:] = ["*NODE PRINT, NSET=UP_HEAD", "U"]
+    open_, cgx = solved(tmp_path, lines)
+    assert open_
+    (tmp_path / "closed").mkdir()
+    assert solved(tmp_path / "closed", [*lines, "*END STEP"]) == (open_, cgx)
+
+
 @pytest.mark.parametrize("kind", ["C3D8", "C3D20"])
 def test_a_column_in_space(tmp_path, kind):
     """Pulled at its top, in two steps: results of both at their times, and reactions that balance the load, also of

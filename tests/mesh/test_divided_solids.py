@@ -12,6 +12,7 @@ from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files import dividing
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.shape import measures
+from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.mesh.tagged import read_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -115,6 +116,31 @@ def test_few_wedges_and_tetrahedra_are_divided(tmp_path, seed):
     assert areas[rest].sum() == pytest.approx(surface - AREA, rel=1e-12)
     for node, ends in enumerate(mesh.ends, start=len(mesh.points) - len(mesh.ends)):
         np.testing.assert_allclose(mesh.points[node], mesh.points[ends[ends >= 0]].mean(axis=0), atol=1e-12)
+
+
+def test_shells_inside_divided_cells(tmp_path):
+    """Triangles that are no side of a cell cannot be divided with them: that they are left out is said."""
+    source, counts = mixed_solid(3)
+    inside = source.cells[0].data[: counts["hexahedron"]][:2, [0, 2, 6]]
+    data = [*source.cell_data["part"], np.full(2, 9)]
+    cells = [*source.cells, meshio.CellBlock("triangle", inside)]
+    meshio.write(tmp_path / "some.vtu", meshio.Mesh(source.points, cells, cell_data={"part": data}))
+    mesh = read_file(tmp_path / "some.vtu")
+    assert mesh.note.endswith("; 2 triangles that are no side of a cell are left out")
+    assert mesh.boundaries.keys() == {"boundary_7", "boundary_8"}
+    source, _ = mixed_solid(3)
+    meshio.write(tmp_path / "none.vtu", source)
+    assert read_file(tmp_path / "none.vtu").note == mesh.note.partition(";")[0]
+
+
+def test_a_divided_mesh_that_is_halved(tmp_path):
+    """The finer mesh says, too, that its cells are not those of the file."""
+    source, _ = mixed_solid(4)
+    meshio.write(tmp_path / "some.vtu", source)
+    mesh = read_file(tmp_path / "some.vtu")
+    finer = halved(mesh)
+    assert mesh.note
+    assert (finer.note, finer.subdivided) == (mesh.note, True)
 
 
 def test_a_set_of_nodes_of_divided_cells(tmp_path):

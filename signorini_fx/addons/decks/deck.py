@@ -173,12 +173,14 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
     """The keywords without those of steps that a scene has not.
 
     Raises:
-        MeshError: the first step does not say of what kind it is.
+        MeshError: the first step does not say of what kind it is, or one does not end before the next one.
     """
     step: list[DeckBlock] | None = None
     steps, kind = 0, ""
     for block in deck.model.blocks:
         if block.keyword == "STEP":
+            if step is not None:
+                raise MeshError(f"{file}: {block.origin}: the step of {step[0].place} has no *END STEP before this one")
             step = []
         if step is None:
             yield block

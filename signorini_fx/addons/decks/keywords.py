@@ -129,6 +129,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.TAKEN, "load step", "STEP", STATIC, "END STEP"),
     *_rules(Grade.NOTED, AS_BEFORE, "STEP", case="a later one without *STATIC"),
     *_rules(Grade.REFUSED, NO_PROCEDURE, "STEP", case="the first one without *STATIC"),
+    *_rules(Grade.REFUSED, "the step before it has no *END STEP", "STEP", case="within another one"),
     *_rules(Grade.NOTED, SMALL, "STEP", case="NLGEOM; small rotations"),
     *_rules(Grade.LOST, SMALL, "STEP", case="NLGEOM; run finds rotations that matter"),
     *_rules(Grade.LOST, PERTURBATION, "STEP", case="PERTURBATION"),

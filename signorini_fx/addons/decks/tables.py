@@ -82,7 +82,8 @@ def dat(deck: Deck, moments: Sequence[NodeResults]) -> Iterator[str]:
     names = deck.names
     requests: dict[str, list[DeckBlock]] = {}
     by_step: list[list[DeckBlock]] = []
-    for block in deck.model.blocks:
+    last = DeckBlock("ENDSTEP", {}, 0)  # which a file may lack
+    for block in (*deck.model.blocks, last):
         match block.keyword:
             case "STEP":
                 fresh: set[str] = set()

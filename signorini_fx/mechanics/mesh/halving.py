@@ -39,7 +39,7 @@ def straightened(mesh: MeshArrays) -> MeshArrays:
 
 
 def halved(mesh: MeshArrays) -> MeshArrays:
-    """The mesh with every side of every cell halved."""
+    """The mesh with every side of every cell halved; it remembers what was made of the cells of its file."""
     cell = mesh.cell
     children = [[_middle([child[c] for c in members]) for members in cell.nodes] for child in _children(cell)]
     lattice = sorted({point for child in children for point in child})
@@ -67,6 +67,8 @@ def halved(mesh: MeshArrays) -> MeshArrays:
         facets=halves.reshape(-1, halves.shape[2]),
         boundaries={name: _repeated(rows, halves.shape[1]) for name, rows in mesh.boundaries.items()},
         regions={name: _repeated(rows, len(children)) for name, rows in mesh.regions.items()},
+        note=mesh.note,
+        subdivided=mesh.subdivided,
     )
 
 

@@ -52,6 +52,7 @@ def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
         return unchanged
     blocks: list[tuple[str, Ints]] = []
     origins: list[Ints] = []  # of each block the row of the file that each row is a part of
+    left_out = 0
     for (kind, nodes), rows in zip(raw.blocks, taken, strict=True):
         if rows is not None:
             centres = np.where(rows, centre + np.cumsum(rows) - 1, -1)
@@ -66,7 +67,10 @@ def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
         parts = middles.parts(kind, nodes[split], centres[split])
         width = parts.shape[2]
         # Of another kind than its parts, what is not divided is no cell and no side of one.
-        undivided = np.flatnonzero(centres < 0) if _PARTS[width] == kind else split[:0]
+        undivided = np.flatnonzero(centres < 0)
+        if _PARTS[width] != kind:
+            left_out += undivided.size
+            undivided = split[:0]
         blocks.append((_PARTS[width], np.concatenate((nodes[undivided].reshape(-1, width), parts.reshape(-1, width)))))
         origins.append(np.concatenate((undivided, split.repeat(parts.shape[1]))))
     ends = middles.ends([nodes for _, nodes in cells])
@@ -78,7 +82,8 @@ def divided(raw: RawMesh) -> tuple[RawMesh, Ints, str]:
         node_sets={name: middles.added_to(nodes) for name, nodes in raw.node_sets.items()},
         data={name: [v[k] for v, k in zip(values, origins, strict=True)] for name, values in raw.data.items()},
     )
-    return mesh, ends, _words(cells)
+    shells = f"; {left_out} triangles that are no side of a cell are left out" if left_out else ""
+    return mesh, ends, _words(cells) + shells
 
 
 def _mixed(raw: RawMesh) -> set[str]:
