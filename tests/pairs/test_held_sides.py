@@ -5,11 +5,13 @@ The reference is the problem with both sides exchanged, where the points are on 
 
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
-from two_bodies import grid
+from two_bodies import assembled, facets, facets_of_cells, grid
 
-from signorini_fx import ConvergenceError, Coulomb, Status
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
 from signorini_fx.mechanics.body import sliding_sides
 from signorini_fx.mechanics.pairs.sliding import slide
 
@@ -175,7 +177,7 @@ def test_where_both_sides_are_held(dim, slave):
     assert len(set(MPI.COMM_WORLD.allgather(message))) == 1
 
 
-def clamped(dim, slave, part, *, end=False, cells=(8, 8)):
+def clamped(dim, slave, part, *, end=False, cells=(8, 8), comm=MPI.COMM_SELF):
     """A plate on a block, both held where x[0] is at most ``part``; ``end``: whether their sides end there."""
     up, away, first = dim - 1, 1e-6, part if end else 0.0
     low, high = [0.0] * up, [1.0] * up
@@ -188,7 +190,7 @@ def clamped(dim, slave, part, *, end=False, cells=(8, 8)):
         lambda x: (x[up] <= away / 2) & (np.isclose(x[up], -1.0) | (x[0] <= part + 1e-9)),
         lambda x: (x[up] >= away / 2) & (x[0] <= part + 1e-9),
     ]
-    return SlidingBodies(KINDS[dim], bodies, touching, held, slave=slave, reach=0.5)
+    return SlidingBodies(KINDS[dim], bodies, touching, held, slave=slave, reach=0.5, comm=comm)
 
 
 @pytest.mark.parametrize("slave", [0, 1])
@@ -214,6 +216,85 @@ def test_a_region_in_which_both_sides_are_held(dim, part, cells, slave):
     assert with_region.min() > 0.1
     count = round(part * cells[slave] + 1) * (1 if dim == 2 else 3)
     assert told(scenes[0])[0].startswith(f"supports hold {count} contact nodes inside the other body, by 0.0")
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_such_a_region_on_ranks(dim):
+    """It is the same on any number of ranks."""
+    alone, shared = (clamped(dim, 0, 0.5, comm=comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+    assert pressed(shared) == pytest.approx(pressed(alone), rel=1e-8)
+    assert told(shared) == told(alone)
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize("upto", [(0.4, 0.4), (0.4, 0.55)])
+@pytest.mark.parametrize(
+    ("kind", "degree"),
+    [
+        ("quadrilateral", 1),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                ("triangle", 2),
+                ("hexahedron", 1),
+                ("hexahedron", 2),
+                ("tetrahedron", 1),
+                ("tetrahedron", 2),
+            )
+        ),
+    ],
+)
+def test_constant_stress_beside_a_region_in_which_both_sides_are_held(kind, degree, upto, slave):
+    """Two blocks of meshes that do not match, between smooth walls, pressed evenly: where supports that move along hold
+    a part of both sides, displacements and pressures are those without, and the force is that of the rest, also where
+    one of both ends before the other.
+    """
+    dim = 2 if kind in ("quadrilateral", "triangle") else 3
+    up, strain = dim - 1, 0.01
+
+    def graded(x, last):
+        """Two facets along what is held, and the others beside it."""
+        along = np.where(x[:, 0] <= 0.5, 2 * last * x[:, 0], last + (1 - last) * (2 * x[:, 0] - 1))
+        return np.column_stack((along, x[:, 1:]))
+
+    bodies = [
+        grid(
+            kind,
+            (4, *[n] * (dim - 2), 2),
+            [*[0.0] * up, low],
+            [*[1.0] * up, low + 1],
+            lambda x, last=last: graded(x, last),
+        )
+        for n, low, last in ((2, -1.0, upto[0]), (3, 0.0, upto[1]))
+    ]
+    mesh, count = assembled(kind, *bodies), len(bodies[0][0])
+    of_body = np.arange(count), np.arange(count, count + len(bodies[1][0]))
+    sides = [facets_of_cells(mesh, lambda x: np.isclose(x[up], 0.0), cells) for cells in of_body]
+    held = [
+        facets_of_cells(mesh, lambda x, last=last: np.isclose(x[up], 0.0) & (x[0] <= last + 1e-9), cells)
+        for cells, last in zip(of_body, upto, strict=True)
+    ]
+    space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+    exact = fem.Function(space)
+    exact.interpolate(lambda x: np.stack([*[0.0 * x[0]] * up, -strain * x[up]]))
+    ends = [*held, facets(mesh, lambda x: np.isclose(np.abs(x[up]), 1.0))]
+    bcs = [fem.dirichletbc(exact, fem.locate_dofs_topological(space, up, end)) for end in ends]
+    for axis in range(up):
+        walls = facets(mesh, lambda x, axis=axis: np.isclose(x[axis], 0.0) | np.isclose(x[axis], 1.0))
+        dofs = fem.locate_dofs_topological(space.sub(axis), up, walls)
+        bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), dofs, space.sub(axis)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    young, lame = 100.0, 50.0
+    a = young * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx + lame * ufl.div(u) * ufl.div(v) * ufl.dx
+    nothing = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
+    pair = Pair(sides[slave], sides[1 - slave], reach=0.5)
+    problem = ContactProblem(a, nothing, bcs=bcs, contact=pair, algorithm="alm")
+    moved, pressure = problem.solve().x.array, (young + lame) * strain
+    assert moved == pytest.approx(exact.x.array, abs=1e-10 * strain)
+    assert problem.state.pressure == pytest.approx(pressure, rel=1e-7)
+    force = np.abs(sum(problem.state.forces))
+    assert force == pytest.approx([*[0.0] * up, pressure * (1 - min(upto))], abs=1e-7 * pressure)
 
 
 @pytest.mark.parametrize("slave", [0, 1])

@@ -378,7 +378,8 @@ class PlainProblem:
         for number, pair in sorted(self._model.pairs.items()):
             slave, master = (self._undivided_facets(side.facets) for side in (pair.slave, pair.master))
             matching = MatchingFacets.of(self.t, slave, master, tiny)
-            area, covered = float(self.t.area[matching.slave].sum()), pair.coupling.covered
+            area = float(self.t.area[matching.slave].sum())
+            covered = pair.coupling.covered + float(pair.coupling.still.weight.sum())
             if abs(area - covered) > SAME_LENGTH * covered or not covered > 0:
                 raise Refused(REFUSES_OF_PAIRS[NO_MATCH])
             self._matching[number] = matching
