@@ -1976,8 +1976,8 @@ MUTANTS = (
     ),
     Mutant(
         "pairs/overlap",
-        "selected = near[pair]",
-        "selected = near[pair] | True",
+        "return self.chosen(near[pair])",
+        "return self.chosen(near[pair] | True)",
         "two bodies: facets out of reach are partners",
         tests=("pairs::test_facets_out_of_reach",),
     ),
@@ -2113,6 +2113,20 @@ MUTANTS = (
         "pass",
         "two bodies: functions of held nodes are lost",
         tests=("pairs::test_nodes_that_cannot_carry_a_point",),
+    ),
+    Mutant(
+        "pairs/dual_functions",
+        "return np.asarray(self.slave[slave].all(axis=1) & self.master[master].all(axis=1))",
+        "return np.zeros(len(slave), dtype=bool)",
+        "two bodies: there is contact where supports hold both of them",
+        tests=("held_sides::test_a_region_in_which_both_sides_are_held",),
+    ),
+    Mutant(
+        "pairs/sliding",
+        "normals = slave.in_planes(normals, points)",
+        "pass",
+        "two bodies that slide: normals leave planes of symmetry",
+        tests=("sliding_bodies::test_few_facets_between_two_planes_of_symmetry",),
     ),
     Mutant(
         "problem/problem",
