@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.body.rigid_bodies import with_more_unknowns
-from signorini_fx.tuned import HOLDING_STIFFNESS
+from signorini_fx.tuned import HOLDING_STIFFNESS, ORDER_IN_PLANE
 
 Array = npt.NDArray[np.float64]
 
@@ -137,6 +137,8 @@ def negative_directions(
     preconditioner.setFactorSetUpSolverType()
     for option in (13, 24):  # the inertia needs the root on one rank, and null pivots told from others
         preconditioner.getFactorMatrix().setMumpsIcntl(option, 1)
+    if tangent.mesh.topology.dim == 2:  # where MUMPS takes as long to find its own order as to factorise
+        preconditioner.getFactorMatrix().setMumpsIcntl(*ORDER_IN_PLANE)
     preconditioner.setUp()
     negative = int(preconditioner.getFactorMatrix().getInertia()[0])
     preconditioner.destroy()

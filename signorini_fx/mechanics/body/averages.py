@@ -225,6 +225,8 @@ def _vertex_nodes(space: fem.FunctionSpace, hats: fem.FunctionSpace) -> npt.NDAr
 
 def from_owners(owned_rows: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) -> _Floats:
     """Rows of ``owned_rows``, which has one per owned node, for global numbers of nodes; collective."""
+    if comm.size == 1:
+        return np.array(owned_rows[nodes], dtype=np.float64)
     column = PETSc.Vec().createMPI((len(owned_rows), None), comm=comm)
     rows = np.empty((nodes.size, owned_rows.shape[1]))
     places = PETSc.IS().createGeneral(nodes.astype(PETSc.IntType), comm=PETSc.COMM_SELF)

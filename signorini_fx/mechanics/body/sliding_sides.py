@@ -155,11 +155,14 @@ class SlidingSides:
         """
         mine, count, dim = self.mine, self.mine.size, self.slave.surface.dimension
         across, normal = self._across[mine], coupling.normal[mine]
-        moved = sp.csr_array(sp.hstack((coupling.frames.slave, -coupling.frames.master)))[mine]
+        moved = sp.csr_array(sp.hstack((coupling.frames.slave, -coupling.frames.master)))
+        normal_rows, tangent_rows = coupling.normal_rows, coupling.tangent_rows
+        if count < self.points.size:
+            rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
+            moved, normal_rows, tangent_rows = moved[mine], normal_rows[mine], tangent_rows[rows_of_tangents]
         translating = sp.csr_array(sp.kron(moved, sp.eye_array(dim)))
-        rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
         inward = along_vectors(normal[:, :, None]), along_vectors(self._sliding(coupling)[mine])
-        along = inward[0].T @ coupling.normal_rows[mine] + inward[1].T @ coupling.tangent_rows[rows_of_tangents]
+        along = inward[0].T @ normal_rows + inward[1].T @ tangent_rows
         turning = along - translating
         x = np.concatenate((self.slave.surface.x, self.master.surface.x))
         averages = Averages(moved, self.nodes, x, self.fixed, sp.csr_array(turning), coupling.centre[mine])
@@ -169,7 +172,7 @@ class SlidingSides:
         free &= np.einsum("nii->ni", across) < 0.5
         names, bare = self.slave.nodes[self.points[mine]], self.slave.nodes[self.slave.surface.without_area]
         translation = np.tile(np.eye(dim), (len(self.slave.nodes), 1))  # of the slave alone
-        pushing = np.asarray(coupling.normal_rows[:, : len(translation)] @ translation)[mine]
+        pushing = np.asarray(normal_rows[:, : len(translation)] @ translation)
         return ContactBoundary(
             comm=self.comm,
             nodes=self.local_points(),

@@ -482,12 +482,11 @@ def _pieces(
     shares_of_turn = shape * np.einsum("qkd,qd->qk", directions[seen], ways) / length
     turn = _nodal(row, seen, shares_of_turn, (size, len(slave.x))) @ turned[0]  # of N, an angle
 
+    of_both, signed = np.hstack((at_master, at_slave)), np.hstack((shape_over, -shape))
+
     def difference(vectors: Array) -> sp.csr_array:
         """The product of d_m - d_s with vectors at the points of quadrature."""
-        master_part = _rows(row[:, None], at_master, shape_over[:, :, None] * vectors[:, None], (size, total))
-        return sp.csr_array(
-            master_part - _rows(row[:, None], at_slave, shape[:, :, None] * vectors[:, None], (size, total))
-        )
+        return _rows(row[:, None], of_both, signed[:, :, None] * vectors[:, None], (size, total))
 
     inclined = np.einsum("qd,qd->q", facing, across) / cosine[:, 0]
     change = difference(facing / cosine) - scaled_rows(distance * inclined, turn)
@@ -578,11 +577,9 @@ def _vertices(
     rate = kink / np.einsum("vd,vd->v", stretch, across)
     row = np.arange(count)
     turn = _nodal(row, nodes, shape * np.einsum("vkd,vd->vk", directions[nodes], ways) / length, (count, len(slave.x)))
-    passing = (
-        _rows(row, len(slave.x) + vertices, across, (count, total))
-        - _rows(row[:, None], nodes, shape[:, :, None] * across[:, None], (count, total))
-        - scaled_rows(distance, turn @ turned)
-    )
+    of_both, signed = np.column_stack((len(slave.x) + vertices, nodes)), np.column_stack((np.ones(count), -shape))
+    passing = _rows(row[:, None], of_both, signed[:, :, None] * across[:, None], (count, total))
+    passing = passing - scaled_rows(distance, turn @ turned)
     coefficients = dual_coefficients(slave, overlap)[facets]
     functions = np.einsum("vij,vj->vi", coefficients, slave.tests.values(s[:, None]))
     at_vertices = s[:, None, None]
