@@ -314,16 +314,17 @@ class FormSolver:
         )
         last, self._last_pattern = self._last_pattern, None  # until all that follows has gone well
         if last is None or parallel.any_rank(comm, fingerprints[0] != last[0]):
-            self._set_up(shapes)
+            data = self._set_up(shapes)
             self.outcome = None  # its iterate is that of another system
-        elif parallel.any_rank(comm, fingerprints[1] != last[1]):
-            self.task.system.set_case(0, self._case(values))
-        data = self._point_data(shapes)
+        else:
+            if parallel.any_rank(comm, fingerprints[1] != last[1]):
+                self.task.system.set_case(0, self._case(values))
+            data = self._point_data(shapes)
         self._last_pattern = fingerprints
         return data
 
-    def _set_up(self, shapes: Sequence[ShapeDistances]) -> None:
-        """Contact points, stiffness and linear algebra; collective."""
+    def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
+        """Contact points, stiffness and linear algebra, and the data of the points; collective."""
         space, (fixed, values) = self.space, self.prescribed
         free_unused(space.mesh)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
@@ -342,10 +343,11 @@ class FormSolver:
         self.boundary, self._first = boundary, None
         elastic = self.elastic = self._body(fixed[:owned], boundary)
         self.scales = scales_of(elastic, boundary, self.foundations.facets, self._size(), self._natural_modulus())
+        case, data = self._case(values), self._point_data(shapes)
         task = elastic.task(
-            [self._case(values)],
+            [case],
             np.ones(1),
-            *self._point_data(shapes),
+            *data,
             coarser=self.coarser.level,
             natural_gamma=self.scales.gamma,
             coordinate_error=self.scales.coordinate_error,
@@ -357,6 +359,7 @@ class FormSolver:
         elif resting is not None and self._rested is not None:
             resting = replace(resting, motion=elastic.motions.coefficients_of(resting.motion, self._rested))
         self.task = replace(task, rest=resting)
+        return data
 
     def _holds_fallen(self, fixed: npt.NDArray[np.bool_]) -> bool:
         """Whether something that the body has fallen with to its resting place is prescribed by now, on this rank."""

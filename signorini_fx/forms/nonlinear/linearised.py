@@ -19,6 +19,8 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.forms import options
@@ -354,11 +356,12 @@ class LinearisedProblem(FormSolver):
         residual = self._evaluated.assembled() if self.residual is None else self.residual
         return self.elastic.forces_where_free(self._at) - residual
 
-    def _set_up(self, shapes: Sequence[ShapeDistances]) -> None:
+    def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """See ``FormSolver``; unknowns of tools are counted from where these are given, whatever holds them."""
-        super()._set_up(shapes)
+        data = super()._set_up(shapes)
         if self.rigid.bodies:
             self.task, self._fallen = replace(self.task, rest=None), np.zeros(0)
+        return data
 
     def _case(self, values: Array) -> LoadCase:
         """See ``FormSolver``: with what relative displacements meet."""
