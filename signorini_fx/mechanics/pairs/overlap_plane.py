@@ -43,7 +43,7 @@ def plane_overlap(
     corners = slave.corners[slave_facets]
     vertices = np.concatenate([_end(master, master_facets, parameter) for parameter in (0.0, 1.0)])
     twice = (np.concatenate((values, values)) for values in (corners, normals))
-    ends = _under(slave, *twice, vertices).reshape(2, -1).T.copy()  # of each pair: the images of both ends
+    ends: Array = _under(slave, *twice, vertices).reshape(2, -1).T.copy()  # of each pair: the images of both ends
     ends.sort(axis=1)
     meets = ends[:, 1] - ends[:, 0] > NO_PART
     slave_facets, master_facets = slave_facets[meets], master_facets[meets]
@@ -101,10 +101,12 @@ def _cross(a: Array, b: Array) -> Array:
 def _under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array:
     """The place s in [0, 1] of the slave point under each point of shape (m, d), or the end beyond which it is."""
     ends = side.functions.values(np.array([[0.0], [1.0]]))
-    (first, last), outward = ((ends @ values).transpose(1, 0, 2) for values in (corners, normals))
+    at_ends, outward = ends @ corners, ends @ normals
+    first: Array = at_ends[:, 0]
+    last: Array = at_ends[:, 1]
     # Along the facet the misses fall or rise, as its normal is on its right or left.
     way = np.sign(_cross(last - first, normals.mean(axis=1)))
-    above_low, below_high = way * _cross(x - first, outward[0]) > 0, way * _cross(x - last, outward[1]) < 0
+    above_low, below_high = way * _cross(x - first, outward[:, 0]) > 0, way * _cross(x - last, outward[:, 1]) < 0
     # The misses are polynomials of the place.
     places = side.functions.polynomials(corners - first[:, None])
     ways = side.functions.polynomials(normals)
@@ -113,7 +115,8 @@ def _under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array
     for power, place in enumerate(places.transpose(1, 0, 2)):
         factors[power : power + ways.shape[1]] -= _cross(place[:, None], ways).T
     rates = factors[1:] * np.arange(1, len(factors))[:, None]
-    low, rising, width = np.zeros(len(x)), way * factors, 1.0
+    low: Array = np.zeros(len(x))
+    rising, width = way * factors, 1.0
     for _ in range(_BISECTIONS):
         width /= 2
         middle = low + width

@@ -339,7 +339,7 @@ def _gap_of_nodes(slave: PairSurface, master: PairSurface, tested: Tested, chose
     rows = np.flatnonzero(chosen)
     if not rows.size:
         return np.zeros(0)
-    factors = 1.0 / _areas(slave, tested)[rows]
+    factors = np.asarray(1.0 / _areas(slave, tested)[rows])
     sharing, opposite = (scaled_rows(factors, matrix[rows]) for matrix in _integrals(slave, master, tested)[:2])
     normals = _directed(slave, master, sharing, opposite)
     return np.asarray(np.einsum("nd,nd->n", normals, opposite @ master.x - sharing @ slave.x))
