@@ -40,10 +40,12 @@ class RetainedPoints:
         space = at.function_space
         self._possible = space.mesh.geometry.dim == 3 and space.mesh.comm.size == 1
         self._choosing = self._all = False
+        self._moved = 0.0  # the largest increment of this load so far, length
         self.begin_anew()
 
     def begin_anew(self) -> None:
         """A new load."""
+        self._expected, self._moved = self._moved, 0.0
         self._near: Flags | None = None
         self._before: Array | None = None  # values of the displacement in the last iteration
 
@@ -76,15 +78,18 @@ class RetainedPoints:
             return None
         values, (fixed, to) = self._at.x.array, prescribed
         distance = distances(boundary, shapes, values.reshape(-1, boundary.x.shape[1]))
-        # As far as shapes are inside, supports move now, or the last increment has moved anything.
+        # As far as shapes are inside, supports move now, or the last increment, or the last load, has moved anything.
         increments = [np.abs(to - values)[fixed], -distance[np.isfinite(distance)]]
-        if self._before is not None:
+        if self._before is None:
+            increments.append(np.array([self._expected]))
+        else:
             increments.append(np.abs(values - self._before))
+            self._moved = max(self._moved, float(increments[-1].max(initial=0.0)))
         near = state.in_contact | (distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments))
         if self._near is not None and self._near.size == near.size:
             near |= self._near
         near[distance.argmin()] = True  # a dense matrix of nothing is none
-        self._near, self._before = near, values.copy()
+        self._near, self._before, self._distance = near, values.copy(), distance
         if np.count_nonzero(near) > (1.0 - FEWEST_LEFT_OUT) * near.size:
             return None
         return ~near, self._at
@@ -111,7 +116,10 @@ class RetainedPoints:
         if not touching.any():
             return True
         assert self._near is not None
-        self._near |= touching
+        contact, before = system.elasticity.contact, system.elasticity.far
+        assert before is not None
+        ahead, behind = (contact.traces(at)[0] for at in (system.displacement(outcome.newton.x), before.at))
+        self._near |= touching | (self._distance <= np.abs(ahead - behind).max())
         return False
 
 

@@ -42,8 +42,8 @@ def plane_overlap(
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[slave_facets]]
     corners = slave.corners[slave_facets]
     vertices = np.concatenate([_end(master, master_facets, parameter) for parameter in (0.0, 1.0)])
-    twice = (np.concatenate((values, values)) for values in (corners, normals))
-    ends: Array = _under(slave, *twice, vertices).reshape(2, -1).T.copy()  # of each pair: the images of both ends
+    ends: Array = _under(slave, np.tile(corners, (2, 1, 1)), np.tile(normals, (2, 1, 1)), vertices)
+    ends = ends.reshape(2, -1).T.copy()  # of each pair: the images of both ends
     ends.sort(axis=1)
     meets = ends[:, 1] - ends[:, 0] > NO_PART
     slave_facets, master_facets = slave_facets[meets], master_facets[meets]
@@ -112,8 +112,8 @@ def _under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array
     ways = side.functions.polynomials(normals)
     places[:, 0] -= x - first
     factors: Array = np.zeros((2 * places.shape[1] - 1, len(x)))
-    for power, place in enumerate(places.transpose(1, 0, 2)):
-        factors[power : power + ways.shape[1]] -= _cross(place[:, None], ways).T
+    for power in range(places.shape[1]):
+        factors[power : power + ways.shape[1]] -= _cross(places[:, power, None], ways).T
     rates = factors[1:] * np.arange(1, len(factors))[:, None]
     low: Array = np.zeros(len(x))
     rising, width = way * factors, 1.0
