@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from signorini_fx.addons.judging.printed_digits import last_digit, printed_number
 from signorini_fx.errors import MeshError
+from signorini_fx.tuned import JUDGED_SAME_TIME
 
 # Values by numbers of nodes, each with half a unit of its last digit.
 Table = dict[int, tuple[list[float], list[float]]]
@@ -27,6 +29,8 @@ class NodeTables:
         positions: of the nodes, length; none in tables.
         time: of the increment.
         program: that wrote them; "": it does not say.
+        begun: when the last load step began; None: it is not known.
+        before: displacement of the increment that ended then, likewise; empty: it is not there.
     """
 
     displacement: Table = field(default_factory=dict)
@@ -34,21 +38,33 @@ class NodeTables:
     positions: dict[int, list[float]] = field(default_factory=dict)
     time: float | None = None
     program: str = ""
+    begun: float | None = None
+    before: Table = field(default_factory=dict)
+
+    def end_increment(self, displacement: Table) -> None:
+        """Another increment follows: keep these displacements if the last load step begins with them."""
+        if None not in (self.begun, self.time) and math.isclose(self.begun, self.time, rel_tol=JUDGED_SAME_TIME):
+            self.before = displacement
 
 
-def read_dat(file: Path) -> NodeTables:
+def read_dat(file: Path, begun: float | None = None) -> NodeTables:
     """The tables of the last increment of a .dat file.
+
+    Args:
+        file: it.
+        begun: when the last load step began, whose first displacement is wanted, too; None: it is not.
 
     Raises:
         MeshError: it cannot be read, a row is none, or no table has displacements.
     """
-    tables = NodeTables(program="CalculiX")
+    tables = NodeTables(program="CalculiX", begun=begun)
     of_sets: dict[tuple[str, str], Table] = {}
     rows: Table | None = None
     for row, line in _lines(file):
         if match := _HEADING.match(line):
             time = _number(file, row, match[3])
             if tables.time is not None and time != tables.time:
+                tables.end_increment(_joined(of_sets, "displacements"))
                 of_sets = {}
             tables.time = time
             # Increments that are nearer to each other than times are printed have the same: the last one counts.
@@ -61,21 +77,21 @@ def read_dat(file: Path) -> NodeTables:
             rows = None
         elif rows is not None:
             rows[int(words[0])] = _row(file, row, words[1:4])
-    for (kind, _), table in of_sets.items():
-        if kind == "displacements":
-            tables.displacement |= table
-        elif kind == "forces":
-            tables.forces |= table
+    tables.displacement, tables.forces = (_joined(of_sets, kind) for kind in ("displacements", "forces"))
     return _with_displacements(file, tables)
 
 
-def read_frd(file: Path) -> NodeTables:
+def read_frd(file: Path, begun: float | None = None) -> NodeTables:
     """The fields of the last increment of a .frd file.
+
+    Args:
+        file: it.
+        begun: when the last load step began, whose first displacement is wanted, too; None: it is not.
 
     Raises:
         MeshError: it cannot be read, a row is none, or no field has displacements.
     """
-    tables = NodeTables()
+    tables = NodeTables(begun=begun)
     rows: Table | None = None
     places = False
     increment: list[str] = []
@@ -83,6 +99,7 @@ def read_frd(file: Path) -> NodeTables:
         head = line[:5]
         if line.startswith("    1PSTEP"):
             if increment != (increment := line.split()[2:]):
+                tables.end_increment(tables.displacement)
                 tables.displacement, tables.forces = {}, {}
         elif line.startswith("    1UPGM"):
             tables.program = line[9:].strip() or tables.program
@@ -91,6 +108,7 @@ def read_frd(file: Path) -> NodeTables:
         elif line.startswith("  100C"):
             time = _number(file, row, line[12:24])
             if tables.time is not None and time != tables.time:
+                tables.end_increment(tables.displacement or tables.before)
                 tables.displacement, tables.forces = {}, {}
             tables.time = time
         elif line.startswith(" -4"):
@@ -108,6 +126,11 @@ def read_frd(file: Path) -> NodeTables:
                 rows[node] = _row(file, row, words)
     tables.program = tables.program or "a program that writes .frd"
     return _with_displacements(file, tables)
+
+
+def _joined(of_sets: Mapping[tuple[str, str], Table], kind: str) -> Table:
+    """The tables of one kind of all sets."""
+    return {node: values for (of, _), table in of_sets.items() if of == kind for node, values in table.items()}
 
 
 def _lines(file: Path) -> Iterator[tuple[int, str]]:

@@ -188,10 +188,14 @@ def _friction(s: TouchingSurface, push: Floats, force: float, energy: float, lea
         cone = float((size - s.rotation * push)[over].sum()) / bound if bound > 0 else np.inf
     elif not s.contact.rubs:
         cone = 1.0 + (float(size[over].sum() / push[carries].sum()) if over.any() else 0.0)
-    along = np.einsum("cd,cd->c", shear, s.slip).clip(min=0.0)
     slip = np.linalg.norm(s.slip, axis=1)
     stick = s.contact.stick
-    elastic = size / (stick * s.area) if stick else np.zeros_like(size)
+    # Of friction that has acted before, sides spring back by what it had bent.
+    spring = size + s.bound if s.rubbed else size
+    elastic = spring / (stick * s.area) if stick else np.zeros_like(size)
+    along = np.einsum("cd,cd->c", shear, s.slip).clip(min=0.0)
+    if s.rubbed:
+        along = np.where(slip > JUDGED_ELASTIC_SLIP * elastic, along, 0.0)
     missing = (s.straight * s.bound - size).clip(min=0.0) * (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0)
     missing = np.where(carries & _same_way(s, slip), missing, 0.0)
     work = float((s.bound * slip)[carries].sum())

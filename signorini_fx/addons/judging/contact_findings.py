@@ -78,7 +78,7 @@ def contact_findings(
             text = f"friction {figures.cone:.3g} times its bound at {figures.cone_count} nodes"
         text += f" with {percent(figures.cone_share)} of the force"
         yield finding("cone", text, figures.cone, cone, figures.above, figures.cone_share)
-    if not problem.several_steps:
+    if figures.surface.slip_known:
         if figures.wrong_way > JUDGED_WRONG_WAY:
             text = f"friction along the slip, {percent(figures.wrong_way)} of the energy"
             yield finding("wrong way", text, figures.wrong_way, JUDGED_WRONG_WAY, figures.forward, figures.wrong_way)
@@ -203,7 +203,7 @@ def figures_of_contact(
     if soft:
         value = max(figure.unlawful for figure in soft)
         figures["unlawful"] = {"value": value, "threshold": JUDGED_LAW[unknown]}
-    if problem.several_steps:
+    if not all(figure.surface.slip_known for figure in contacts):
         for name in ("wrong_way", "slip_below_bound"):
             figures[name] = {"value": None, "reason": "slip counts from the load step before, which is not there"}
     stiffness = [figure.stiffness for figure in contacts if np.isfinite(figure.stiffness)]

@@ -33,6 +33,7 @@ class ForeignResult:
         forces: of supports, as the problem counts force, NaN where there is none, shape (n, d); None: there are none.
         time: of the increment; None: not known.
         digits: with which it was printed; None: with all.
+        before: the displacement at the end of the load step before, length, shape (n, d); None: it is not known.
     """
 
     name: str
@@ -42,6 +43,7 @@ class ForeignResult:
     forces: Floats | None
     time: float | None
     digits: int | None
+    before: Floats | None = None
 
 
 def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
@@ -73,7 +75,7 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
     points: dict[str, Any] = {".csv": read_csv, ".vtu": read_vtu}
     kind = file.suffix.lower()
     if kind in readers:
-        return _of_tables(file.name, readers[kind](file), problem)
+        return _of_tables(file.name, readers[kind](file, problem.begun), problem)
     if kind in points:
         return _of_points(file, points[kind](file), problem)
     raise MeshError(f"{file}: results are read from {', '.join([*readers, *points])}")
@@ -89,7 +91,15 @@ def _of_tables(name: str, tables: NodeTables, problem: JudgedProblem) -> Foreign
     if tables.positions and (away := _misplaced(tables, mesh)):
         raise MeshError(f"{name}: {away}: it is the result of another mesh")
     digits = significant_digits(np.nan_to_num(displacement), half)
-    return ForeignResult(name, tables.program, displacement, half, forces, tables.time, digits)
+    before = _before(tables, problem)
+    return ForeignResult(name, tables.program, displacement, half, forces, tables.time, digits, before)
+
+
+def _before(tables: NodeTables, problem: JudgedProblem) -> Floats | None:
+    """The displacement at the end of the load step before; None: it is not there."""
+    before = _rows(tables.before, problem.mesh)[0]
+    known = np.isfinite(before).all(axis=1)
+    return np.where(known[:, None], before, 0.0) if known[problem.deformable].all() else None
 
 
 def _finite(values: Floats) -> Floats:

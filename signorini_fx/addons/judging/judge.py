@@ -278,11 +278,12 @@ class _Judging:
 
     def _contacts(self, v: Floats, residual: Floats, energy: float, largest: float) -> list[JudgedContactFigures]:
         size = float(np.linalg.norm(residual, axis=1).sum())
-        return [
-            contact_figures(self.problem, touching_surface(self.problem, contact, v, residual), energy, largest, size)
+        surfaces = (
+            touching_surface(self.problem, contact, v, residual, self.theirs.before)
             for contact in self.problem.contacts
             if not contact.bonded
-        ]
+        )
+        return [contact_figures(self.problem, surface, energy, largest, size) for surface in surfaces]
 
 
 def _balance(equilibrium: Equilibrium, best: BestFit, explained: FoundFactors | None) -> str:

@@ -224,6 +224,7 @@ def _problem(
         lost=lost,
         links=links,
         bonds=bonds,
+        begun=None if deck is None else deck.ends.get(len(deck.steps) - 2),
     ), reasons
 
 

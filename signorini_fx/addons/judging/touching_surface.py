@@ -37,7 +37,9 @@ class TouchingSurface:
         shear: force across the normal, shape (c, d).
         penetration: mean of what enters the other side, length, shape (c,).
         clearance: least on the facets around a corner, length, shape (c,).
-        slip: across the normal, of this side against the other one, length, shape (c, d).
+        slip: across the normal, of this side against the other one, in the last load step, length, shape (c, d).
+        slip_known: whether it is that; else it counts from the beginning, as the displacement before is not known.
+        rubbed: whether friction may have acted before the last load step.
         straight: of the direction of slip the length of its mean over the hat, weighted by what enters: 1 where all of
             it slips the same way, shape (c,).
         normal: to the other side, shape (c, d).
@@ -57,6 +59,8 @@ class TouchingSurface:
     penetration: Floats
     clearance: Floats
     slip: Floats
+    slip_known: bool
+    rubbed: bool
     straight: Floats
     normal: Floats
     judged: npt.NDArray[np.bool_]
@@ -67,7 +71,9 @@ class TouchingSurface:
     lawful: Floats | None
 
 
-def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, residual: Floats) -> TouchingSurface:
+def touching_surface(
+    problem: JudgedProblem, contact: JudgedContact, v: Floats, residual: Floats, before: Floats | None = None
+) -> TouchingSurface:
     """The side of a contact that carries it.
 
     Args:
@@ -75,7 +81,10 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
         contact: one of its contacts.
         v: the displacement, length, shape (n, d).
         residual: internal forces less loads, force, shape (n, d).
+        before: the displacement at the end of the load step before, length, shape (n, d); None: there is none, or it is
+            not known.
     """
+    change = v if before is None else v - before
     mesh, facets = problem.mesh, contact.facets
     linear = reference_element(_LINEAR.get(mesh.facet.kind, "quad"))
     width = linear.corner_count
@@ -95,9 +104,9 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
 
     area: Floats = np.ones(len(corners))
     area = mean(np.ones(at.weight.shape))
-    moved = np.einsum("qk,fkd->fqd", at.shape, v[facets])
     flat = at.x.reshape(-1, mesh.dim)
-    gap, normal, slip = _opposite(problem, contact, v, flat, moved.reshape(flat.shape), at.normal.reshape(flat.shape))
+    moved, changed = (np.einsum("qk,fkd->fqd", at.shape, u[facets]).reshape(flat.shape) for u in (v, change))
+    gap, normal, slip = _opposite(problem, contact, (v, change), flat, (moved, changed), at.normal.reshape(flat.shape))
     gap, normal, slip = gap.reshape(at.weight.shape), normal.reshape(at.x.shape), slip.reshape(at.x.shape)
     penetration, mean_slip = mean((-gap).clip(min=0.0)), mean(slip)
     clearance = np.full(len(corners), np.inf)
@@ -110,7 +119,8 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
         lawful = np.stack([mean(limit) * area for limit in contact.law.pressures(-gap)])
     if contact.nodal or (contact.law is not None and contact.law.apart):
         outward = mean(at.normal)
-        gap_at, _, slip_at = _opposite(problem, contact, v, mesh.points[corners], v[corners], outward)
+        at_corners = v[corners], change[corners]
+        gap_at, _, slip_at = _opposite(problem, contact, (v, change), mesh.points[corners], at_corners, outward)
         if contact.nodal:
             penetration, mean_slip = (-gap_at).clip(min=0.0), slip_at
             clearance = np.minimum(clearance, gap_at)  # of curved sides nodes may touch where facets do not
@@ -156,6 +166,8 @@ def touching_surface(problem: JudgedProblem, contact: JudgedContact, v: Floats, 
         penetration,
         clearance,
         mean_slip,
+        before is not None or not problem.several_steps,
+        problem.several_steps,
         straight,
         toward,
         judged,
@@ -257,29 +269,35 @@ def _near(problem: JudgedProblem, contact: JudgedContact, facets: Ints) -> Ints:
 
 
 def _opposite(
-    problem: JudgedProblem, contact: JudgedContact, v: Floats, x: Floats, moved: Floats, outward: Floats
+    problem: JudgedProblem,
+    contact: JudgedContact,
+    displaced: tuple[Floats, Floats],
+    x: Floats,
+    moves: tuple[Floats, Floats],
+    outward: Floats,
 ) -> tuple[Floats, Floats, Floats]:
     """Of points of a surface the clearance, the normal to the other side, and the slip against it.
 
     Args:
         problem: the problem.
         contact: the contact.
-        v: the displacement of all nodes, length, shape (n, d).
+        displaced: the displacement of all nodes, and its change since slip counts, length, shape (n, d).
         x: points, length, shape (p, d).
-        moved: their displacement, length, shape (p, d).
+        moves: both displacements of these, length, shape (p, d).
         outward: normals of the surface there, shape (p, d).
     """
     entry, dim = contact.entry, problem.mesh.dim
+    (v, change), (moved, changed) = displaced, moves
     if not contact.opposite.size:
         if entry.surface is not None:
             distance, normal = entry.surface.distance(x + moved)
-            return distance + sample(entry.gap, in_space(x)), -normal, moved
+            return distance + sample(entry.gap, in_space(x)), -normal, changed
         toward = outward
         if entry.direction is not None:
             unit = np.array(entry.direction[:dim]) / np.linalg.norm(entry.direction[:dim])
             toward = np.broadcast_to(unit, x.shape)
         gap = sample(entry.gap, in_space(x))
-        return gap - np.einsum("pd,pd->p", moved, toward), np.array(toward), moved
+        return gap - np.einsum("pd,pd->p", moved, toward), np.array(toward), changed
     mesh = problem.mesh
     deformed = closest_points(mesh, contact.opposite, mesh.points + v, x + moved)
     undeformed = closest_points(mesh, contact.opposite, mesh.points, x)
@@ -290,4 +308,4 @@ def _opposite(
         closed |= begun <= entry.adjust
     clearance[closed] -= begun[closed]
     clearance = clearance + sample(entry.gap, in_space(x))
-    return clearance, -deformed.normal, moved - undeformed.values(contact.opposite, v)
+    return clearance, -deformed.normal, changed - undeformed.values(contact.opposite, change)

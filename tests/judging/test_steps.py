@@ -1,0 +1,58 @@
+"""Verdicts on friction of the last of several load steps: slip counts from the end of the step before.
+
+The files of ``data/steps`` are of CalculiX 2.20: a block is pressed onto another one and pushed, then pulled back, with
+a coefficient of friction of .3 (``press``), .21 (``slippery``) and without friction.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from signorini_fx.addons.judging.judge import judge
+
+DATA = Path(__file__).parent / "data" / "steps"
+
+
+def verdict(result):
+    return judge(DATA / "press.inp", result, compare=False)
+
+
+@pytest.mark.parametrize("kind", ["dat", "frd"])
+def test_a_good_result_agrees(kind):
+    """Where both ends are printed, slip is judged; the largest figures are a tenth of their limits at most."""
+    judgement = verdict(DATA / f"press.{kind}")
+    assert judgement.word == "agrees", str(judgement)
+    for name in ("wrong_way", "slip_below_bound"):
+        assert judgement.figures[name]["value"] < 0.1 * judgement.figures[name]["threshold"]
+
+
+@pytest.mark.parametrize(("name", "missing"), [("frictionless", 0.9), ("slippery", 0.1)])
+def test_less_friction_than_the_problem_has(name, missing):
+    """It slips though friction is below its bound: without friction nearly all of the work of friction is missing."""
+    judgement = verdict(DATA / f"{name}.dat")
+    assert judgement.word == "violates contact: slip"
+    assert judgement.figures["slip_below_bound"]["value"] > missing
+
+
+@pytest.mark.parametrize("kind", ["dat", "frd"])
+def test_the_step_before_is_not_there(tmp_path, kind):
+    """The last increment alone does not tell where slip begins: nothing is said of it."""
+    text = (DATA / f"press.{kind}").read_text()
+    if kind == "dat":
+        text = text[text.rindex(" displacements") :]
+    else:
+        parts = text.split("    1PSTEP")
+        text = "    1PSTEP".join((parts[0], *parts[len(parts) // 2 + 1 :]))
+    (tmp_path / f"last.{kind}").write_text(text)
+    judgement = verdict(tmp_path / f"last.{kind}")
+    assert judgement.word == "agrees"
+    for name in ("wrong_way", "slip_below_bound"):
+        assert judgement.figures[name]["reason"] == "slip counts from the load step before, which is not there"
+
+
+def test_a_step_before_that_is_incomplete(tmp_path):
+    """Neither does one of which a node is missing."""
+    lines = (DATA / "press.dat").read_text().splitlines()
+    del lines[5]
+    (tmp_path / "holes.dat").write_text("\n".join(lines) + "\n")
+    assert verdict(tmp_path / "holes.dat").figures["wrong_way"]["value"] is None
