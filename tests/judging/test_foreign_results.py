@@ -11,6 +11,7 @@ from foreign_spoils import displacements, with_node_entering, with_other_forces
 from signorini_fx import MeshError
 from signorini_fx.addons.judging.judge import judge
 from signorini_fx.addons.judging.judgement import CONTACT, OTHER_LOAD, OTHER_PENALTY
+from signorini_fx.addons.judging.problems import judged_problem
 from signorini_fx.scenes import cli
 
 DATA = Path(__file__).parent / "data"
@@ -286,6 +287,14 @@ def test_bad_files_are_one_error(tmp_path):
         ("word.csv", "node,ux,uy\n1,0,x\n", "row 1: a number is expected in 'uy'"),
         ("where.csv", "ux,uy\n1,0\n", "neither numbers nor positions"),
         ("no.vtu", "nothing", "no .vtu file"),
+        ("double.csv", "node,ux,uy,ux\n1,0,0,1\n", "has several columns 'ux'"),
+        ("twice.csv", "node,ux,uy\n1,0,0\n2,0,0\n1,0,1\n", "node 1 is there several times, with different"),
+        ("half.csv", "node,ux,uy\n1,0,0\n2.5,0,0\n", "row 2: a whole number is expected in 'node', not 2.5"),
+        ("large.csv", "node,ux,uy\n1,0,0\n1e30,0,0\n", "row 2: a whole number is expected in 'node', not 1e+30"),
+        ("beside.csv", "x,y,ux,uy\n0,0,0,0\n0,0,0,1\n", "several points are at (0.0, 0.0), with different"),
+        ("cut.dat", dat[: dat.index(" forces")].rstrip()[:-1], "line 43: ends within the number '0.000000E+0'"),
+        ("cut.frd", frd[: frd.index(" -3", frd.index("DISP"))].rstrip()[:-1], "ends within the number '0.00000E+0'"),
+        ("binary.frd", frd[: frd.index("DISP") + 200] + "\0\1", "is binary: print it as text: *NODE FILE in place of"),
         ("other.txt", "", "results are read from .dat, .frd, .csv, .vtu"),
     ):
         (tmp_path / name).write_text(text)
@@ -295,6 +304,28 @@ def test_bad_files_are_one_error(tmp_path):
         judge(deck, tmp_path / "absent.dat", compare=False)
     with pytest.raises(MeshError, match=r"an array of shape \(40, 2\) is expected, not \(3, 2\)"):
         judge(deck, np.zeros((3, 2)), compare=False)
+    for values, message in (
+        (np.ones((40, 2)) * 1j, r"an array of real numbers of shape \(40, 2\)"),
+        ([[0.0, 1.0], [0.0]], r"an array of real numbers of shape \(40, 2\)"),
+        ({1: [0.0]}, "node 1 has 1 of 2 components"),
+        ({1: 0.0}, "2 components of each are expected, not 1: 0.0"),
+        ({"first": [0.0, 0.0]}, "numbers of nodes and 2 components"),
+        ({1: ["x", 0.0]}, "2 components of each are expected, not 1"),
+    ):
+        with pytest.raises(MeshError, match=message):
+            judge(deck, values, compare=False)
+
+
+def test_values_that_are_masked(tmp_path):
+    """They are none."""
+    numbers, v = displacements(DATA / "shelf_CPE4.dat")
+    names = dict(zip(numbers, v[:, :2], strict=True))
+    deck = DATA / "shelf_CPE4.inp"
+    values = np.array([names[number] for number in judged_problem(deck)[0].mesh.names.tolist()])
+    hidden = np.ma.masked_array(values, mask=np.zeros_like(values, dtype=bool))
+    assert judge(deck, hidden, compare=False).word == "agrees"
+    hidden[3] = np.ma.masked
+    assert judge(deck, hidden, compare=False).word == "not a result"
 
 
 def test_a_deck_that_lost_something_agrees_as_it_is_read(tmp_path):

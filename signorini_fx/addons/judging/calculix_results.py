@@ -12,6 +12,8 @@ from signorini_fx.addons.judging.printed_digits import last_digit, printed_numbe
 from signorini_fx.errors import MeshError
 from signorini_fx.tuned import JUDGED_SAME_TIME
 
+# The end of a number whose exponent lacks digits: CalculiX prints two at least.
+_CUT = re.compile(r"[eEdD][-+]?\d?$")
 # Values by numbers of nodes, each with half a unit of its last digit.
 Table = dict[int, tuple[list[float], list[float]]]
 _HEADING = re.compile(
@@ -136,7 +138,11 @@ def _joined(of_sets: Mapping[tuple[str, str], Table], kind: str) -> Table:
 def _lines(file: Path) -> Iterator[tuple[int, str]]:
     try:
         with file.open(encoding="utf-8", errors="replace") as stream:
-            yield from enumerate(stream, start=1)
+            for row, line in enumerate(stream, start=1):
+                if "\0" in line:
+                    cure = "print it as text: *NODE FILE in place of *NODE OUTPUT"
+                    raise MeshError(f"{file}: line {row}: is binary: {cure}")
+                yield row, line
     except OSError as error:
         raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
 
@@ -157,6 +163,8 @@ def _node(file: Path, line: int, word: str) -> int:
 def _row(file: Path, line: int, words: list[str]) -> tuple[list[float], list[float]]:
     if len(words) < 3:
         raise MeshError(f"{file}: line {line}: three components are expected, not {len(words)}")
+    if _CUT.search(words[-1].rstrip()):
+        raise MeshError(f"{file}: line {line}: ends within the number {words[-1].strip()!r}")
     return [_number(file, line, word) for word in words], [last_digit(word) / 2 for word in words]
 
 

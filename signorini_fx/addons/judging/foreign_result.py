@@ -18,7 +18,7 @@ from signorini_fx.addons.judging.tables_of_points import PointTable, read_csv, r
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.tuned import JUDGED_SAME_PLACE
+from signorini_fx.tuned import DIGITS_OF_FILES, JUDGED_SAME_PLACE
 
 
 @dataclass(frozen=True)
@@ -60,14 +60,36 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     if isinstance(result, str | Path):
         return _read(Path(result), problem)
     if isinstance(result, Mapping):
-        rows: Table = {int(node): ([float(u) for u in value], [0.0] * len(value)) for node, value in result.items()}
-        return _of_tables("the result", NodeTables(displacement=rows), problem)
-    values = np.asarray(result, dtype=np.float64)
+        return _of_tables("the result", NodeTables(displacement=_of_mapping(result, problem.mesh.dim)), problem)
     expected = problem.mesh.points.shape
+    try:
+        if np.iscomplexobj(result):
+            raise ValueError
+        values = np.ma.filled(np.ma.asarray(result, dtype=np.float64), np.nan)
+    except (TypeError, ValueError):
+        raise MeshError(f"the result: an array of real numbers of shape {expected} is expected") from None
     if values.ndim != 2 or len(values) != expected[0] or values.shape[1] not in (expected[1], 3):
         raise MeshError(f"the result: an array of shape {expected} is expected, not {values.shape}")
     values = _finite(values[:, : expected[1]])
     return ForeignResult("the result", "", values, np.zeros_like(values), None, None, None)
+
+
+def _of_mapping(result: Mapping[Any, Any], dim: int) -> Table:
+    """Displacements by the numbers of nodes.
+
+    Raises:
+        MeshError: a number is none, or a node has fewer components than the mesh.
+    """
+    table: Table = {}
+    for node, value in result.items():
+        try:
+            table[int(node)] = [float(u) for u in value], [0.0] * len(value)
+        except (TypeError, ValueError):
+            reason = f"numbers of nodes and {dim} components of each are expected"
+            raise MeshError(f"the result: {reason}, not {node!r}: {value!r}") from None
+        if len(value) < dim:
+            raise MeshError(f"the result: node {node} has {len(value)} of {dim} components")
+    return table
 
 
 def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
@@ -132,7 +154,13 @@ def _of_points(file: Path, table: PointTable, problem: JudgedProblem) -> Foreign
     shape = mesh.points.shape
     displacement, half = np.full(shape, np.nan), np.zeros(shape)
     if table.numbers is not None:
-        order = np.argsort(table.numbers)
+        order = np.argsort(table.numbers, kind="stable")
+        again = order[1:][np.diff(table.numbers[order]) == 0]
+        first = order[np.searchsorted(table.numbers[order], table.numbers[again])]
+        other = (table.displacement[again] != table.displacement[first]).any(axis=1)
+        if other.any():
+            node = table.numbers[again[np.argmax(other)]]
+            raise MeshError(f"{file}: node {node} is there several times, with different displacements")
         at = np.minimum(np.searchsorted(table.numbers[order], mesh.names), len(order) - 1)
         rows = order[at]
         held = table.numbers[rows] == mesh.names
@@ -153,10 +181,15 @@ def _rows_at(file: Path, table: PointTable, mesh: JudgedMesh) -> tuple[npt.NDArr
     tree = cKDTree(table.points)
     away, rows = tree.query(x)
     held = away <= near
-    several = [len(rows) for rows in tree.query_ball_point(x, near)]
+    together = tree.query_ball_point(x, near)
+    several = [len(rows) for rows in together]
     at_nodes = [len(rows) for rows in cKDTree(x).query_ball_point(x, near)]
     if max(at_nodes) > 1 and max(several) > 1:
         node = int(np.argmax(at_nodes))
         cure = "give a column node with the numbers of the problem"
         raise MeshError(f"{file}: several nodes are at {tuple(plain(mesh.points[node]))}, as in contact: {cure}")
+    alike = DIGITS_OF_FILES * float(np.abs(table.displacement).max())
+    for place, at_place in zip(x, together, strict=True):
+        if len(at_place) > 1 and not np.ptp(table.displacement[at_place], axis=0).max() <= alike:
+            raise MeshError(f"{file}: several points are at {tuple(plain(place))}, with different displacements")
     return rows.astype(np.int64), held

@@ -75,7 +75,7 @@ def _unusable(problem: JudgedProblem, theirs: ForeignResult) -> list[JudgedFindi
     if missing.any():
         count, name = np.count_nonzero(missing), problem.mesh.names[np.argmax(missing)]
         text = f"{count} of {np.count_nonzero(needed)} nodes have no displacement, such as node {name}"
-        if missing[needed].all() and problem.mesh.dim == 2:
+        if missing[needed].all() and problem.mesh.dim == 2 and theirs.program:
             text += "; of plane elements write *NODE FILE without OUTPUT=3D"
         return [JudgedFinding("judged", text)]
     if not np.abs(values[needed]).max(initial=0.0) > 0:

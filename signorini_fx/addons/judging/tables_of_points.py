@@ -20,6 +20,7 @@ _DISPLACEMENTS = (
     *(("u0", "u1", "u2"), ("y_x", "y_y", "y_z"), ("u:0", "u:1", "u:2")),
     *(("displacement_x", "displacement_y", "displacement_z"), ("displacement:0", "displacement:1", "displacement:2")),
 )
+_LARGEST = 2.0**53  # from there on not all whole numbers are floating point ones
 _FIELDS = ("displacement", "u", "disp", "displacements", "uu", "y")
 
 
@@ -56,6 +57,8 @@ def read_csv(file: Path) -> PointTable:
     rows = [row for row in lines[1:] if row]
     heading = [word.strip().lower() for word in lines[0]] if lines else []
     at = {word: column for column, word in enumerate(heading)}
+    if double := [word for word in at if word and heading.count(word) > 1]:
+        raise MeshError(f"{file}: has several columns {double[0]!r}")
     moved = _columns(at, _DISPLACEMENTS)
     if not moved or not rows:
         raise MeshError(
@@ -76,8 +79,21 @@ def read_csv(file: Path) -> PointTable:
 
     moved_values = values(moved)
     half = np.stack([units_of_column([row[column] for row in rows]) / 2 for column in moved], axis=1)
-    numbers = None if number is None else np.rint(values([number])[:, 0]).astype(np.int64)
+    numbers = None if number is None else _whole(file, heading[number], values([number])[:, 0])
     return PointTable(numbers, values(places) if places else None, moved_values, half)
+
+
+def _whole(file: Path, name: str, values: Floats) -> Ints:
+    """The numbers of nodes.
+
+    Raises:
+        MeshError: one is no whole number, or too large to be the number of a node.
+    """
+    wrong = ~(np.abs(values) < _LARGEST) | (values != np.rint(values))
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise MeshError(f"{file}: row {row + 1}: a whole number is expected in {name!r}, not {values[row]:g}")
+    return np.asarray(values.astype(np.int64))
 
 
 def _columns(at: dict[str, int], choices: object) -> list[int]:
@@ -95,14 +111,14 @@ def read_vtu(file: Path) -> PointTable:
     Raises:
         MeshError: it cannot be read, or has no such field.
     """
-    import meshio
+    import meshio.vtu
 
     try:
-        mesh = meshio.read(file)
+        mesh = meshio.vtu.read(file)  # ``meshio.read`` prints what is wrong, and ends the process
     except OSError as error:
         raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
     except (Exception, SystemExit) as error:
-        raise MeshError(f"{file}: is no .vtu file that meshio reads: {error}") from None
+        raise MeshError(f"{file}: is no .vtu file that meshio reads: {str(error) or type(error).__name__}") from None
     vectors = {name: data for name, data in mesh.point_data.items() if data.ndim == 2 and data.shape[1] in (2, 3)}
     by_name = {name.lower(): name for name in vectors}
     chosen = next((by_name[name] for name in _FIELDS if name in by_name), None)
