@@ -1,6 +1,7 @@
 """Input files as files: amplitudes that are none, byte-order marks, sizes, and the work for many instances."""
 
 import cProfile
+import re
 
 import pytest
 from deck_lines import STEEL, squares, stacked
@@ -55,6 +56,22 @@ def test_byte_order_marks(tmp_path, encoding):
     deck.write_bytes(deck.read_text(encoding="utf-8").replace("\n", "\r\n").encode(encoding))
     assert drafted(deck).text == text
     assert (read_model(deck).raw.points == points).all()
+
+
+@pytest.mark.parametrize("parts", [("*NSET, NSET=MORE,", "GENERATE"), ("*NSET,", "NSET=MORE,", " generate, UNSORTED")])
+def test_keywords_of_several_lines(tmp_path, parts):
+    """A line that ends with a comma goes on with parameters of one word or of two, or with one that has no value."""
+    node, coupled = ["*NODE", "900, 0.5, 3."], "*COUPLING, CONSTRAINT NAME=C, SURFACE=UP_TOP,"
+    within = ["*CLOAD", "900, 2, -1.", "MORE, 1, 2."]
+    lines = [*node, *parts, "111, 115, 4", f"{coupled} REF NODE=900", "*DISTRIBUTING"]
+    text = drafted(written(tmp_path, lines, within)).text
+    assert "[[point_force]]" in text
+    lines = [*node, "*NSET, NSET=MORE", "111, 115", coupled, "  REF NODE = 900", "*DISTRIBUTING"]
+    again = drafted(written(tmp_path, lines, within)).text
+    assert re.sub(r"line \d+", "", again) == re.sub(r"line \d+", "", text)
+    deck = written(tmp_path, [])
+    deck.write_text(deck.read_text().replace("*STEP", "*STEP,\nNLGEOM"))
+    assert any("NLGEOM: displacements and rotations are taken as small" in remark for remark in drafted(deck).noted)
 
 
 def test_files_that_are_too_large(tmp_path, capsys):

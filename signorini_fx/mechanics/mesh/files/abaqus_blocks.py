@@ -63,9 +63,18 @@ class DeckError(ValueError):
         return f"{self.block.origin}: {self}"
 
 
+# The end of a line that the next one continues: with a parameter that has a value, of one word or several such as REF
+# NODE, or with one that is no name of a set.
+_CONTINUED = re.compile(
+    r",[ \t]*\r?\n(?=[ \t]*\*?(?:[A-Za-z]+(?:[ \t]+[A-Za-z]+)*[ \t]*=|"
+    r"(?:NLGEOM|GENERATE|PERTURBATION|REMOVE|NO[ \t]*SEPARATION|CYCLIC[ \t]*SYMMETRY|LINTEMP)[ \t]*(?:,|\r?$)))",
+    re.IGNORECASE | re.MULTILINE,
+)
+
+
 def joined_lines(text: str) -> Iterator[tuple[int, str]]:
     """The lines of a file that are no comments, with their numbers; a keyword that is continued is one line."""
-    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)
+    joined = _CONTINUED.sub(",\0", text)
     following = 1
     for joined_line in joined.split("\n"):
         number, following = following, following + 1 + joined_line.count("\0")
