@@ -127,8 +127,10 @@ def _mesh_of_deck(deck: Deck) -> JudgedMesh:
     arrays, count = deck.mesh, len(deck.numbers)
     kind, width, facet_width = arrays.kind, arrays.cells.shape[1], arrays.facets.shape[1]
     names = deck.names
-    if len(arrays.points) > count and kind in _SERENDIPITY:
-        kind, width, facet_width = _SERENDIPITY[kind]
+    serendipity = _SERENDIPITY.get(kind)
+    # Cells of degree 1 beside those of degree 2 have got nodes on their edges, too.
+    if len(arrays.points) > count and serendipity is not None and arrays.cells[:, : serendipity[1]].max() < count:
+        kind, width, facet_width = serendipity
     elif len(arrays.points) > count:  # such a mesh is not judged: ``_of_other_cells``
         names = np.pad(names, (0, len(arrays.points) - count), constant_values=-1)
         count = len(arrays.points)
