@@ -45,7 +45,8 @@ class NodeTables:
 
     def end_increment(self, displacement: Table) -> None:
         """Another increment follows: keep these displacements if the last load step begins with them."""
-        if None not in (self.begun, self.time) and math.isclose(self.begun, self.time, rel_tol=JUDGED_SAME_TIME):
+        begun, ended = self.begun, self.time
+        if begun is not None and ended is not None and math.isclose(begun, ended, rel_tol=JUDGED_SAME_TIME):
             self.before = displacement
 
 

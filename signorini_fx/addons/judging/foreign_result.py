@@ -63,9 +63,10 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
         return _of_tables("the result", NodeTables(displacement=_of_mapping(result, problem.mesh.dim)), problem)
     expected = problem.mesh.points.shape
     try:
-        if np.iscomplexobj(result):
+        numbers = np.asarray(result)
+        if np.iscomplexobj(numbers):
             raise ValueError
-        values = np.ma.filled(np.ma.asarray(result, dtype=np.float64), np.nan)
+        values = np.where(np.ma.getmaskarray(result), np.nan, numbers.astype(np.float64))  # type: ignore[no-untyped-call]
     except (TypeError, ValueError):
         raise MeshError(f"the result: an array of real numbers of shape {expected} is expected") from None
     if values.ndim != 2 or len(values) != expected[0] or values.shape[1] not in (expected[1], 3):
@@ -120,7 +121,7 @@ def _of_tables(name: str, tables: NodeTables, problem: JudgedProblem) -> Foreign
 def _before(tables: NodeTables, problem: JudgedProblem) -> Floats | None:
     """The displacement at the end of the load step before; None: it is not there."""
     before = _rows(tables.before, problem.mesh)[0]
-    known = np.isfinite(before).all(axis=1)
+    known: npt.NDArray[np.bool_] = np.asarray(np.isfinite(before).all(axis=1))
     return np.where(known[:, None], before, 0.0) if known[problem.deformable].all() else None
 
 
@@ -189,7 +190,7 @@ def _rows_at(file: Path, table: PointTable, mesh: JudgedMesh) -> tuple[npt.NDArr
         cure = "give a column node with the numbers of the problem"
         raise MeshError(f"{file}: several nodes are at {tuple(plain(mesh.points[node]))}, as in contact: {cure}")
     alike = DIGITS_OF_FILES * float(np.abs(table.displacement).max())
-    for place, at_place in zip(x, together, strict=True):
+    for place, at_place in zip(plain(x), together, strict=True):
         if len(at_place) > 1 and not np.ptp(table.displacement[at_place], axis=0).max() <= alike:
-            raise MeshError(f"{file}: several points are at {tuple(plain(place))}, with different displacements")
+            raise MeshError(f"{file}: several points are at {tuple(place)}, with different displacements")
     return rows.astype(np.int64), held
