@@ -51,6 +51,7 @@ LAYERS = (
     "mechanics.pairs",
     "mechanics.shapes",
     "mechanics.mesh",
+    "mechanics.interfaces",
     "mechanics.effects",
     "mechanics.materials",
     "mechanics.laws",

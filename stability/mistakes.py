@@ -362,7 +362,7 @@ MUTANTS = (
     ),
     Mutant("body/values", "at < minimum", "at < -np.inf", "negative friction is let in"),
     Mutant(
-        "body/foundations",
+        "body/foundations_on_points",
         "boundary.part == k",
         "boundary.part <= k",
         "gap of a boundary on those before it",
@@ -378,7 +378,7 @@ MUTANTS = (
         "shear without its weight",
     ),
     Mutant(
-        "body/foundations",
+        "body/foundations_on_points",
         "direction = direction / size",
         "direction = 1.0 * direction",
         "direction not made a unit vector",
@@ -464,7 +464,7 @@ MUTANTS = (
         "reduced element: mu for lambda",
         tests=("patch_anywhere",),
     ),
-    Mutant("body/loads", "ufl.inner(load.density(on), z)", "-ufl.inner(load.density(on), z)", "load, sign"),
+    Mutant("body/load_vectors", "ufl.inner(load.density(on), z)", "-ufl.inner(load.density(on), z)", "load, sign"),
     Mutant(
         "body/forms",
         '{"quadrature_rule": "vertex", "quadrature_degree": 1}',
@@ -711,7 +711,7 @@ MUTANTS = (
         tests=("patch_anywhere",),
     ),
     Mutant(
-        "body/loads",
+        "body/load_vectors",
         "values[: self.space.mesh.geometry.dim]",
         "values[: self.space.mesh.geometry.dim][::-1]",
         "components of a load swapped",
@@ -1462,7 +1462,7 @@ MUTANTS = (
     ),
     Mutant(
         "condensed",
-        "e.contact.fixed[retained]",
+        "reaching.fixed[retained]",
         "np.zeros(retained.size, dtype=bool)",
         "condensed: supports forgotten",
         tests=("linalg",),
@@ -1856,7 +1856,7 @@ MUTANTS = (
         tests=("space_results",),
     ),
     Mutant(
-        "body/foundations",
+        "body/foundations_on_points",
         "boundary.averages.shares[on_part] @ reached",
         "contact_data.gap[boundary.nodes[on_part]]",
         "averages: the gap at the vertex",
@@ -3983,7 +3983,7 @@ MUTANTS = (
         tests=("safety::test_what_the_body_rests_on_counts",),
     ),
     Mutant(
-        "body/foundations",
+        "body/foundations_on_points",
         "joined(parts, points).without_pressure(boundary.points.immovable)",
         "joined(parts, points)",
         "friction follows a pressure that supports take",

@@ -22,9 +22,10 @@ from signorini_fx.forms.stated_data import stated_body
 from signorini_fx.forms.stress import stresses_of
 from signorini_fx.mechanics.body.assembly import action, assemble
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.foundation import Foundation, Pair
-from signorini_fx.mechanics.body.foundations import FoundationData
+from signorini_fx.mechanics.body.foundations_on_points import FoundationData
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.interfaces.foundation import Foundation
+from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.quantities.statements import Refused

@@ -29,7 +29,7 @@ from signorini_fx.solving import nested, to_accuracy
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.first_start import CoarserMesh
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
-from signorini_fx.solving.stored_steps import MeshCheckpoint
+from signorini_fx.solving.restart import MeshCheckpoint
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]

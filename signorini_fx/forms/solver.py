@@ -34,11 +34,12 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.foundation import Foundation, Pair
-from signorini_fx.mechanics.body.foundations import FoundationData, Foundations, ShapeDistances
+from signorini_fx.mechanics.body.foundations_on_points import FoundationData, Foundations, ShapeDistances
 from signorini_fx.mechanics.body.rigid import RigidMotions
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.interfaces.foundation import Foundation
+from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales

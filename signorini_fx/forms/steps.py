@@ -27,8 +27,8 @@ from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.load_steps import StepProgress, all_load_steps
 from signorini_fx.solving.ramp import Increments
+from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
-from signorini_fx.solving.stored_steps import MeshCheckpoint, open_checkpoint
 
 
 class Clock:

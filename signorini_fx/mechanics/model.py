@@ -22,7 +22,7 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.statement import Statement
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.loads import AppliedLoad, FormCoefficients
+    from signorini_fx.mechanics.body.load_vectors import AppliedLoad, FormCoefficients
     from signorini_fx.mechanics.body.paired_points import PairedSides
     from signorini_fx.mechanics.body.supports import Conditions
 

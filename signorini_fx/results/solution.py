@@ -35,12 +35,12 @@ from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
+from signorini_fx.results.exported_checkpoint import export_checkpoint
 from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import NO_ESTIMATE, Mechanics, StatedMechanics
 from signorini_fx.results.requested_law import AskedLaw, asked_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety
-from signorini_fx.results.shared_checkpoint import write_shared_checkpoint
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
@@ -324,7 +324,7 @@ class Solution:
         times = [step.time if self.statement.several_steps else 0.0 for step in self.shown_steps]
         steps = zip(times, self.shown_steps, strict=True)
         moments = [(time, step.displacement, step.contact) for time, step in steps]
-        write_shared_checkpoint(file, self.model.tagged, moments)
+        export_checkpoint(file, self.model.tagged, moments)
 
     @cached_property
     def sides(self) -> list[ContactSide]:

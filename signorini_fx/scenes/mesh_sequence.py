@@ -33,8 +33,8 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.solving.one_mesh import solve_mesh
+from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stepped_body import LoadStep
-from signorini_fx.solving.stored_steps import MeshCheckpoint
 from signorini_fx.tuned import COARSER_START
 
 

@@ -41,7 +41,7 @@ from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.refusals import refuse_beforehand
-from signorini_fx.solving.stored_steps import MeshCheckpoint
+from signorini_fx.solving.restart import MeshCheckpoint
 
 Array = npt.NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.nested import solve_nested
 from signorini_fx.solving.one_mesh import solve_mesh
-from signorini_fx.solving.stored_steps import MeshCheckpoint, open_checkpoint
+from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 from signorini_fx.tuned import HELPING_MESHES
 

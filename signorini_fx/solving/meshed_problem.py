@@ -25,7 +25,7 @@ from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.stored_steps import MeshCheckpoint
+from signorini_fx.solving.restart import MeshCheckpoint
 
 P = TypeVar("P")
 

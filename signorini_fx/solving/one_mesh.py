@@ -41,9 +41,9 @@ from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.ramp import Increments
+from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stated_places import stated_body
 from signorini_fx.solving.stepped_body import LoadStep
-from signorini_fx.solving.stored_steps import MeshCheckpoint
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.

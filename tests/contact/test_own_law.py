@@ -24,7 +24,7 @@ from signorini_fx import (
 )
 from signorini_fx.algebra.contact.active_sets import ActiveSets, linearised, multipliers, tangent
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.mechanics.body import foundations
+from signorini_fx.mechanics.body import foundations_on_points
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
@@ -369,7 +369,7 @@ class Steeper(Saturating):
 
 def test_at_the_pressures_of_the_solution(monkeypatch):
     """Nothing rests on what a law says of itself and does not keep there, and it is named."""
-    monkeypatch.setattr(foundations, "fault_of", lambda *_: "")
+    monkeypatch.setattr(foundations_on_points, "fault_of", lambda *_: "")
     solution, honest = pushed(Steeper(F, 1e4), 1.2), pushed(Saturating(F, 1e4), 1.2)
     assert solution.converged
     assert honest.safety is not None
@@ -380,7 +380,7 @@ def test_at_the_pressures_of_the_solution(monkeypatch):
 
 def test_a_wrong_derivative(monkeypatch):
     """Solves do not need it, gradients do: these compare it with differences at the pressures of the solution, too."""
-    monkeypatch.setattr(foundations, "fault_of", lambda *_: "")
+    monkeypatch.setattr(foundations_on_points, "fault_of", lambda *_: "")
     problem = solved(lying(derivative=lambda law, p: law.coefficient + 0 * p)).problem
     assert problem.certificate.holds
     with pytest.raises(FormError, match=r"derivative is 0\.4 at the pressure"):

@@ -14,7 +14,7 @@ from signorini_fx import Status, solve
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body import paired_points
-from signorini_fx.mechanics.body.foundation import Pair
+from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.pairs import mortar_coupling as coupling

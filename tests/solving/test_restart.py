@@ -37,8 +37,8 @@ from signorini_fx.solving import first_start
 from signorini_fx.solving.interfaces import protocol
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.ramp import Increments
+from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stated_places import stated_body
-from signorini_fx.solving.stored_steps import MeshCheckpoint
 
 PUSHED = """
 title = "block, pressed and pushed"

@@ -18,7 +18,7 @@ from signorini_fx.forms.mechanics import prescribed_nodes, sides_of
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
-from signorini_fx.mechanics.body.foundations import ShapeDistances
+from signorini_fx.mechanics.body.foundations_on_points import ShapeDistances
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.equilibrium import Balance

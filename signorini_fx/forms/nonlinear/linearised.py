@@ -46,7 +46,7 @@ from signorini_fx.mechanics.body.averages import averaging
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.foundations import Foundations, ShapeDistances
+from signorini_fx.mechanics.body.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodies, RigidBodyMotion

@@ -29,15 +29,16 @@ from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import findings_of_last
 from signorini_fx.forms.steps import begun_path
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.interfaces.foundation import Foundation
+from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.statement.load_steps import LoadPath
 from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.solving.check.pushed_nodes import pushed_nodes
-from signorini_fx.solving.stored_steps import MeshCheckpoint
+from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.tuned import LOAD_DIFFERENCE, SMALLEST_STEP
 
 # Iterations of Newton's method, unless it is said otherwise.

@@ -22,10 +22,10 @@ from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.body.cellwise_stiffness import cellwise_stiffness
 from signorini_fx.mechanics.body.choice_of_law import elastic_law
 from signorini_fx.mechanics.body.elastic_law import SceneLaw
-from signorini_fx.mechanics.body.foundations import Foundations, NodalFriction
+from signorini_fx.mechanics.body.foundations_on_points import Foundations, NodalFriction
 from signorini_fx.mechanics.body.initial_strains import check_strains
 from signorini_fx.mechanics.body.jumps import holds, jump_loads, jumps_in
-from signorini_fx.mechanics.body.loads import (
+from signorini_fx.mechanics.body.load_vectors import (
     AppliedLoad,
     FormCoefficients,
     applied_load,

@@ -16,7 +16,7 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx.mechanics.body.assembly import measure
-from signorini_fx.mechanics.body.loads import FormCoefficients
+from signorini_fx.mechanics.body.load_vectors import FormCoefficients
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position

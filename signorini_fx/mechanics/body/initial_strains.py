@@ -10,7 +10,7 @@ from dolfinx import default_scalar_type, fem
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.loads import FormCoefficients
+from signorini_fx.mechanics.body.load_vectors import FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import InitialStrain
 from signorini_fx.mechanics.statement.expressions import Expression, sample

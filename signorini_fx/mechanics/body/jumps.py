@@ -22,7 +22,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.elastic_law import ElasticLaw
-from signorini_fx.mechanics.body.loads import AppliedLoad
+from signorini_fx.mechanics.body.load_vectors import AppliedLoad
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Load

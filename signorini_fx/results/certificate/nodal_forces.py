@@ -23,7 +23,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import adjugates, assemble
 from signorini_fx.mechanics.body.choice_of_law import volume_forces
 from signorini_fx.mechanics.body.jumps import Jump, jumps_in
-from signorini_fx.mechanics.body.loads import FormCoefficients, compile_loads
+from signorini_fx.mechanics.body.load_vectors import FormCoefficients, compile_loads
 from signorini_fx.mechanics.body.moduli import reduced_degree
 from signorini_fx.mechanics.body.quadrature import strain_degree
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

@@ -24,7 +24,7 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.joint_loads import JointLoads
 from signorini_fx.mechanics.body.joint_pressure import Flags, JointPressure, Stage, work_on_motions
-from signorini_fx.mechanics.body.loads import AppliedLoad
+from signorini_fx.mechanics.body.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Status

@@ -15,7 +15,7 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.mechanics.body.jumps import Jump
-from signorini_fx.mechanics.body.loads import AppliedLoad
+from signorini_fx.mechanics.body.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement

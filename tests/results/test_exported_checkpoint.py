@@ -12,7 +12,7 @@ from scenes import alone
 from signorini_fx import solve
 from signorini_fx.errors import InstallationError, OutputError
 from signorini_fx.machine import compat
-from signorini_fx.results import shared_checkpoint
+from signorini_fx.results import exported_checkpoint
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -77,7 +77,7 @@ def expected(solution):
     ds = ufl.Measure("ds", tagged.mesh, subdomain_data=tagged.facet_tags)
     rows = []
     for step in solution.steps:
-        fields = shared_checkpoint.ContactFields.on(solution.model.space)
+        fields = exported_checkpoint.ContactFields.on(solution.model.space)
         fields.take(solution.model.space, step.contact)
         functions = {name: getattr(fields, name) for name in FIELDS if name != "displacement"}
         rows.append(moments(comm, functions | {"displacement": step.displacement}, ds, tagged.boundaries["bottom"]))
@@ -144,7 +144,7 @@ def test_what_is_in_the_way(library, tmp_path):
 
 
 def test_without_the_library(monkeypatch, tmp_path):
-    monkeypatch.setattr(shared_checkpoint, "find_spec", lambda name: None)
+    monkeypatch.setattr(exported_checkpoint, "find_spec", lambda name: None)
     missing = f"need {LIBRARY}, which is not installed: apt install python3-{LIBRARY}"
     with pytest.raises(InstallationError, match=missing):
         alone(scene(1)).write_checkpoint(tmp_path / "solution.bp")

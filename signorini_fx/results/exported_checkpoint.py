@@ -24,7 +24,7 @@ BOUNDARIES, TAGS = "boundaries", "tag_of"
 _INDEX = "md.idx"
 
 
-def write_shared_checkpoint(
+def export_checkpoint(
     file: str | Path, tagged: TaggedMesh, moments: Sequence[tuple[float, fem.Function, ContactState | None]]
 ) -> None:
     """The mesh with its tags of boundaries, and at each time the fields; collective.
@@ -79,7 +79,7 @@ def _reserve(path: Path) -> None:
     """Find out whether the file can be written, before all ranks try.
 
     Raises:
-        OutputError: see ``write_shared_checkpoint``.
+        OutputError: see ``export_checkpoint``.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)

@@ -19,12 +19,13 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
-from signorini_fx.mechanics.body.foundation import Foundation, Pair
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.body.values import NodalValues
+from signorini_fx.mechanics.interfaces.foundation import Foundation
+from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
 from signorini_fx.mechanics.laws.directed import FrictionAxes
