@@ -1,6 +1,7 @@
 """Equations, couplings, ties of nodes, cyclic symmetry, and directions of nodes in decks: exact states and statics."""
 
 import csv
+import re
 import tomllib
 
 import numpy as np
@@ -382,6 +383,29 @@ def test_sectors_come_apart(tmp_path):
     assert solved(tmp_path, pressed(TIED, inwards=1.0), "whole").converged
     with pytest.raises(ConvergenceError, match="contact opens, no static equilibrium"):
         solved(tmp_path, pressed([*TOUCHING, *PAIR], inwards=1.0), "loose")
+
+
+def test_coordinates_that_lines_lack(tmp_path):
+    """They are zero, of images, too; nodes without any are all at one place, which is said."""
+    lines = pressed([*TOUCHING, *PAIR])
+    short = [re.sub(r"^(\d+, [^,*]+, [^,*]+), 0\.0$", r"\1", line) for line in lines]
+    assert sum(a != b for a, b in zip(lines, short, strict=True)) == 9
+    texts = [drafted(tmp_path, deck)[0].files for deck in (lines, short)]
+    assert texts[0] == texts[1]
+    none = [re.sub(r"^(\d+), [^,*]+, [^,*]+, [^,*]+$", r"\1", line) for line in lines]
+    with pytest.raises(MeshError, match="no third coordinate"):
+        drafted(tmp_path, none)
+
+
+def test_elements_that_are_removed_have_no_image(tmp_path):
+    """One of both at the side that is touched: four nodes less are added."""
+    lines = pressed([*TOUCHING, *PAIR, "*ELSET, ELSET=GONE", "4"])
+    removed = [*lines[:-1], "*MODEL CHANGE, TYPE=ELEMENT, REMOVE", "GONE", END]
+    counts = []
+    for name, deck in (("all", lines), ("less", removed)):
+        (sector,) = drafted(tmp_path, deck, name)[0].deck.model.sectors.values()
+        counts.append(len(sector.images))
+    assert counts == [12, 8]
 
 
 def test_a_sector_that_touches_nothing(tmp_path):

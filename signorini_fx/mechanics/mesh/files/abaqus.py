@@ -294,8 +294,8 @@ class _Reader:
         self._resolve_sections()
         self.groups = self._groups.named(list(self.blocks.values()), self.node_sets, self.surfaces, self._free)
         node_rows = self.places = {node: index for index, node in enumerate(self.points)}
-        width = max((len(x) for x in self.points.values()), default=2)
-        points = np.array([x + [0.0] * (width - len(x)) for x in self.points.values()]).reshape(-1, width)
+        points = np.array(list(self._padded().values()), dtype=np.float64)
+        points = points if len(points) else np.empty((0, 2))
         tables = {kind: self._table(kind, nodes, node_rows) for kind, nodes in self.blocks.items()}
         sets = {name: self._rows(name, members) for name, members in self.element_sets.items()}
         self._add_faces_of_nodes(points, tables)
@@ -333,6 +333,11 @@ class _Reader:
         }
         return RawMesh(points, blocks, sets, node_sets)
 
+    def _padded(self) -> dict[int, list[float]]:
+        """The coordinates of each node, as many of all; those that a line lacks are zero."""
+        width = max((len(x) for x in self.points.values()), default=0)
+        return {node: x + [0.0] * (max(width, 2) - len(x)) for node, x in self.points.items()}
+
     def _remove_elements(self) -> None:
         """Take away the elements that the first step removes: they never carry anything."""
         names = [word for block in self._removed for row in block.rows for word in row if word]
@@ -357,10 +362,11 @@ class _Reader:
 
     def with_next_sectors(self, blocks: list[DeckBlock]) -> tuple[list[DeckBlock], dict[int, NextSector]]:
         """The keywords that have been read, and what sectors touch; see ``abaqus_sectors.with_next_sectors``."""
+        self._remove_elements()
         solid = [number for number in self.elements if self._is_body(number)]
         kinds = {number: self.elements[number] for number in solid}
         mesh = ReadMesh(
-            self.points,
+            self._padded(),
             {number: self.blocks[kind][row] for number, (kind, row) in kinds.items()},
             {number: self._defining(number).parameters["TYPE"] for number in solid},
             self.surfaces,

@@ -177,7 +177,8 @@ def with_next_sectors(
     """
     added: list[DeckBlock] = []
     made: dict[int, NextSector] = {}
-    following = 1 + max(itertools.chain(mesh.points, mesh.nodes, *mesh.node_sets.values(), *mesh.element_sets.values()))
+    numbers = itertools.chain(mesh.points, mesh.nodes, *mesh.node_sets.values(), *mesh.element_sets.values())
+    following = 1 + max(numbers, default=0)
     pairs = [
         {word.upper() for word in row[:2]} for block in blocks if block.keyword == "CONTACTPAIR" for row in block.rows
     ]
