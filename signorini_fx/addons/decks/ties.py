@@ -103,14 +103,14 @@ def _link_images(deck: Deck, block: DeckBlock, sectors: Sectors) -> None:
         for names in (sector.images, sector.images.values())
     )
     # Nodes that complete the cells of the file, or divide them, are images of those of the same cells.
-    more = np.setdiff1d(cells[deck.mesh.regions[region]], images)
-    if more.size:
+    added = np.setdiff1d(cells[deck.mesh.regions[region]], images)
+    if added.size:
         from scipy.spatial import cKDTree
 
-        own = cells[(np.isin(cells, originals) | (cells >= of_file)).all(axis=1)]
-        completing = np.setdiff1d(own, originals)
-        nearest = cKDTree(sectors.turned(x[completing], sector.turn)).query(x[more])[1]
-        images, originals = np.append(images, more), np.append(originals, completing[nearest])
+        sector_cells = cells[(np.isin(cells, originals) | (cells >= of_file)).all(axis=1)]
+        completing = np.setdiff1d(sector_cells, originals)
+        nearest = cKDTree(sectors.turned(x[completing], sector.turn)).query(x[added])[1]
+        images, originals = np.append(images, added), np.append(originals, completing[nearest])
     unit = np.eye(3)
     for image, original in zip(plain(images), plain(originals), strict=True):
         for k in range(3):

@@ -32,7 +32,7 @@ class NodeTables:
         time: of the increment.
         program: that wrote them; "": it does not say.
         begun: when the last load step began; None: it is not known.
-        before: displacement of the increment that ended then, likewise; empty: it is not there.
+        step_start: displacement of the increment that ended then, likewise; empty: it is not there.
     """
 
     displacement: Table = field(default_factory=dict)
@@ -41,13 +41,13 @@ class NodeTables:
     time: float | None = None
     program: str = ""
     begun: float | None = None
-    before: Table = field(default_factory=dict)
+    step_start: Table = field(default_factory=dict)
 
     def end_increment(self, displacement: Table) -> None:
         """Another increment follows: keep these displacements if the last load step begins with them."""
         begun, ended = self.begun, self.time
         if begun is not None and ended is not None and math.isclose(begun, ended, rel_tol=JUDGED_SAME_TIME):
-            self.before = displacement
+            self.step_start = displacement
 
 
 def read_dat(file: Path, begun: float | None = None) -> NodeTables:
@@ -111,7 +111,7 @@ def read_frd(file: Path, begun: float | None = None) -> NodeTables:
         elif line.startswith("  100C"):
             time = _number(file, row, line[12:24])
             if tables.time is not None and time != tables.time:
-                tables.end_increment(tables.displacement or tables.before)
+                tables.end_increment(tables.displacement or tables.step_start)
                 tables.displacement, tables.forces = {}, {}
             tables.time = time
         elif line.startswith(" -4"):

@@ -33,7 +33,7 @@ class ForeignResult:
         forces: of supports, as the problem counts force, NaN where there is none, shape (n, d); None: there are none.
         time: of the increment; None: not known.
         digits: with which it was printed; None: with all.
-        before: the displacement at the end of the load step before, length, shape (n, d); None: it is not known.
+        step_start: the displacement at the end of the load step before, length, shape (n, d); None: it is not known.
     """
 
     name: str
@@ -43,7 +43,7 @@ class ForeignResult:
     forces: Floats | None
     time: float | None
     digits: int | None
-    before: Floats | None = None
+    step_start: Floats | None = None
 
 
 def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
@@ -114,15 +114,15 @@ def _of_tables(name: str, tables: NodeTables, problem: JudgedProblem) -> Foreign
     if tables.positions and (away := _misplaced(tables, mesh)):
         raise MeshError(f"{name}: {away}: it is the result of another mesh")
     digits = significant_digits(np.nan_to_num(displacement), half)
-    before = _before(tables, problem)
-    return ForeignResult(name, tables.program, displacement, half, forces, tables.time, digits, before)
+    step_start = _step_start(tables, problem)
+    return ForeignResult(name, tables.program, displacement, half, forces, tables.time, digits, step_start)
 
 
-def _before(tables: NodeTables, problem: JudgedProblem) -> Floats | None:
+def _step_start(tables: NodeTables, problem: JudgedProblem) -> Floats | None:
     """The displacement at the end of the load step before; None: it is not there."""
-    before = _rows(tables.before, problem.mesh)[0]
-    known: npt.NDArray[np.bool_] = np.asarray(np.isfinite(before).all(axis=1))
-    return np.where(known[:, None], before, 0.0) if known[problem.deformable].all() else None
+    displacement = _rows(tables.step_start, problem.mesh)[0]
+    printed: npt.NDArray[np.bool_] = np.asarray(np.isfinite(displacement).all(axis=1))
+    return np.where(printed[:, None], displacement, 0.0) if printed[problem.deformable].all() else None
 
 
 def _finite(values: Floats) -> Floats:

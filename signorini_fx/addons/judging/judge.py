@@ -279,7 +279,7 @@ class _Judging:
     def _contacts(self, v: Floats, residual: Floats, energy: float, largest: float) -> list[JudgedContactFigures]:
         size = float(np.linalg.norm(residual, axis=1).sum())
         surfaces = (
-            touching_surface(self.problem, contact, v, residual, self.theirs.before)
+            touching_surface(self.problem, contact, v, residual, self.theirs.step_start)
             for contact in self.problem.contacts
             if not contact.bonded
         )

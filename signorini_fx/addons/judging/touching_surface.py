@@ -72,7 +72,7 @@ class TouchingSurface:
 
 
 def touching_surface(
-    problem: JudgedProblem, contact: JudgedContact, v: Floats, residual: Floats, before: Floats | None = None
+    problem: JudgedProblem, contact: JudgedContact, v: Floats, residual: Floats, step_start: Floats | None = None
 ) -> TouchingSurface:
     """The side of a contact that carries it.
 
@@ -81,10 +81,10 @@ def touching_surface(
         contact: one of its contacts.
         v: the displacement, length, shape (n, d).
         residual: internal forces less loads, force, shape (n, d).
-        before: the displacement at the end of the load step before, length, shape (n, d); None: there is none, or it is
+        step_start: the displacement at the end of the load step before, length, shape (n, d); None: there is none, or it is
             not known.
     """
-    change = v if before is None else v - before
+    change = v if step_start is None else v - step_start
     mesh, facets = problem.mesh, contact.facets
     linear = reference_element(_LINEAR.get(mesh.facet.kind, "quad"))
     width = linear.corner_count
@@ -166,7 +166,7 @@ def touching_surface(
         penetration,
         clearance,
         mean_slip,
-        before is not None or not problem.several_steps,
+        step_start is not None or not problem.several_steps,
         problem.several_steps,
         straight,
         toward,

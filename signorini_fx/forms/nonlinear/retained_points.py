@@ -39,7 +39,7 @@ class RetainedPoints:
         self._at = at
         space = at.function_space
         self._possible = space.mesh.geometry.dim == 3 and space.mesh.comm.size == 1
-        self._choosing = self._all = False
+        self._choosing = self._retain_all = False
         self._moved = 0.0  # the largest increment of this load so far, length
         self.begin_anew()
 
@@ -47,12 +47,12 @@ class RetainedPoints:
         """A new load."""
         self._expected, self._moved = self._moved, 0.0
         self._near: Flags | None = None
-        self._before: Array | None = None  # values of the displacement in the last iteration
+        self._last_values: Array | None = None  # values of the displacement in the last iteration
 
     @contextmanager
     def chosen(self) -> Iterator[None]:
         """While one tangent is solved for."""
-        self._choosing, self._all = self._possible, False
+        self._choosing, self._retain_all = self._possible, False
         try:
             yield
         finally:
@@ -74,22 +74,22 @@ class RetainedPoints:
             prescribed: which unknowns are prescribed, and to what, shapes (dofs,).
         """
         plain = boundary.averages is None and boundary.moving is None and boundary.size > 0
-        if not self._choosing or self._all or not plain or state is None or state.boundary.size != boundary.size:
+        if not self._choosing or self._retain_all or not plain or state is None or state.boundary.size != boundary.size:
             return None
         values, (fixed, to) = self._at.x.array, prescribed
         distance = distances(boundary, shapes, values.reshape(-1, boundary.x.shape[1]))
         # As far as shapes are inside, supports move now, or the last increment, or the last load, has moved anything.
         increments = [np.abs(to - values)[fixed], -distance[np.isfinite(distance)]]
-        if self._before is None:
+        if self._last_values is None:
             increments.append(np.array([self._expected]))
         else:
-            increments.append(np.abs(values - self._before))
+            increments.append(np.abs(values - self._last_values))
             self._moved = max(self._moved, float(increments[-1].max(initial=0.0)))
         near = state.in_contact | (distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments))
         if self._near is not None and self._near.size == near.size:
             near |= self._near
         near[distance.argmin()] = True  # a dense matrix of nothing is none
-        self._near, self._before, self._distance = near, values.copy(), distance
+        self._near, self._last_values, self._distance = near, values.copy(), distance
         if np.count_nonzero(near) > (1.0 - FEWEST_LEFT_OUT) * near.size:
             return None
         return ~near, self._at
@@ -108,7 +108,7 @@ class RetainedPoints:
         points, _ = far
         begins = begun.sets is not None and bool((begun.sets.contact & points).any())
         if begins or outcome.status is not Status.CONVERGED:
-            self._all = True
+            self._retain_all = True
             return False
         problem = outcome.problem
         system.find_far_points(outcome.newton.x)
@@ -116,9 +116,9 @@ class RetainedPoints:
         if not touching.any():
             return True
         assert self._near is not None
-        contact, before = system.elasticity.contact, system.elasticity.far
-        assert before is not None
-        ahead, behind = (contact.traces(at)[0] for at in (system.displacement(outcome.newton.x), before.at))
+        contact, far_points = system.elasticity.contact, system.elasticity.far
+        assert far_points is not None
+        ahead, behind = (contact.traces(at)[0] for at in (system.displacement(outcome.newton.x), far_points.at))
         self._near |= touching | (self._distance <= np.abs(ahead - behind).max())
         return False
 

@@ -149,8 +149,8 @@ def seen_from_finer(
     """
     mesh, last = peaks[index], peaks[-1]
     steps = _refinements(peaks, fineness)
-    known = min(mesh.largest, last.largest, last.spacing) > 0
-    if not (known and steps and mesh.spacing >= FINER_FACTOR * last.spacing):
+    comparable = min(mesh.largest, last.largest, last.spacing) > 0
+    if not (comparable and steps and mesh.spacing >= FINER_FACTOR * last.spacing):
         return None
     step = steps[-1]
     beyond = step.changes[0] / (step.finer ** PEAK_RATES[degree] - 1) / step.to_last ** PEAK_RATES[degree]
@@ -177,9 +177,9 @@ def peak_error(
     if seen is None:
         return None
     # Meshes are divided until little is seen, which may be so by chance: then what was seen before counts.
-    before = _seen_before(peaks, degree) if fineness is None else 0.0
+    seen_before = _seen_before(peaks, degree) if fineness is None else 0.0
     # What the changes do not show at all on meshes that were divided for the peak is no more than what they show.
-    return float(np.hypot(max(seen, SHARE_SEEN_BEFORE * before), min(pollution, max(seen, before))))
+    return float(np.hypot(max(seen, SHARE_SEEN_BEFORE * seen_before), min(pollution, max(seen, seen_before))))
 
 
 def _seen(peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None) -> float | None:
@@ -200,11 +200,11 @@ def _seen(peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None) 
 
 def _seen_before(peaks: Sequence[Peak], degree: int) -> float:
     """What was seen on the mesh before the last one, as it is expected to have decreased since, or more; 0: nothing."""
-    before, last = peaks[-2:]
+    coarse, last = peaks[-2:]
     seen = _seen(peaks[:-1], degree, None)
-    if seen is None or min(before.spacing, last.spacing) <= 0:
+    if seen is None or min(coarse.spacing, last.spacing) <= 0:
         return 0.0
-    return float(seen / max(before.spacing / last.spacing, 1.0) ** RATE_SEEN_BEFORE[degree])
+    return float(seen / max(coarse.spacing / last.spacing, 1.0) ** RATE_SEEN_BEFORE[degree])
 
 
 def _around_on_curve(table: ContactTable, row: int) -> tuple[Floats, Ints]:

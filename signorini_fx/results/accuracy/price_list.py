@@ -182,13 +182,13 @@ def _seen_from_last(rows: list[Price], levels: Sequence[LevelResult], peaks: Seq
     error, fineness = rows[-1].peak, [fineness_of(level.dofs, level.dimension) for level in levels]
     if error is None:
         return rows
-    told = []
+    corrected = []
     for index, (row, level) in enumerate(zip(rows, levels, strict=True)):
         seen = None
         if row.peak is not None and index < len(rows) - 1:
             seen = seen_from_finer(peaks, index, level.degree, error, fineness)
-        told.append(row if seen is None else replace(row, peak=seen + POLYGON_PEAK * level.polygon))
-    return told
+        corrected.append(row if seen is None else replace(row, peak=seen + POLYGON_PEAK * level.polygon))
+    return corrected
 
 
 def fineness_of(dofs: float, dimension: int) -> float:

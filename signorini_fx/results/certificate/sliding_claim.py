@@ -211,7 +211,7 @@ def _breaks(positions: Array, directions: Array, vertices: Array, seen: npt.NDAr
         with np.errstate(divide="ignore", invalid="ignore"):
             places = np.stack((half / square, constant / half), axis=2)
         facet, vertex, _ = np.nonzero((places > 0) & (places < 1) & seen[:, :, None])
-        place = places[(places > 0) & (places < 1) & seen[:, :, None]]
+        coordinate = places[(places > 0) & (places < 1) & seen[:, :, None]]
     else:
         facet, vertex = np.nonzero(seen)
 
@@ -220,23 +220,23 @@ def _breaks(positions: Array, directions: Array, vertices: Array, seen: npt.NDAr
             at, way = (np.einsum("...k,...kd->...d", hats, values[of]) for values in (positions, directions))
             return np.asarray(_cross(vertices[vertex[rows]] - at, way))
 
-        every = np.arange(facet.size)[:, None]
-        values = missed(_SCANNED[None], every)
+        all_facets = np.arange(facet.size)[:, None]
+        values = missed(_SCANNED[None], all_facets)
         row, first = np.nonzero((values[:, :-1] >= 0) != (values[:, 1:] >= 0))
         low, high, rising = _SCANNED[first], _SCANNED[first + 1], values[row, first + 1] >= 0
         for _ in range(_HALVED):
-            place = (low + high) / 2
-            above = (missed(place, row) >= 0) == rising
-            low, high = np.where(above, low, place), np.where(above, place, high)
-        place = (low + high) / 2
+            coordinate = (low + high) / 2
+            above = (missed(coordinate, row) >= 0) == rising
+            low, high = np.where(above, low, coordinate), np.where(above, coordinate, high)
+        coordinate = (low + high) / 2
         facet = facet[row]
-    ends, inside = np.arange(len(positions)), (place > 0) & (place < 1)
+    ends, inside = np.arange(len(positions)), (coordinate > 0) & (coordinate < 1)
     facet = np.concatenate((ends, ends, facet[inside]))
-    place = np.concatenate((np.zeros(ends.size), np.ones(ends.size), place[inside]))
-    order = np.lexsort((place, facet))
-    facet, place = facet[order], place[order]
-    fresh = np.append(True, (np.diff(facet) > 0) | (np.diff(place) > 0))
-    return facet[fresh], place[fresh]
+    coordinate = np.concatenate((np.zeros(ends.size), np.ones(ends.size), coordinate[inside]))
+    order = np.lexsort((coordinate, facet))
+    facet, coordinate = facet[order], coordinate[order]
+    fresh = np.append(True, (np.diff(facet) > 0) | (np.diff(coordinate) > 0))
+    return facet[fresh], coordinate[fresh]
 
 
 # How many facets of the slave are looked at together.
@@ -294,15 +294,15 @@ def _rays_of(
     middle = _meeting(y[master.facets], points[:, :1], rays[:, :1])
     part, over = np.nonzero((middle >= 0) & (middle <= 1) & opposite[facet])
     of_over, points, rays = y[master.facets[over]], points[part, 1:], rays[part, 1:]
-    there = _meeting(of_over[:, None], points, rays)
-    apart = _hats(there, master.width) @ of_over - points
+    met_at = _meeting(of_over[:, None], points, rays)
+    apart = _hats(met_at, master.width) @ of_over - points
     distance = np.sum(apart * rays, axis=2)
     count = _POINTS.size
     return (
         np.repeat(numbers[facet[part]], count),
         s[part, 1:].ravel(),
         np.repeat(over, count),
-        there.ravel(),
+        met_at.ravel(),
         distance.ravel(),
         area[part].ravel(),
         apart[..., 0].ravel(),
@@ -692,9 +692,14 @@ class SlidingClaim:
         """Those where one of the sides can move: supports do not hold all nodes of both facets."""
         slave, master = (chain.facets for chain in self.chains)
         still = self.held.slave[slave[rays.facet]].all(axis=1) & self.held.master[master[rays.over]].all(axis=1)
-        rest = np.flatnonzero(~still)
+        moving = np.flatnonzero(~still)
         return Rays(
-            rays.facet[rest], rays.at[rest], rays.over[rest], rays.place[rest], rays.distance[rest], rays.area[rest]
+            rays.facet[moving],
+            rays.at[moving],
+            rays.over[moving],
+            rays.place[moving],
+            rays.distance[moving],
+            rays.area[moving],
         )
 
     def _unable(self, rays: Rays, functions: Any) -> npt.NDArray[np.bool_]:
