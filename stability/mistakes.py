@@ -3409,15 +3409,15 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/peak_error",
-        "min(pollution, max(seen, before))",
+        "min(pollution, max(seen, seen_before))",
         "pollution",
         "largest pressure: an error elsewhere in the body counts without a limit",
         tests=("peak_error::test_an_error_elsewhere_in_the_body_counts",),
     ),
     Mutant(
         "accuracy/peak_error",
-        "SHARE_SEEN_BEFORE * before",
-        "0 * before",
+        "SHARE_SEEN_BEFORE * seen_before",
+        "0 * seen_before",
         "largest pressure: little that is seen by chance counts, on meshes that are divided until little is seen",
         tests=("peak_error::test_little_that_is_seen_by_chance",),
     ),

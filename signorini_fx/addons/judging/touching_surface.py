@@ -81,8 +81,8 @@ def touching_surface(
         contact: one of its contacts.
         v: the displacement, length, shape (n, d).
         residual: internal forces less loads, force, shape (n, d).
-        step_start: the displacement at the end of the load step before, length, shape (n, d); None: there is none, or it is
-            not known.
+        step_start: the displacement at the end of the load step before, length, shape (n, d); None: there is none, or
+            it is not known.
     """
     change = v if step_start is None else v - step_start
     mesh, facets = problem.mesh, contact.facets
