@@ -98,9 +98,9 @@ class ContactMap:
             x: unknowns that tell where they are.
         """
         dim, (starts, columns, values) = self.points.dimension, self.operator.getValuesCSR()
-        kept = np.repeat(np.repeat(~far, dim), np.diff(starts))
-        ends = np.concatenate(([0], np.cumsum(kept)))[starts].astype(PETSc.IntType)
-        csr = (ends, columns[kept], values[kept])
+        kept_entries = np.repeat(np.repeat(~far, dim), np.diff(starts))
+        ends = np.concatenate(([0], np.cumsum(kept_entries)))[starts].astype(PETSc.IntType)
+        csr = (ends, columns[kept_entries], values[kept_entries])
         operator = PETSc.Mat().createAIJ(self.operator.getSizes(), csr=csr, comm=self.operator.comm)
         elsewhere = np.where(far[:, None], np.column_stack(self.traces(x)), 0.0)
         return replace(self, operator=operator, elsewhere=elsewhere)

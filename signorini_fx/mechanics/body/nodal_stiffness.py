@@ -51,13 +51,15 @@ class JointStiffness:
             rows = (~fixed).reshape(-1, dim).astype(np.float64)
             free = from_owners(rows, self.nodes, matrix.comm.tompi4py()).ravel()
         entries = self.matrix.tocoo()
-        kept = (free[entries.row] > 0) & (free[entries.col] > 0)
+        free_entries = (free[entries.row] > 0) & (free[entries.col] > 0)
         first, last = matrix.getOwnershipRange()
         unknowns = (dim * self.nodes[:, None] + np.arange(dim)).ravel()
-        rows, columns = unknowns[entries.row[kept]], unknowns[entries.col[kept]]
+        rows, columns = unknowns[entries.row[free_entries]], unknowns[entries.col[free_entries]]
         here = (rows >= first) & (rows < last)
         shape = (last - first, matrix.getSize()[1])
-        added = sp.csr_array(sp.coo_array((entries.data[kept][here], (rows[here] - first, columns[here])), shape=shape))
+        added = sp.csr_array(
+            sp.coo_array((entries.data[free_entries][here], (rows[here] - first, columns[here])), shape=shape)
+        )
         csr = added.indptr.astype(PETSc.IntType), added.indices.astype(PETSc.IntType), added.data
         more = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
         matrix.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

@@ -186,33 +186,38 @@ def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.c
     count = tested_nodes.size
     takes = np.where(tested_nodes, portion + PASSED_ON, 0.0)
     row, column = np.repeat(np.arange(count), np.diff(beside.indptr)), beside.indices
-    others = np.flatnonzero((row != column) & (takes[row] > 0))
-    row, column = row[others], column[others]
+    off_diagonal = np.flatnonzero((row != column) & (takes[row] > 0))
+    row, column = row[off_diagonal], column[off_diagonal]
     sums = np.bincount(column, takes[row], minlength=count)
     _, piece = connected_components(beside, directed=False)
     reached = np.bincount(piece, portion) > 0
     passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - portion, 0.0)
     step = takes[row] * np.divide(passing, sums, out=np.zeros(count), where=sums > 0)[column]
-    chain, place, own = np.flatnonzero(passing), np.full(count, -1), np.where(passing > 0, 0.0, portion)
-    place[chain] = np.arange(chain.size)
-    kept = np.flatnonzero(own)
-    entries = own[kept], (kept, kept)
+    chain, chain_number, own_portion = np.flatnonzero(passing), np.full(count, -1), np.where(passing > 0, 0.0, portion)
+    chain_number[chain] = np.arange(chain.size)
+    kept_nodes = np.flatnonzero(own_portion)
+    entries = own_portion[kept_nodes], (kept_nodes, kept_nodes)
     if chain.size:  # what each of these keeps of what the chain hands on, in any number of steps
-        handed = np.flatnonzero((passing[row] == 0) & (portion[row] > 0) & (place[column] >= 0))
+        handed = np.flatnonzero((passing[row] == 0) & (portion[row] > 0) & (chain_number[column] >= 0))
         keepers = chain[portion[chain] > 0]
         keeping, at = np.unique(np.concatenate((row[handed], keepers)), return_inverse=True)
         begin = np.zeros((keeping.size, chain.size))
-        begin[at, np.concatenate((place[column[handed]], place[keepers]))] = np.concatenate(
+        begin[at, np.concatenate((chain_number[column[handed]], chain_number[keepers]))] = np.concatenate(
             (portion[row[handed]] * step[handed], portion[keepers])
         )
-        both = np.flatnonzero((place[row] >= 0) & (place[column] >= 0))
+        chain_entries = np.flatnonzero((chain_number[row] >= 0) & (chain_number[column] >= 0))
         numbers, ones = np.arange(chain.size), np.ones(chain.size)
-        transposed = np.concatenate((numbers, place[column[both]])), np.concatenate((numbers, place[row[both]]))
-        within = sp.csc_array((np.concatenate((ones, -step[both])), transposed), shape=(chain.size, chain.size))
+        transposed = (
+            np.concatenate((numbers, chain_number[column[chain_entries]])),
+            np.concatenate((numbers, chain_number[row[chain_entries]])),
+        )
+        within = sp.csc_array(
+            (np.concatenate((ones, -step[chain_entries])), transposed), shape=(chain.size, chain.size)
+        )
         values = splu(within).solve(begin.T).T
         of_keeping, of_chain = np.nonzero(values > SAME_NUMBER**2)
-        places = np.concatenate((kept, keeping[of_keeping])), np.concatenate((kept, chain[of_chain]))
-        entries = np.concatenate((own[kept], values[of_keeping, of_chain])), places
+        places = np.concatenate((kept_nodes, keeping[of_keeping])), np.concatenate((kept_nodes, chain[of_chain]))
+        entries = np.concatenate((own_portion[kept_nodes], values[of_keeping, of_chain])), places
     keeps = sp.csr_array(sp.coo_array(entries, shape=(count, count)))
     columns = np.bincount(keeps.indices, keeps.data, minlength=count)
     return scaled_columns(keeps, np.divide(1.0, columns, out=np.zeros(count), where=columns > 0))

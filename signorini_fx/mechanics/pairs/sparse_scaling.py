@@ -27,6 +27,8 @@ def _scaled(rows: sp.csr_array, factors: Array) -> sp.csr_array:
     """The entries of a matrix, in their order, times factors."""
     if factors.all():
         return sp.csr_array((rows.data * factors, rows.indices, rows.indptr), shape=rows.shape)
-    kept = factors != 0.0
-    ends = np.concatenate(([0], np.cumsum(kept)))[rows.indptr].astype(rows.indptr.dtype)
-    return sp.csr_array((rows.data[kept] * factors[kept], rows.indices[kept], ends), shape=rows.shape)
+    kept_entries = factors != 0.0
+    ends = np.concatenate(([0], np.cumsum(kept_entries)))[rows.indptr].astype(rows.indptr.dtype)
+    return sp.csr_array(
+        (rows.data[kept_entries] * factors[kept_entries], rows.indices[kept_entries], ends), shape=rows.shape
+    )
