@@ -56,3 +56,34 @@ def test_a_step_before_that_is_incomplete(tmp_path):
     del lines[5]
     (tmp_path / "holes.dat").write_text("\n".join(lines) + "\n")
     assert verdict(tmp_path / "holes.dat").figures["wrong_way"]["value"] is None
+
+
+def test_a_rigid_body_that_is_not_printed(tmp_path):
+    """Both bodies are moved by the same from the first step on: the slip is the same, though no row tells where the
+    rigid one was.
+    """
+    shift = 0.02
+    deck, rows, displaced = [], [], False
+    for line in (DATA / "press.inp").read_text().splitlines():
+        words = line.split(",")
+        if words[:2] == ["BODY_TOP_N", " 1"] and len(words) == 4:
+            deck.append(f"BASE_N, 1, 1, {shift}")
+            line = f"BODY_TOP_N, 1, 1, {float(words[3]) + shift!r}"
+        deck.append(line)
+    for line in (DATA / "press.dat").read_text().splitlines():
+        words = line.split()
+        if not line.strip() or not words[0].isdigit():
+            displaced = line.startswith(" displacements") if line.strip() else displaced
+        elif displaced and int(words[0]) >= 136:
+            continue
+        elif displaced:
+            moved = float(words[1]) + shift
+            line = f"{words[0]:>10} {moved:13.6E} {words[2]} {words[3]}"
+        rows.append(line)
+    (tmp_path / "moved.inp").write_text("\n".join(deck) + "\n")
+    (tmp_path / "moved.dat").write_text("\n".join(rows) + "\n")
+    judgement = judge(tmp_path / "moved.inp", tmp_path / "moved.dat", compare=False)
+    assert judgement.word == "agrees", str(judgement)
+    for name in ("wrong_way", "slip_below_bound"):
+        found = judgement.figures[name]["value"]
+        assert found == pytest.approx(verdict(DATA / "press.dat").figures[name]["value"], abs=1e-4)

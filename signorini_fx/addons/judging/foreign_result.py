@@ -119,10 +119,16 @@ def _of_tables(name: str, tables: NodeTables, problem: JudgedProblem) -> Foreign
 
 
 def _step_start(tables: NodeTables, problem: JudgedProblem) -> Floats | None:
-    """The displacement at the end of the load step before; None: it is not there."""
+    """The displacement at the end of the load step before, shape (n, d); None: it is not there.
+
+    Nodes of rigid bodies, which programs need not print, are where they were prescribed to be then.
+    """
     displacement = _rows(tables.step_start, problem.mesh)[0]
-    printed: npt.NDArray[np.bool_] = np.asarray(np.isfinite(displacement).all(axis=1))
-    return np.where(printed[:, None], displacement, 0.0) if printed[problem.deformable].all() else None
+    missing = np.isnan(displacement)
+    if problem.prescribed_before is not None:
+        missing &= ~problem.deformable[:, None]
+        displacement[missing] = problem.prescribed_before[missing]
+    return displacement if np.isfinite(displacement).all() else None
 
 
 def _finite(values: Floats) -> Floats:

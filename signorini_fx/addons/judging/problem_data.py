@@ -163,6 +163,7 @@ class JudgedProblem:
         several_steps: whether slip counts from a load step before the last one.
         time: at the end of the last step; None: not known.
         begun: when the last one of several steps began; None: there is one alone, or it is not known.
+        prescribed_before: the same as ``prescribed`` at the end of the step before; None: there is none.
         scene: what ``solve`` takes.
         deck: what was read from the input file; None: the problem is none.
         lost: what the problem lacks of the deck.
@@ -189,6 +190,7 @@ class JudgedProblem:
     links: csr_array = field(default_factory=lambda: csr_array((0, 0)))
     bonds: csr_array = field(default_factory=lambda: csr_array((0, 0)))
     begun: float | None = None
+    prescribed_before: Floats | None = None
 
     def linked_in(self, v: Floats, allowed: float) -> Self:
         """The problem whose ties are links of nodes if a displacement keeps to these, else are bonds.

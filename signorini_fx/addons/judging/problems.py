@@ -227,6 +227,7 @@ def _problem(
         links=links,
         bonds=bonds,
         begun=None if deck is None else deck.ends.get(len(deck.steps) - 2),
+        prescribed_before=prescribed_of(statement, position - 1, mesh)[0] if position > 0 else None,
     ), reasons
 
 
