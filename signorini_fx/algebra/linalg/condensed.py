@@ -4,8 +4,9 @@ The elastic operator never changes, and the nonlinearity is confined to the cont
 eliminated once; all Newton steps of all outer iterations, load steps and values of gamma use the dense matrix, and the
 interior is recovered at the end with the same factor.  The interior matrix is regular for a floating body too.
 
-Contact points that are far from touching need not be reached: their unknowns are eliminated, too.  Until a solution is
-known they stay where they are, and who says that they are far looks at them then.
+Contact points that are far from touching need not be reached: their unknowns are eliminated, too.  Such points stay
+where they are while the problem is solved; ``find_far_points`` computes where the solution moves them, and whoever has
+called them far has to find out whether they touch there.
 
 Several ranks eliminate what is their own, see ``schur``.  Each has the rows of the dense matrix whose unknowns
 it owns, as contact points are where their unknowns are; what is dense is so small that every rank does all of it.
@@ -97,7 +98,7 @@ class CondensedSystem(PlainSystem):
         return _CondensedCase(case, load[owned_rows], self.relative.unknowns(start)[owned_rows], between, inner)
 
     def find_far_points(self, x: PETSc.Vec) -> None:
-        """See where the points are that no unknown reaches: one back substitution."""
+        """Compute where the points are that no unknown reaches: one back substitution."""
         far, elsewhere = self.elasticity.far, self.contact.elsewhere
         if far is not None and elsewhere is not None:
             displacement = self.displacement(x)

@@ -2,8 +2,9 @@
 
 In space the contact boundary has far more nodes than the contact.  A point that is farther from its shape than an
 increment may bring it is left out of the dense matrix, as the inside of the body is, and stays open.  Where it is in
-the solution of the linearised problem is known afterwards: if it has come into contact, or if there is no solution, the
-problem is solved once more with that point, or with all of them.  So solutions do not depend on the choice.
+the solution of the linearised problem is known afterwards: if it has come into contact, the problem is solved once more
+with that point and all others that the increment may bring into contact, and if there is no solution, with all points.
+So solutions do not depend on the choice.
 """
 
 from __future__ import annotations
@@ -103,9 +104,11 @@ class RetainedPoints:
             outcome: how it ended.
         """
         system = outcome.problem.system
-        if far is None or not isinstance(system, CondensedSystem):
+        # Other systems reach all points, and so does a condensed one of a body that only contact holds.
+        if far is None or not isinstance(system, CondensedSystem) or system.elasticity.far is None:
             return True
-        points, _ = far
+        contact, far_points = system.elasticity.contact, system.elasticity.far
+        points = far_points.points
         begins = begun.sets is not None and bool((begun.sets.contact & points).any())
         if begins or outcome.status is not Status.CONVERGED:
             self._retain_all = True
@@ -116,8 +119,6 @@ class RetainedPoints:
         if not touching.any():
             return True
         assert self._near is not None
-        contact, far_points = system.elasticity.contact, system.elasticity.far
-        assert far_points is not None
         ahead, behind = (contact.traces(at)[0] for at in (system.displacement(outcome.newton.x), far_points.at))
         self._near |= touching | (self._distance <= np.abs(ahead - behind).max())
         return False
