@@ -1,5 +1,6 @@
 """The price list of a nested solve: estimates against a reference solution, and the arithmetic behind them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -148,6 +149,16 @@ def test_meshes_divided_in_some_places(of):
     assert solution.price_list[0].peak is None  # nothing to compare it with
     unknown = any(row.peak is None for row in solution.price_list[1:-1])
     assert ("no finer where it is" in prices.render(list(solution.price_list))) == unknown
+
+
+def test_data_that_every_mesh_misses():
+    """No difference between meshes shows it: it counts on each of them, also where the last one tells the error."""
+    levels = alone(example1(bound=1.5, gamma="auto", nx=120, ny=40, levels=3)).levels
+    without = prices.price_list([replace(level, data=0.0) for level in levels], 0.0)
+    rows = prices.price_list([replace(level, data=0.2) for level in levels], 0.0)
+    assert without[1].peak < 0.01
+    assert [row.peak is None for row in rows] == [True, False, False, False]
+    assert all(row.peak >= 0.2 for row in rows[1:3])
 
 
 def test_largest_pressure_where_cells_are_small_there_only():

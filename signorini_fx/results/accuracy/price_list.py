@@ -177,9 +177,11 @@ def price_list(
 def _seen_from_last(rows: list[Price], levels: Sequence[LevelResult], peaks: Sequence[Peak]) -> list[Price]:
     """The rows of the solved meshes with the errors of the largest pressure that the last mesh tells.
 
-    Meshes that are divided here and there do not tell: what is wrong elsewhere in the body is so on all of them.
+    Meshes that are divided here and there do not tell: what is wrong elsewhere in the body is so on all of them.  What
+    the last mesh misses of the data coarser ones miss, too, and no difference between them shows it.
     """
     error, fineness = rows[-1].peak, [fineness_of(level.dofs, level.dimension) for level in levels]
+    missed = levels[-1].data
     if error is None:
         return rows
     corrected = []
@@ -187,7 +189,7 @@ def _seen_from_last(rows: list[Price], levels: Sequence[LevelResult], peaks: Seq
         seen = None
         if row.peak is not None and index < len(rows) - 1:
             seen = seen_from_finer(peaks, index, level.degree, error, fineness)
-        corrected.append(row if seen is None else replace(row, peak=seen + POLYGON_PEAK * level.polygon))
+        corrected.append(row if seen is None else replace(row, peak=seen + missed + POLYGON_PEAK * level.polygon))
     return corrected
 
 
