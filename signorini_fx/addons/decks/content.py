@@ -254,7 +254,7 @@ class Deck:
         return pair in self.vanished or not pair.isdisjoint(self.model.emptied)
 
     def facing(self, pair: tuple[str, str, str]) -> tuple[str, str, str]:
-        """A contact pair; one of both sides of a sector is that with the next sector."""
+        """A contact pair as the scene has it: that of both sides of a sector is one with the next sector."""
         for sector in self.model.sectors.values():
             pair = sector.facing(pair)
         return pair
