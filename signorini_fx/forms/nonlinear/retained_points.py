@@ -1,10 +1,10 @@
 """Which contact points of a nonlinear body its tangents are condensed onto: those that may touch in an iteration.
 
 In space the contact boundary has far more nodes than the contact.  A point that is farther from its shape than an
-increment may bring it is left out of the dense matrix, as the inside of the body is, and stays open.  Where it is in
-the solution of the linearised problem is known afterwards: if it has come into contact, the problem is solved once more
-with that point and all others that the increment may bring into contact, and if there is no solution, with all points.
-So solutions do not depend on the choice.
+increment may bring it is left out of the dense matrix, as the inside of the body is, and no force acts there.  Where it
+is in the solution of the linearised problem is known afterwards: if it has come into contact, if friction has a bound
+there without contact, or if there is no solution, the problem is solved once more with that point, or with all of them.
+So solutions do not depend on the choice.  A body that nothing holds but contact is condensed onto all of its points.
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ class RetainedPoints:
         else:
             increments.append(np.abs(values - self._last_values))
             self._moved = max(self._moved, float(increments[-1].max(initial=0.0)))
-        near = state.in_contact | (distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments))
+        near = state.in_contact | (state.shear != 0.0).any(axis=1)  # a shear may act without contact
+        near |= distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments)
         if self._near is not None and self._near.size == near.size:
             near |= self._near
         near[distance.argmin()] = True  # a dense matrix of nothing is none
@@ -104,23 +105,26 @@ class RetainedPoints:
             outcome: how it ended.
         """
         system = outcome.problem.system
-        # Other systems reach all points, and so does a condensed one of a body that only contact holds.
         if far is None or not isinstance(system, CondensedSystem) or system.elasticity.far is None:
             return True
-        contact, far_points = system.elasticity.contact, system.elasticity.far
-        points = far_points.points
+        points, _ = far
         begins = begun.sets is not None and bool((begun.sets.contact & points).any())
         if begins or outcome.status is not Status.CONVERGED:
             self._retain_all = True
             return False
         problem = outcome.problem
         system.find_far_points(outcome.newton.x)
-        touching = classify(problem.sets, *system.contact.traces(outcome.newton.x), problem.data).contact & points
+        touching = classify(problem.sets, *system.contact.traces(outcome.newton.x), problem.data).contact
+        touching |= problem.sets.contact  # from where they were before
+        if problem.data.bound is not None:
+            touching |= problem.data.bound > 0.0  # such as that of Tresca, which acts without contact
+        touching &= points
         if not touching.any():
             return True
-        assert self._near is not None
-        ahead, behind = (contact.traces(at)[0] for at in (system.displacement(outcome.newton.x), far_points.at))
-        self._near |= touching | (self._distance <= np.abs(ahead - behind).max())
+        near = ~points if self._near is None else self._near  # no new tangent was needed for this load
+        contact, began_at = system.elasticity.contact, system.elasticity.far.at
+        ahead, behind = (contact.traces(at)[0] for at in (system.displacement(outcome.newton.x), began_at))
+        self._near = near | touching | (self._distance <= np.abs(ahead - behind).max())
         return False
 
 
