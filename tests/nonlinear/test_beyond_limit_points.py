@@ -10,7 +10,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_bodies import held, neo_hooke
 
-from signorini_fx import FormError, Foundation, NonlinearContactProblem, Status
+from signorini_fx import ConvergenceError, FormError, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.displacement_control import load_that_holds
 from signorini_fx.forms.nonlinear.leaps import Leaps
 
@@ -321,3 +321,11 @@ def test_what_cannot_be_controlled():
             pressed(problem, control=control)
     with pytest.raises(FormError, match=r"control: x of contact\[0\] is not moved by a force"):
         pressed(problem, control=(0, "x"))
+
+
+def test_a_first_step_without_a_solution_under_control():
+    """Pushed off the body from the first step on, there is no limit point to go beyond: the end is the named one."""
+    problem = arch(MPI.COMM_SELF, force=(0.0, 0.0), prescribed=HELD, centre=(6.0, 1.6), pivot=(6.0, 1.6))
+    with pytest.raises(ConvergenceError, match="there is no solution before it"):
+        pressed(problem, control=(0, "y"))
+    assert problem.status is not Status.CONVERGED

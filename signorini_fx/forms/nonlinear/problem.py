@@ -284,7 +284,7 @@ class NonlinearContactProblem(ProblemOfForms):
             try:
                 self._continuation.follow(way, lambda step: on_step(steps[-1]))
             except (NoEquilibrium, SnapThrough):
-                if tool is None or not steps or self.status in outcomes.NOT_A_LIMIT:
+                if tool is None or not self._continuation.steps or self.status in outcomes.NOT_A_LIMIT:
                     raise
                 beyond_limit(self._continuation, tool, way, to, places, lambda step: on_step(steps[-1]))
         return steps
