@@ -2,9 +2,10 @@
 
 In space the contact boundary has far more nodes than the contact.  A point that is farther from its shape than an
 increment may bring it is left out of the dense matrix, as the inside of the body is, and no force acts there.  Where it
-is in the solution of the linearised problem is known afterwards: if it has come into contact, if friction has a bound
-there without contact, or if there is no solution, the problem is solved once more with that point, or with all of them.
-So solutions do not depend on the choice.  A body that nothing holds but contact is condensed onto all of its points.
+is in the solution of the linearised problem is known afterwards: if it has come into contact, or if friction has a
+bound there without contact, the problem is solved once more with that point and all others that the increment may bring
+into contact, and if there is no solution, with all points.  So solutions do not depend on the choice.  A body that
+nothing holds but contact is condensed onto all of its points.
 """
 
 from __future__ import annotations
@@ -105,6 +106,7 @@ class RetainedPoints:
             outcome: how it ended.
         """
         system = outcome.problem.system
+        # Other systems reach all points, and so does a condensed one of a body that only contact holds.
         if far is None or not isinstance(system, CondensedSystem) or system.elasticity.far is None:
             return True
         points, _ = far
