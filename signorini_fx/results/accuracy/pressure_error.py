@@ -2,7 +2,9 @@
 
 Between the nodes the pressure is linear.  The change of its slope at the nodes indicates its error, in smooth parts as
 well as at the ends of the contact zones.  At a corner of the body the stress may be singular,
-the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.
+the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.  There a
+singular pressure is steepest.  At a plane of symmetry, on an axis, and where a contact zone ends not far from a corner,
+it is steeper farther away, and the kinks tell its error as they do elsewhere.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from signorini_fx.tuned import (
     SAME_LENGTH,
     STEEP_EXPONENT,
     STRAIGHT_ANGLE,
+    ZERO_IN_SOLUTION,
 )
 
 Floats = npt.NDArray[np.float64]
@@ -67,15 +70,17 @@ def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float, *, corners
     jumps = _jumps(s, pressure)
     squares[:-1] += h[:-1] * jumps**2 / 12
     squares[1:] += h[1:] * jumps**2 / 12
-    for corner, interval in _corners(table, rows):
+    for corner, interval in _corners(table, rows, s, blur):
         inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
         beside = inside if interval == corner else inside - 1  # the next interval
         if corners:
-            away = slice(corner, None) if interval == corner else slice(corner, None, -1)
+            r, beside_corner = _away(s, pressure, corner, interval)
+            change, sag = _towards(r, beside_corner, blur)
+            falls = np.isnan(sag) or (change < 0 and sag > ZERO_IN_SOLUTION * np.abs(pressure).max())
             squares[interval] = max(
                 squares[interval],
                 CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1],
-                singular_square(np.abs(s[away] - s[corner]), pressure[away], blur),
+                singular_square(r, beside_corner, blur) if falls else 0.0,
             )
         else:
             squares[[interval, beside]] = 0.0
@@ -157,15 +162,50 @@ def bends(r: Floats, pressure: Floats) -> bool:
     return bool(p[2] > 0 and slopes[1] < BENDING * slopes[0])
 
 
-def _corners(table: ContactTable, rows: Ints) -> list[tuple[int, int]]:
-    """Nodes in contact at a corner of the body or at the ends of these rows, each with an interval beside it."""
+def _away(s: Floats, pressure: Floats, corner: int, interval: int) -> tuple[Floats, Floats]:
+    """Distance of the nodes from the corner, which is the first, and their pressure, on the side of the interval."""
+    away = slice(corner, None) if interval == corner else slice(corner, None, -1)
+    return np.abs(s[away] - s[corner]), pressure[away]
+
+
+def _towards(r: Floats, pressure: Floats, blur: float) -> tuple[float, float]:
+    """The change of the pressure from the corner to the first node that ``singular_square`` looks at, and by how much it
+    is below the line from the corner to a node twice as far away there; nan where there is no such node.
+
+    Args:
+        r: distance of the nodes from the corner, which is the first.
+        pressure: at these nodes.
+        blur: up to this distance the regularisation smears the pressure; 0 without.
+    """
+    even = np.arange(2, r.size, 2)
+    first = int(np.searchsorted(r[even], 2 * max(r[1], blur) * (1 - SAME_LENGTH)))
+    second = int(np.searchsorted(r[even], 2 * r[even[first]] * (1 - SAME_LENGTH))) if first < even.size else even.size
+    if second >= even.size:
+        return np.nan, np.nan
+    near, far = even[[first, second]]
+    line = pressure[0] + (pressure[far] - pressure[0]) * r[near] / r[far]
+    return float(pressure[near] - pressure[0]), float(line - pressure[near])
+
+
+def _corners(table: ContactTable, rows: Ints, s: Floats, blur: float = 0.0) -> list[tuple[int, int]]:
+    """Nodes in contact at a corner of the body or at the ends of these rows where the pressure may be singular, each
+    with an interval beside it.
+
+    Any r^b with b < 1 is steepest at the corner, and so is its negative.  A pressure that is steeper farther away, in the
+    same direction, is none of them.
+    """
     pressure, last = table.columns["pressure"][rows], len(rows) - 1
     pairs = [(0, 0), (last, last - 1)]
     if "x" in table.columns:
         x, y = table.columns["x"][rows], table.columns["y"][rows]
         for node in np.flatnonzero(_turning(x, y) > CORNER_ANGLE) + 1:
             pairs += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
-    return [(node, interval) for node, interval in pairs if pressure[node] != 0]
+    found = []
+    for node, interval in pairs:
+        change, sag = _towards(*_away(s, pressure, node, interval), blur)
+        if pressure[node] != 0 and not change * sag > 0:
+            found.append((node, interval))
+    return found
 
 
 def corners_of_error(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> Floats:
@@ -174,8 +214,8 @@ def corners_of_error(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
     much = CORNER_ERROR_SHARE * sum(float(part.sum()) for part in squares)
     nodes: list[int] = []
     for path, of_path in zip(table.paths, squares, strict=True):
-        rows, _, part = table.unrolled(path)
-        for node, interval in _corners(table, rows) if of_path.size > 1 else []:
+        rows, s, part = table.unrolled(path)
+        for node, interval in _corners(table, rows, s) if of_path.size > 1 else []:
             if part.start <= interval < part.stop and of_path[interval - part.start] > much:
                 nodes.append(int(rows[node]))
     return np.column_stack((table.columns["x"][nodes], table.columns["y"][nodes]))
