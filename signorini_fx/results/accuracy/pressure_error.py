@@ -3,8 +3,8 @@
 Between the nodes the pressure is linear.  The change of its slope at the nodes indicates its error, in smooth parts as
 well as at the ends of the contact zones.  At a corner of the body the stress may be singular,
 the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.  There a
-singular pressure is steepest.  At a plane of symmetry, on an axis, and where a contact zone ends not far from a corner,
-it is steeper farther away, and the kinks tell its error as they do elsewhere.
+singular pressure is steepest; one that is as steep farther away is bending, and one that is steeper there belongs to
+a plane of symmetry or to an axis, which is no corner.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from signorini_fx.tuned import (
     SAME_LENGTH,
     STEEP_EXPONENT,
     STRAIGHT_ANGLE,
-    ZERO_IN_SOLUTION,
 )
 
 Floats = npt.NDArray[np.float64]
@@ -74,13 +73,14 @@ def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float, *, corners
         inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
         beside = inside if interval == corner else inside - 1  # the next interval
         if corners:
-            r, beside_corner = _away(s, pressure, corner, interval)
-            change, sag = _towards(r, beside_corner, blur)
-            falls = np.isnan(sag) or (change < 0 and sag > ZERO_IN_SOLUTION * np.abs(pressure).max())
+            r, values = _away(s, pressure, corner, interval)
+            near, far = _slopes(r, values, blur)
+            # A regularised pressure is less steep at the corner itself.
+            steeper = 1.0 if blur > r[1] else BENDING
             squares[interval] = max(
                 squares[interval],
                 CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1],
-                singular_square(r, beside_corner, blur) if falls else 0.0,
+                0.0 if near >= steeper * far else singular_square(r, values, blur),
             )
         else:
             squares[[interval, beside]] = 0.0
@@ -168,31 +168,32 @@ def _away(s: Floats, pressure: Floats, corner: int, interval: int) -> tuple[Floa
     return np.abs(s[away] - s[corner]), pressure[away]
 
 
-def _towards(r: Floats, pressure: Floats, blur: float) -> tuple[float, float]:
-    """The change of the pressure from the corner to the first node that ``singular_square`` looks at, and by how much it
-    is below the line from the corner to a node twice as far away there; nan where there is no such node.
+def _slopes(r: Floats, pressure: Floats, blur: float) -> tuple[float, float]:
+    """Slopes of the pressure from the corner to the first node that ``singular_square`` looks at, and from there to one
+    twice as far away; nan where there are no such nodes.
 
     Args:
         r: distance of the nodes from the corner, which is the first.
         pressure: at these nodes.
         blur: up to this distance the regularisation smears the pressure; 0 without.
     """
-    even = np.arange(2, r.size, 2)
-    first = int(np.searchsorted(r[even], 2 * max(r[1], blur) * (1 - SAME_LENGTH)))
-    second = int(np.searchsorted(r[even], 2 * r[even[first]] * (1 - SAME_LENGTH))) if first < even.size else even.size
+    even = np.arange(0, r.size, 2)
+    first = 1 + int(np.searchsorted(r[even[1:]], 2 * max(r[1], blur) * (1 - SAME_LENGTH)))
+    if first >= even.size:
+        return np.nan, np.nan
+    second = first + int(np.searchsorted(r[even[first:]], 2 * r[even[first]] * (1 - SAME_LENGTH)))
     if second >= even.size:
         return np.nan, np.nan
-    near, far = even[[first, second]]
-    line = pressure[0] + (pressure[far] - pressure[0]) * r[near] / r[far]
-    return float(pressure[near] - pressure[0]), float(line - pressure[near])
+    nodes = even[[0, first, second]]
+    near, far = np.diff(pressure[nodes]) / np.diff(r[nodes])
+    return float(near), float(far)
 
 
 def _corners(table: ContactTable, rows: Ints, s: Floats, blur: float = 0.0) -> list[tuple[int, int]]:
-    """Nodes in contact at a corner of the body or at the ends of these rows where the pressure may be singular, each
-    with an interval beside it.
+    """Nodes in contact at a corner of the body or at the ends of these rows, each with an interval beside it.
 
-    Any r^b with b < 1 is steepest at the corner, and so is its negative.  A pressure that is steeper farther away, in the
-    same direction, is none of them.
+    At a corner a pressure that falls is steeper than farther away if it is singular.  Where it is less steep there is no
+    corner but a plane of symmetry or an axis.
     """
     pressure, last = table.columns["pressure"][rows], len(rows) - 1
     pairs = [(0, 0), (last, last - 1)]
@@ -202,8 +203,9 @@ def _corners(table: ContactTable, rows: Ints, s: Floats, blur: float = 0.0) -> l
             pairs += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
     found = []
     for node, interval in pairs:
-        change, sag = _towards(*_away(s, pressure, node, interval), blur)
-        if pressure[node] != 0 and not change * sag > 0:
+        near, far = _slopes(*_away(s, pressure, node, interval), blur)
+        flatter = near * pressure[node] < 0 and abs(far) > BENDING * abs(near) and near * far > 0
+        if pressure[node] != 0 and not flatter:
             found.append((node, interval))
     return found
 
