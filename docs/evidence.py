@@ -93,8 +93,8 @@ def effectivities(axes: Axes) -> None:
         found = [re.findall(r"[\d.]+(?:e-?\d+)?", row[column]) for row in rows("effectivity")]
         axes.plot([100 * float(b) for _, b in found], [float(a) for a, _ in found], "o", color=color, label=name)
     axes.axhspan(0.5, 2, color=GREY, alpha=0.2)
-    axes.set(xscale="log", yscale="log", ylim=(0.2, 100), xlabel="true error, %", ylabel="estimated over true error")
-    axes.set_yticks([0.5, 1, 2, 10, 100], ["1/2", "1", "2", "10", "100"])
+    axes.set(xscale="log", yscale="log", ylim=(0.2, 5), xlabel="true error, %", ylabel="estimated over true error")
+    axes.set_yticks([0.25, 0.5, 1, 2, 4], ["1/4", "1/2", "1", "2", "4"])
     axes.minorticks_off()
     axes.legend(frameon=False)
 

@@ -3042,6 +3042,20 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/pressure_error",
+        "0.0 if near >= steeper * far else singular_square(r, values, blur)",
+        "singular_square(r, values, blur)",
+        "pressure: bending over a few nodes is a singular corner",
+        tests=("estimates::test_a_pressure_of_bending",),
+    ),
+    Mutant(
+        "accuracy/pressure_error",
+        "pressure[node] != 0 and not flatter",
+        "pressure[node] != 0",
+        "pressure: a plane of symmetry is a corner",
+        tests=("estimates::test_a_plane_of_symmetry_is_no_corner",),
+    ),
+    Mutant(
+        "accuracy/pressure_error",
         "(part * base + np.minimum(first, second)) * base + np.maximum(first, second)",
         "(part * base + first) * base + second",
         "pressure: facets that run against the table have no error",

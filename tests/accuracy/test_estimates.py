@@ -153,11 +153,12 @@ def test_a_jump_of_the_pressure():
     np.testing.assert_allclose(squares, expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("count", [6, 41])
 @pytest.mark.parametrize(("power", "first"), [(0.2, 1.2), (0.45, 2.5)])
-def test_a_pressure_without_bound_at_a_corner(power, first):
+def test_a_pressure_without_bound_at_a_corner(power, first, count):
     """Beside the corner it is the integral of what a power of the distance has more than the line between the nodes."""
     h = 0.1
-    r = h * np.arange(41)
+    r = h * np.arange(count)
     pressure = np.append(first * h**-power, r[1:] ** -power)
     [squares] = interval_squares(straight(r, pressure))
     line = lambda x: pressure[0] + (pressure[1] - pressure[0]) * x / h  # noqa: E731
@@ -165,12 +166,22 @@ def test_a_pressure_without_bound_at_a_corner(power, first):
     assert squares[0] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.parametrize("count", [6, 41])
 @pytest.mark.parametrize("end", [0.2, 0.7])
-def test_a_pressure_of_bending(end):
+def test_a_pressure_of_bending(end, count):
     """A pressure that falls along a line up to the end of the boundary is no singularity there: no error is told."""
-    r = 0.1 * np.arange(41)
+    r = 0.1 * np.arange(count)
     [squares] = interval_squares(straight(r, 1.0 - (1.0 - end) * r / r[-1]))
     assert squares.max() < 1e-20
+
+
+def test_a_plane_of_symmetry_is_no_corner():
+    """Half of a contact zone of Hertz has half of the squared error, however few of its nodes are in contact."""
+    s = np.arange(-20.0, 21.0)
+    for half_width in np.linspace(2.6, 12.0, 50):  # in distances of nodes
+        pressure = np.sqrt(np.maximum(0.0, 1 - (s / half_width) ** 2))
+        [whole], [half] = interval_squares(straight(s, pressure)), interval_squares(straight(s[20:], pressure[20:]))
+        assert half.sum() == pytest.approx(whole.sum() / 2, rel=0.03)
 
 
 def projected(pressure, count):
