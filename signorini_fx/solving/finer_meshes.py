@@ -167,7 +167,7 @@ class Meshes:
                 squares = solved.errors.squares[self._of]
                 cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *BULK)))
             tagged = refine(solved.tagged, cells)
-            if self._of == "pressure" and self.adaptive and tagged.dimension == 2:
+            if self._of in ("pressure", "peak") and self.adaptive and tagged.dimension == 2:
                 tagged = self._divide_corners(tagged, solved, excess)
             counts = [mesh.mesh.topology.index_map(mesh.dimension).size_global for mesh in (tagged, solved.tagged)]
             self.finer = fineness_of(counts[0] / counts[1], tagged.dimension)

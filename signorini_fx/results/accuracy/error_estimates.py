@@ -16,7 +16,7 @@ from signorini_fx.mechanics.kinematics.plane_strain import PLANE_STRAIN
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.data_error import DataError, contact_cells, data_error
-from signorini_fx.results.accuracy.pressure_error import interval_squares, on_facets, pressure_square
+from signorini_fx.results.accuracy.pressure_error import at_peak, interval_squares, on_facets, pressure_square
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.tuned import POLLUTION
@@ -118,6 +118,9 @@ def combined(
             facet_squares = _facet_squares(boundary, table, blur, kinematics, corners=corners)
             np.add.at(squares, cells, facet_squares / pressed)
     local, inside_total = total(contact), total(inside)
+    top: Floats = np.zeros_like(body)
+    if pressed > 0 and table.facets is None:
+        np.add.at(top, cells, local * on_facets(boundary, table, at_peak(table)))
     wholes = ((body, error**2), (inside, inside_total), (forces, data))
     shares: list[Floats] = [np.asarray(squares / scale) for squares, scale in wholes if scale > 0]
     return Errors(
@@ -130,6 +133,8 @@ def combined(
         squares={
             "energy": body + data * forces,
             "pressure": contact + (POLLUTION * error) ** 2 * body + data * forces,
+            # Half of it at the top, where the kinks of the pressure are small and the error of the largest one is.
+            "peak": contact + top + (POLLUTION * error) ** 2 * body + data * forces,
             "force": sum(shares, np.zeros_like(body)),
         },
     )
@@ -152,7 +157,7 @@ def worst_of(steps: list[Errors]) -> Errors:
     size, pressed = (max(getattr(step, name) for step in steps) for name in ("size", "pressed"))
     of_size = [step.size / size if size > 0 else 0.0 for step in steps]
     of_pressed = [step.pressed / pressed if pressed > 0 else 0.0 for step in steps]
-    shares = {"energy": of_size, "pressure": of_pressed, "force": [1.0] * len(steps)}
+    shares = {"energy": of_size, "pressure": of_pressed, "peak": of_pressed, "force": [1.0] * len(steps)}
     pressures = [(step.pressure or 0.0) * share for step, share in zip(steps, of_pressed, strict=True)]
 
     def added(name: str, weights: list[float]) -> Floats:

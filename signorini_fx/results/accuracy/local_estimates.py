@@ -7,4 +7,4 @@ from __future__ import annotations
 LOCAL = ("energy", "pressure", "force")
 
 # For which of these the cells are divided if another quantity is asked for.
-DIVIDED_FOR = {"peak": "pressure", "zone": "force"}
+DIVIDED_FOR = {"zone": "force"}

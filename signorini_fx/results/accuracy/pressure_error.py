@@ -278,6 +278,17 @@ def peak_of(table: ContactTable) -> tuple[float, float]:
     return 0.0, 0.0
 
 
+def at_peak(table: ContactTable) -> list[Floats]:
+    """Equal shares of 1 for the intervals at the node with the largest pressure, one array for each path, shape
+    (rows - 1,); zero without contact.
+    """
+    pressure = table.columns["pressure"]
+    row = int(np.argmax(pressure)) if pressure.size else -1
+    touching = [(path[:-1] == row) | (path[1:] == row) for path in table.paths]
+    count = sum(int(np.count_nonzero(part)) for part in touching)
+    return [part / max(count, 1) for part in touching]
+
+
 def pressure_square(table: ContactTable) -> float:
     """The squared norm of the pressure in L2(Gamma_c)."""
     return float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))
