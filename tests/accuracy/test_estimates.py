@@ -14,7 +14,7 @@ from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.data_error import data_error
 from signorini_fx.results.accuracy.error_estimates import estimate_errors
-from signorini_fx.results.accuracy.pressure_error import bends, interval_squares, on_facets
+from signorini_fx.results.accuracy.pressure_error import at_peak, bends, interval_squares, on_facets
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.tuned import POLLUTION
@@ -182,6 +182,23 @@ def test_a_plane_of_symmetry_is_no_corner():
         pressure = np.sqrt(np.maximum(0.0, 1 - (s / half_width) ** 2))
         [whole], [half] = interval_squares(straight(s, pressure)), interval_squares(straight(s[20:], pressure[20:]))
         assert half.sum() == pytest.approx(whole.sum() / 2, rel=0.03)
+
+
+def test_cells_at_the_largest_pressure():
+    """Half of the error that cells are divided for is at the largest pressure: on both sides of its node, or on the one
+    that there is.
+    """
+    for peak, expected in ((0, [1, 0, 0, 0]), (2, [0, 0.5, 0.5, 0]), (4, [0, 0, 0, 1])):
+        [shares] = at_peak(straight(np.arange(5.0), np.where(np.arange(5) == peak, 2.0, 1.0)))
+        np.testing.assert_array_equal(shares, expected)
+    solution = alone(block(x=3.0))
+    table, energy = table_of(solution), solution.steps[-1].strain_energy
+    errors = estimate_errors(solution.model, solution.displacement, energy, table, 0, 0.0)
+    added = errors.squares["peak"] - errors.squares["pressure"]
+    assert added.min() >= 0
+    assert np.count_nonzero(added) <= 2
+    [squares] = interval_squares(table)
+    assert added.sum() == pytest.approx(squares.sum() / errors.pressed**2, rel=1e-9)
 
 
 def projected(pressure, count):

@@ -1,10 +1,10 @@
 """The error of the contact pressure along a curve in L2(Gamma_c), where it is, estimated from its kinks at the nodes.
 
 Between the nodes the pressure is linear.  The change of its slope at the nodes indicates its error, in smooth parts as
-well as at the ends of the contact zones.  At a corner of the body the stress may be singular, the pressure like
-r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.  There a singular
-pressure is steepest.  Where it is as steep farther away, it belongs to bending, and where it is steeper there, to a
-plane of symmetry or to an axis, which is no corner.
+well as at the ends of the contact zones.  At a corner of the body the stress may be singular,
+the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.  A
+singular pressure is steepest there; one that is as steep farther away is bending, and one that is steeper there belongs
+to a plane of symmetry or to an axis, which is no corner.
 """
 
 from __future__ import annotations
@@ -192,8 +192,8 @@ def _slopes(r: Floats, pressure: Floats, blur: float) -> tuple[float, float]:
 def _corners(table: ContactTable, rows: Ints, s: Floats, blur: float = 0.0) -> list[tuple[int, int]]:
     """Nodes in contact at a corner of the body or at the ends of these rows, each with an interval beside it.
 
-    At a corner a pressure that falls is steeper than farther away if it is singular.  Where it is less steep, there is
-    no corner but a plane of symmetry or an axis.
+    A pressure that falls from a corner is steepest there if it is singular.  Where it is less steep there is no corner
+    but a plane of symmetry or an axis.
     """
     pressure, last = table.columns["pressure"][rows], len(rows) - 1
     pairs = [(0, 0), (last, last - 1)]
