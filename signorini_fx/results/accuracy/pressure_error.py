@@ -201,13 +201,13 @@ def _corners(table: ContactTable, rows: Ints, s: Floats, blur: float = 0.0) -> l
         x, y = table.columns["x"][rows], table.columns["y"][rows]
         for node in np.flatnonzero(_turning(x, y) > CORNER_ANGLE) + 1:
             pairs += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
-    found = []
+    corners = []
     for node, interval in pairs:
         near, far = _slopes(*_away(s, pressure, node, interval), blur)
         flatter = near * pressure[node] < 0 and abs(far) > BENDING * abs(near) and near * far > 0
         if pressure[node] != 0 and not flatter:
-            found.append((node, interval))
-    return found
+            corners.append((node, interval))
+    return corners
 
 
 def corners_of_error(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> Floats:
