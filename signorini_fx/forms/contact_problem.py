@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from dolfinx.mesh import MeshTags
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
@@ -182,12 +184,15 @@ class ContactProblem(ProblemOfForms):
 
         Raises:
             RuntimeError: see ``errors``; or a problem has no solution.
-            FormError: see ``errors``.
+            FormError: see ``errors``; or there is no coarser mesh, or meshes do not become finer.
         """
         problems = (*coarser, self)
         if any(problem.assembled.outcome is None or problem.status is not Status.CONVERGED for problem in problems):
             raise RuntimeError("there is no solution: a price list needs one on each mesh")
         levels = [level_of(problem.assembled, number, problem.errors) for number, problem in enumerate(problems)]
+        finer = all(coarse.dimension == fine.dimension and coarse.dofs < fine.dofs for coarse, fine in pairwise(levels))
+        if not coarser or not finer:
+            raise FormError([("coarser", "give the same problem on coarser meshes, solved, the coarsest first")])
         return price_list(levels, coarser[0].assembled.memory)
 
     @property

@@ -63,6 +63,15 @@ def test_error_of_a_force(paired):
     assert found == pytest.approx(0.25) if paired else found > 0.1
 
 
+def test_error_of_a_force_that_a_coarse_mesh_does_not_have():
+    """Where nothing touches on the mesh before, nothing is known to be left of its error: all of the force is new."""
+
+    def level(force, error):
+        return SimpleNamespace(force=np.array([0.0, force]), energy=error, h=0.1, inside=error, data=0.0, paired=False)
+
+    assert force_error([level(0.0, 0.0), level(1.0, 0.1)]) > 0.5
+
+
 @pytest.fixture(scope="module", params=[{"bound": 1.5}, {"coefficient": 0.3}], ids=["tresca", "coulomb"])
 def nested(request):
     """A nested solve, a much finer one by another method, and the scene of the first."""

@@ -761,6 +761,10 @@ def test_prices_are_those_of_a_scene():
             known = getattr(theirs, name)  # None where it cannot be estimated yet, which pytest.approx need not take
             assert getattr(ours, name) == (known and pytest.approx(known, rel=1e-6, abs=1e-12)), name
     assert all(row.seconds > 0 and row.linear_solves > 0 for row in found)
+    coarse, middle, fine = problems
+    for coarser in ([], [fine], [middle, middle], [middle, coarse]):
+        with pytest.raises(FormError, match="coarser: give the same problem on coarser meshes"):
+            fine.price_list(*coarser)
 
 
 def test_petsc_options_reach_the_solver():

@@ -43,7 +43,8 @@ def _share(coarse: LevelResult, fine: LevelResult) -> float:
     """The share of the error on the coarse mesh that is left on the fine one.
 
     By Nitsche's argument it is the square of that of the displacement.  Between two bodies h^2 at best: of degree 2 the
-    displacement improves faster than the ends of the contact zones, which depend on the places of the nodes.
+    displacement improves faster than the ends of the contact zones, which depend on the places of the nodes.  A coarse
+    mesh without any error, such as one on which nothing touches, says nothing: all of it may be left.
     """
     pairs = [(coarse.energy, fine.energy), (coarse.h, fine.h) if fine.paired else (coarse.inside, fine.inside)]
-    return max((fine_error / coarse_error for coarse_error, fine_error in pairs if coarse_error > 0), default=0.0) ** 2
+    return max((fine_error / coarse_error for coarse_error, fine_error in pairs if coarse_error > 0), default=1.0) ** 2
