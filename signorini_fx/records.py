@@ -130,7 +130,8 @@ _ADVICE = {
     ),
     Status.PASSED: (
         "a body is inside another one, or has passed through it, where contact does not see it: begin where they are "
-        "apart, move them in smaller steps, as ramp does, and name all sides that may touch"
+        "apart, move them in smaller steps, as ramp does, name all sides that may touch, and give no reach below the "
+        "distance by which supports move sides into each other"
     ),
     Status.FOLDED: (
         "along one direction a point sees the other side twice, as where that folds: take smaller steps, or give a "

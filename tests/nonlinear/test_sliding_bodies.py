@@ -348,3 +348,28 @@ def test_few_facets_between_two_planes_of_symmetry(kind, cells, slave):
         stress = MU * (stretch - 1.0 / stretch) + LAME * np.log(stretch) / stretch
         force = scene.move(0.0, -depth)
         assert np.abs(force) == pytest.approx([0.0, -stress], abs=-1e-9 * stress)
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+def test_overlap_beyond_the_reach(slave):
+    """Supports hold a plate and a block below it at one end, and move them into each other there, farther than points
+    look for partners: that hardly any force is found then is no solution, though facets are far longer.
+    """
+
+    def plate(reach):
+        bodies = [
+            grid("quadrilateral", (8, 2), [0.0, -1.0], [1.0, 0.0]),
+            grid("quadrilateral", (8, 1), [0.0, 1e-6], [1.0, 0.3]),
+        ]
+        touching = [lambda x, y=y: np.isclose(x[1], y, atol=1e-9) for y in (0.0, 1e-6)]
+        held = [
+            lambda x: (x[1] < 1e-7) & (np.isclose(x[0], 0.0) | np.isclose(x[1], -1.0)),
+            lambda x: (x[1] > 1e-7) & np.isclose(x[0], 0.0),
+        ]
+        return SlidingBodies("quadrilateral", bodies, touching, held, slave=slave, reach=reach)
+
+    assert np.abs(plate(0.1).move(0.0, -0.02)).max() > 1.0
+    scene = plate(0.002)
+    with pytest.raises(ConvergenceError, match=r"bodies inside each other \(contact\[0\]: 0.02 at "):
+        scene.move(0.0, -0.02)
+    assert scene.problem.status is Status.PASSED

@@ -2,8 +2,9 @@
 cannot see.
 
 The nodes of each side are looked for in the cells of other pieces of the mesh than their own.  In contact they may be
-there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of the nearest facet of the other side.  In space
-cells of degree 1 are divided into tetrahedra, and facets into triangles.  Two bodies have passed through each other if
+there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of the nearest facet of the other side, and at the
+end of a step no farther than the points of the pair look for partners.  In space cells of degree 1 are divided into
+tetrahedra, and facets into triangles.  Two bodies have passed through each other if
 they lie inside each other on the straight way between two displacements.
 """
 
@@ -73,12 +74,19 @@ class PairedBodies:
         way = parallel.largest(comm, np.linalg.norm(ended - begun, axis=1), 0.0) / (SHAPE_INSIDE * total / count)
         steps = math.ceil(min(max(float(way), 1.0), MOST_PLACES))
         for share in np.arange(1, steps + 1) / steps:
-            if (deep := self._deepest((1.0 - share) * begun + share * ended)) is not None:
+            # Contact at the end would not see what is deeper than its reach.
+            seen = self.sides.reach if share == 1.0 else math.inf
+            if (deep := self._deepest((1.0 - share) * begun + share * ended, seen)) is not None:
                 return deep
         return None
 
-    def _deepest(self, places: Array) -> InsideBody | None:
-        """The node that is deepest in the other body, of those that are too deep; collective."""
+    def _deepest(self, places: Array, at_most: float) -> InsideBody | None:
+        """The node that is deepest in the other body, of those that are too deep; collective.
+
+        Args:
+            places: of the nodes of this rank, see ``BodyCells.placed``.
+            at_most: depth from which a node is too deep whatever the facets, length.
+        """
         sides = self.sides
         owned, count = sides.space.dofmap.index_map.size_local, sides.slave.nodes.size
         at = sides.gathered(np.ascontiguousarray(places[:owned]))
@@ -94,7 +102,7 @@ class PairedBodies:
             apart, size = (_from_chords if surface.dimension == 2 else _from_triangles)(surface, at[first:], at[inner])
             nearest = apart.argmin(axis=1)
             depth = apart[np.arange(inner.size), nearest]
-            for k in np.flatnonzero(depth > SHAPE_INSIDE * size[nearest]):
+            for k in np.flatnonzero(depth > np.minimum(SHAPE_INSIDE * size[nearest], at_most)):
                 if deepest is None or depth[k] > deepest.depth:
                     deepest = InsideBody(float(depth[k]), tuple(at[inner[k]].tolist()))
         return deepest
