@@ -42,7 +42,7 @@ class CondensedSystem(PlainSystem):
     schur: SchurComplement
     relative: RelativeUnknowns | None
     factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    _last: tuple[npt.NDArray[np.float64], PETSc.Vec] | None = None  # x of this rank, and its displacement
+    recovered: tuple[npt.NDArray[np.float64], PETSc.Vec] | None = None  # x of this rank, and its displacement
 
     @classmethod
     def of(cls, elasticity: Elasticity) -> CondensedSystem:
@@ -104,11 +104,11 @@ class CondensedSystem(PlainSystem):
             displacement = self.displacement(x)
             relative = np.column_stack(self.elasticity.contact.traces(displacement))
             elsewhere[far.points] = relative[far.points]
-            self._last = np.array(x.getArray(readonly=True)), displacement
+            self.recovered = np.array(x.getArray(readonly=True)), displacement
 
     def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
-        self.factors, self._last = factors, None
+        self.factors, self.recovered = factors, None
         self.resultant = self.elasticity.resultant([case.case for case in self.cases], factors)
         shape = (len(self.cases), self.contact.fixed.size)
         self.load.getArray()[:] = factors @ np.reshape([case.load for case in self.cases], shape)
@@ -116,21 +116,21 @@ class CondensedSystem(PlainSystem):
 
     def set_case(self, number: int, case: LoadCase) -> None:
         """Condense another right-hand side: one back substitution."""
-        self.cases[number], self._last = self._condensed(case, *self.schur.condense(case.load)), None
+        self.cases[number], self.recovered = self._condensed(case, *self.schur.condense(case.load)), None
 
     def with_load(self, load: PETSc.Vec) -> CondensedSystem:
         """The same with this load alone, condensed: one back substitution."""
         system, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
         system.cases = [self._condensed(case, *self.schur.condense(load))]
-        system.factors, system.load, system._last = np.ones(1), self.load.duplicate(), None
+        system.factors, system.load, system.recovered = np.ones(1), self.load.duplicate(), None
         system.load.getArray()[:] = system.cases[0].load
         return system
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
         retained, values = self.schur.retained, np.asarray(x.getArray(readonly=True))
-        if self._last is not None and np.array_equal(values, self._last[0]):
-            return self._last[1].copy()
+        if self.recovered is not None and np.array_equal(values, self.recovered[0]):
+            return self.recovered[1].copy()
         if self.relative is not None:
             values = parallel.gather_rows(self.comm, values)
             values = self.relative.displacement(values, self.factors @ [case.inner for case in self.cases])
