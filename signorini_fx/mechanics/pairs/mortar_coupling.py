@@ -165,15 +165,30 @@ class Tested:
             moving = Tested.of(slave, master, self.overlap.chosen(~still), comm, bonded=self.hats)
         return moving, self.overlap.chosen(still)
 
-    def met(self, slave: PairSurface, master: PairSurface) -> sp.csr_array:
-        """Integrals of the functions of the nodes of the slave times those of the master, as far as this rank has found
-        them, sparse, shape (N, M).
+    def areas(self, slave: PairSurface, comm: MPI.Comm) -> Array:
+        """Integrals of the functions of the nodes of the slave, shape (N,); collective."""
+        return self.moments(slave, np.ones((*self.weighted.shape[:2], 1)), comm)[:, 0]
+
+    def products(self, slave: PairSurface, master: PairSurface) -> list[sp.csr_array]:
+        """Integrals of the functions of the nodes of the slave times those of both sides, as far as this rank has found
+        them, sparse, shapes (N, N) and (N, M).
         """
-        shape, overlap = master.functions.values(self.overlap.over), self.overlap
-        products = np.einsum("pqi,pqj->pij", self.weighted, shape)
-        return sparse_sums(
-            slave.points[overlap.slave], master.nodes[overlap.master], products, len(slave.x), len(master.x)
-        )
+        shapes = slave.functions.values(self.overlap.at), master.functions.values(self.overlap.over)
+        return self._sums(slave, master, [np.einsum("pqi,pqj->pij", self.weighted, shape) for shape in shapes])
+
+    def arms(self, slave: PairSurface, master: PairSurface) -> list[sp.csr_array]:
+        """The areas over which the functions see the nodes of both sides, likewise."""
+        areas, rows = self.overlap.weight.sum(axis=1)[:, None, None], slave.points.shape[1]
+        shapes = [(len(areas), rows, side.nodes.shape[1]) for side in (slave, master)]
+        return self._sums(slave, master, [np.broadcast_to(areas, shape) for shape in shapes])
+
+    def _sums(self, slave: PairSurface, master: PairSurface, values: list[Array]) -> list[sp.csr_array]:
+        """Values of each piece for the functions there and the nodes of both sides, added up."""
+        points, seen = slave.points[self.overlap.slave], (self.overlap.slave, self.overlap.master)
+        return [
+            sparse_sums(points, side.nodes[facets], of_side, len(slave.x), len(side.x))
+            for side, facets, of_side in zip((slave, master), seen, values, strict=True)
+        ]
 
     @property
     def covered(self) -> Indices:
@@ -223,30 +238,19 @@ def couple(
     if held is not None and not bonded:  # a bond transmits what its functions sum up to
         tested, still = whole.parted(slave, master, held, comm)
     overlap = tested.overlap
-    points, weighted = slave.points[overlap.slave], tested.weighted
-    count = len(slave.x)
-    weight = tested.moments(slave, np.ones((*weighted.shape[:2], 1)), comm)[:, 0]
-    seen = slave.nodes[overlap.slave], master.nodes[overlap.master]
-    shapes = slave.functions.values(overlap.at), master.functions.values(overlap.over)
-    sizes = count, len(master.x)
-    sums = [
-        sparse_sums(points, nodes, np.einsum("pqi,pqj->pij", weighted, shape), count, size)
-        for nodes, shape, size in zip(seen, shapes, sizes, strict=True)
-    ]
+    weight = tested.areas(slave, comm)
     distance = tested.moments(slave, overlap.distance(slave, master), comm)
-    areas = overlap.weight.sum(axis=1)[:, None, None]
-    arms = [
-        sparse_sums(points, nodes, np.broadcast_to(areas, (*points.shape, nodes.shape[1])), count, size)
-        for nodes, size in zip(seen, sizes, strict=True)
-    ]
-    sums, arms = ([_over_ranks(comm, matrix) for matrix in matrices] for matrices in (sums, arms))
+    sums, arms = (
+        [_over_ranks(comm, matrix) for matrix in matrices]
+        for matrices in (tested.products(slave, master), tested.arms(slave, master))
+    )
 
-    helpless = np.zeros(count, dtype=bool) if held is None else held.helpless(sums[1])
+    helpless = np.zeros(len(slave.x), dtype=bool) if held is None else held.helpless(sums[1])
     nodes, shares = carried(slave, tested.covered, weight, unable | helpless)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     if held is not None and whole is not tested:
-        helpless = held.helpless(_over_ranks(comm, whole.met(slave, master)))
+        helpless = held.helpless(_over_ranks(comm, whole.products(slave, master)[1]))
         helpless[nodes] = False
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])

@@ -34,7 +34,7 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides, dual_coefficients
-from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, sparse_sums, turning_of
+from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, turning_of
 from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals
 from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
@@ -268,8 +268,8 @@ def slide(
     whole, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
     tested = whole if held is None else whole.parted(slave, master, held, MPI.COMM_SELF)[0]
-    weight = _areas(slave, tested)
-    sharing, opposite, arms = _integrals(slave, master, tested)
+    weight, arms = tested.areas(slave, MPI.COMM_SELF), tested.arms(slave, master)
+    sharing, opposite = tested.products(slave, master)
     helpless = np.zeros(len(slave.x), dtype=bool) if held is None else held.helpless(opposite)
     carriers = EvenCarriers.of(slave, tested.covered, weight, unable | helpless)
     nodes, shares = carriers.nodes, carriers.shares
@@ -285,10 +285,12 @@ def slide(
     weights = np.where(partnered, placing @ (shares @ weight), slave.area[points])
     covered = (placing @ (shares @ weight)) / slave.area[points]
     mean = sp.csr_array(placing @ scaled_rows(1.0 / (shares @ weight), shares))  # of moments of the functions
+    of_whole = weight, [sharing, opposite]
     if held is not None and whole is not tested:
-        helpless = held.helpless(whole.met(slave, master))
+        of_whole = whole.areas(slave, MPI.COMM_SELF), whole.products(slave, master)
+        helpless = held.helpless(of_whole[1][1])
         helpless[nodes] = False
-    lonely_gap = _gap_of_nodes(slave, master, whole, helpless)
+    lonely_gap = _gap_of_nodes(slave, master, of_whole, helpless)
     sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
     normals, distance = _directed(slave, master, sharing, opposite), opposite @ master.x - sharing @ slave.x
     distance[lonely] = 0.0
@@ -322,48 +324,28 @@ def slide(
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, centre, pieces)
 
 
-def _areas(slave: PairSurface, tested: Tested) -> Array:
-    """Integrals of the functions of the nodes of the slave, shape (N,)."""
-    return tested.moments(slave, np.ones((*tested.weighted.shape[:2], 1)), MPI.COMM_SELF)[:, 0]
-
-
-def _gap_of_nodes(slave: PairSurface, master: PairSurface, tested: Tested, chosen: npt.NDArray[np.bool_]) -> Array:
+def _gap_of_nodes(
+    slave: PairSurface,
+    master: PairSurface,
+    integrals: tuple[Array, list[sp.csr_array]],
+    chosen: npt.NDArray[np.bool_],
+) -> Array:
     """The distance of both sides along their mean normal, averaged by the functions of some nodes, length, shape (m,).
 
     Args:
         slave: the side with the nodes.
         master: the other one.
-        tested: all that both have over each other.
+        integrals: of the functions of the nodes, and of these times those of both sides, over all that both have over
+            each other, see ``Tested``.
         chosen: which nodes, shape (N,).
     """
     rows = np.flatnonzero(chosen)
     if not rows.size:
         return np.zeros(0)
-    factors = np.asarray(1.0 / _areas(slave, tested)[rows])
-    sharing, opposite = (scaled_rows(factors, matrix[rows]) for matrix in _integrals(slave, master, tested)[:2])
+    areas, products = integrals
+    sharing, opposite = (scaled_rows(np.asarray(1.0 / areas[rows]), matrix[rows]) for matrix in products)
     normals = _directed(slave, master, sharing, opposite)
     return np.asarray(np.einsum("nd,nd->n", normals, opposite @ master.x - sharing @ slave.x))
-
-
-def _integrals(
-    slave: PairSurface, master: PairSurface, tested: Tested
-) -> tuple[sp.csr_array, sp.csr_array, list[sp.csr_array]]:
-    """Integrals of the functions of the nodes of the slave times those of both sides, sparse, shapes (N, N) and (N, M),
-    and the areas over which they see the nodes of both.
-    """
-    overlap, points = tested.overlap, slave.points[tested.overlap.slave]
-    seen = slave.nodes[overlap.slave], master.nodes[overlap.master]
-    shapes = slave.functions.values(overlap.at), master.functions.values(overlap.over)
-    areas, sizes = overlap.weight.sum(axis=1)[:, None, None], (len(slave.x), len(master.x))
-    products = [
-        sparse_sums(points, nodes, np.einsum("pqi,pqj->pij", tested.weighted, shape), sizes[0], size)
-        for nodes, shape, size in zip(seen, shapes, sizes, strict=True)
-    ]
-    arms = [
-        sparse_sums(points, nodes, np.broadcast_to(areas, (*points.shape, nodes.shape[1])), sizes[0], size)
-        for nodes, size in zip(seen, sizes, strict=True)
-    ]
-    return products[0], products[1], arms
 
 
 def _directed(slave: PairSurface, master: PairSurface, sharing: sp.csr_array, opposite: sp.csr_array) -> Array:
