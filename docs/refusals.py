@@ -23,7 +23,7 @@ from signorini_fx.addons.derivatives import of_scene  # noqa: E402
 from signorini_fx.addons.studies import reference  # noqa: E402
 from signorini_fx.addons.uniqueness import contact_stiffness  # noqa: E402
 from signorini_fx.mechanics import effects, materials  # noqa: E402
-from signorini_fx.mechanics.body import limit_surface  # noqa: E402
+from signorini_fx.mechanics.body import statics_of_surface  # noqa: E402
 from signorini_fx.mechanics.kinematics import KINDS  # noqa: E402
 from signorini_fx.mechanics.statement.effect import Effect  # noqa: E402
 from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS  # noqa: E402
@@ -31,7 +31,7 @@ from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS  # noq
 # What is computed of a scene, and the features that it does not know.
 COMPUTED = {
     "guaranteed bound": bounded_scene.REFUSES,
-    "proof by statics": limit_surface.REFUSES,
+    "proof by statics": statics_of_surface.REFUSES,
     "proof of uniqueness": contact_stiffness.REFUSES,
     "derivatives": of_scene.REFUSES,
     "study of methods": reference.REFUSES,

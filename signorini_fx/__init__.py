@@ -68,7 +68,7 @@ _PUBLIC = {
     "results.progress_line": ("ProgressLine",),
     "results.solution": ("ConvergenceError", "Solution"),
     "results.summary": ("print_progress",),
-    "mechanics.statement.load_steps": ("LoadPath", "LoadSteps"),
+    "mechanics.statement.load_path": ("LoadPath", "LoadSteps"),
     "mechanics.statement.mesh_sources": ("Body", "MeshFile", "MeshGenerator"),
     "scenes.scene": ("Scene",),
     "mechanics.statement.settings": ("Accuracy", "Box", "Discretised", "SolverSettings", "TitleBlock", "Units"),

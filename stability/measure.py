@@ -19,7 +19,7 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.one_mesh import contact_task, solve_contact
+from signorini_fx.solving.solve_on_mesh import contact_task, solve_contact
 from stability.case import Finding
 
 

@@ -133,13 +133,13 @@ MUTANTS = (
         "slip multiplier without its shift",
     ),
     Mutant(
-        "contact/active_sets",
+        "contact/complementarity",
         "leaning > 0",
         "leaning > np.inf",
         "a slip node never stays in its set",
     ),
-    Mutant("contact/active_sets", "2.0 * inner(mu, xi)", "-2.0 * inner(mu, xi)", "slip against mu is kept"),
-    Mutant("contact/active_sets", "size - bound", "size + bound", "finite sigma: wrong bound"),
+    Mutant("contact/complementarity", "2.0 * inner(mu, xi)", "-2.0 * inner(mu, xi)", "slip against mu is kept"),
+    Mutant("contact/complementarity", "size - bound", "size + bound", "finite sigma: wrong bound"),
     Mutant(
         "contact/complementarity",
         "np.maximum(pressure, 0.0)",
@@ -195,7 +195,7 @@ MUTANTS = (
         tests=("cohesion::test_open_contact_has_none",),
     ),
     Mutant(
-        "solving/stated_places",
+        "solving/data_at_times",
         "moved.law.bound(start.multipliers[0])",
         "start.data.bound",
         "friction in time: the bound of the last step",
@@ -421,14 +421,14 @@ MUTANTS = (
         tests=("augmentation::test_nodes_that_a_support_presses_are_no_measure",),
     ),
     Mutant(
-        "problem/problem",
+        "problem/protocol",
         "np.maximum(felt_ratio * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)",
         "np.maximum(bound, np.linalg.norm(shear, axis=1))",
         "the friction law holds relative to the pressure that supports exert on the foundation",
         tests=("augmentation::test_what_supports_press_hides_no_shear",),
     ),
     Mutant(
-        "problem/problem",
+        "problem/protocol",
         "self.points.felt(shear, pressure)",
         "alone",
         "a shear that a pressure undoes is a scale for the friction law",
@@ -1362,7 +1362,7 @@ MUTANTS = (
         tests=("traps",),
     ),
     Mutant(
-        "solving/one_mesh",
+        "solving/solve_on_mesh",
         "parallel.any_rank(model.comm, bool(np.any(contacts)))",
         "bool(np.any(contacts))",
         "touches nothing where this rank says so",
@@ -1397,7 +1397,7 @@ MUTANTS = (
         tests=("ranks::test_one_rank_or_many",),
     ),
     Mutant(
-        "problem/problem",
+        "problem/protocol",
         "largest * np.finfo(float).eps > tolerance * self.force_scale",
         "False",
         "residuals at round-off have no name",
@@ -1975,7 +1975,7 @@ MUTANTS = (
         tests=("planes_of_symmetry::test_the_certificate_asks_for_the_supports",),
     ),
     Mutant(
-        "pairs/overlap",
+        "pairs/overlap_quadrature",
         "return self.chosen(near[pair])",
         "return self.chosen(near[pair] | True)",
         "two bodies: facets out of reach are partners",
@@ -2129,7 +2129,7 @@ MUTANTS = (
         tests=("sliding_bodies::test_few_facets_between_two_planes_of_symmetry",),
     ),
     Mutant(
-        "problem/problem",
+        "problem/protocol",
         "acting.append(area * self._least_traction(x))",
         "pass",
         "two bodies: displacements that they have in common have no last digits",
@@ -2155,21 +2155,21 @@ MUTANTS = (
         "named - (ends - all_counts)[rank, body] + starts[0, body]",
         "placed bodies: numbers of the nodes of other ranks",
         ranks=2,
-        tests=("cuts_on_ranks::test_meshes_of_the_caller",),
+        tests=("shares_of_ranks::test_meshes_of_the_caller",),
     ),
     Mutant(
-        "mesh/cuts",
+        "mesh/shares_of_ranks",
         "np.sqrt(np.maximum(1 - away, SLENDER_BODY**-2))",
         "np.sqrt(np.maximum(1 - away, 1.0))",
         "several ranks: bodies are cut apart where they touch",
-        tests=("cuts_on_ranks::test_along_the_contact",),
+        tests=("shares_of_ranks::test_along_the_contact",),
     ),
     Mutant(
-        "mesh/cuts",
+        "mesh/shares_of_ranks",
         "(middle - ends[:, 0]) / (ends[:, 1] - ends[:, 0])",
         "np.full(len(ends), 0.5)",
         "several ranks: three ranks get a quarter, a quarter and a half",
-        tests=("cuts_on_ranks::test_two_blocks",),
+        tests=("shares_of_ranks::test_two_blocks",),
     ),
     Mutant(
         "results/certificate/paired_sides",
@@ -2186,7 +2186,7 @@ MUTANTS = (
         tests=("certificate_of_pairs",),
     ),
     Mutant(
-        "forms/mechanics",
+        "forms/mechanics_of_forms",
         "claim_of(data.pair, space, (facets, master), entry.reach, nominal=not entry.by_geometry, factor=factor)",
         "claim_of(data.pair, space, (facets, data.pair.master.facets), entry.reach, nominal=not entry.by_geometry, "
         "factor=factor)",
@@ -2194,21 +2194,21 @@ MUTANTS = (
         tests=("certificate_of_pairs",),
     ),
     Mutant(
-        "forms/mechanics",
+        "forms/mechanics_of_forms",
         "claim_of(data.pair, space, (facets, master), entry.reach, nominal=not entry.by_geometry, factor=factor)",
         "claim_of(data.pair, space, (facets, master), None, nominal=not entry.by_geometry, factor=factor)",
         "two bodies of forms: the certificate knows no reach but the usual one",
         tests=("certificate_of_pairs",),
     ),
     Mutant(
-        "pairs/overlap",
+        "pairs/overlap_quadrature",
         "weight=slave.measured(self.slave, self.at, self.weight)",
         "weight=self.weight",
         "axisymmetric bodies: integrals of a pair without 2 pi r",
         tests=("axisymmetric_pairs",),
     ),
     Mutant(
-        "pairs/surface",
+        "pairs/pair_side",
         "least = ZERO_SUM * self.measure.max() if self.functions.degree > 1 else -np.inf",
         "least = -np.inf",
         "axisymmetric bodies: a quadratic node on the axis has a point, with the area that the curvature leaves",
@@ -2316,7 +2316,7 @@ MUTANTS = (
         tests=("parts_on_ranks::test_what_holds_a_body",),
     ),
     Mutant(
-        "problem/problem",
+        "problem/protocol",
         "free.axpy(-1.0, self._lifted)",
         "pass",
         "forces are exact relative to what a support does to its neighbours",
@@ -3835,7 +3835,7 @@ MUTANTS = (
         tests=("certificate_of_pairs::test_faces_that_are_no_parallelograms",),
     ),
     Mutant(
-        "solving/one_mesh",
+        "solving/solve_on_mesh",
         "replace(data, gap=shown.contact.gap)",
         "data",
         "functionals with the gap from the resting place",
@@ -3969,21 +3969,21 @@ MUTANTS = (
         tests=("error_bound::test_the_work_of_the_loads",),
     ),
     Mutant(
-        "body/limit_surface",
+        "body/statics_of_surface",
         "x.mean(axis=1) - (length * np.tan(angle / 2))[:, None] * middle",
         "x.mean(axis=1)",
         "limits: an arc is no deeper than its chord",
         tests=("limits_of_the_body::test_three_places_of_an_arc_contain_its_forces",),
     ),
     Mutant(
-        "body/limit_surface",
+        "body/statics_of_surface",
         "normal @ motion + share * slips + _SUM * sizes",
         "normal @ motion + share * slips",
         "limits: the work of a contact force has no round-off",
         tests=("limits_of_the_body::test_round_off_counts",),
     ),
     Mutant(
-        "body/limit_surface",
+        "body/statics_of_surface",
         "self.flat and self.tangential.shape[1] == 1",
         "True",
         "limits: friction of nodes is that of the facet",
@@ -4216,7 +4216,7 @@ MUTANTS = (
     ),
     # --- units -------------------------------------------------------------------------------------------------------
     Mutant(
-        "solving/one_mesh",
+        "solving/solve_on_mesh",
         "model.scales.gamma",
         "model.statement.young",
         "natural gamma without its length",
@@ -4233,7 +4233,7 @@ MUTANTS = (
         )
     ),
     Mutant(
-        "problem/problem",
+        "problem/protocol",
         "free.getArray()[self.system.contact.fixed] = 0.0",
         "pass",
         "units: what is prescribed is a force",
@@ -4406,14 +4406,14 @@ MUTANTS = (
         tests=("tools::test_the_certificate_knows_a_small_force",),
     ),
     Mutant(
-        "results/sections",
+        "results/section_forces",
         "beyond.external(step, scale, inside)",
         "beyond.external(step, 1.0, inside)",
         "sections: body forces of a sweep are those of the scene",
         tests=("preload::test_sweep_of_a_heavy_and_heated_bolt",),
     ),
     Mutant(
-        "results/sections",
+        "results/section_forces",
         "beyond.strained(step, scale)",
         "beyond.strained(step, 1.0)",
         "sections: heat of a sweep is that of the scene",
@@ -4497,7 +4497,7 @@ MUTANTS = (
         tests=("contact_problem::test_directions_that_change_after_a_step",),
     ),
     Mutant(
-        "bounds/problem",
+        "bounds/plain_scene",
         "below -= above.max(axis=1, initial=0.0)[:, None]",
         "below -= 0",
         "error bound: a gap that dips inside a facet is the parabola through three places",
@@ -4507,7 +4507,7 @@ MUTANTS = (
         ),
     ),
     Mutant(
-        "bounds/problem",
+        "bounds/plain_scene",
         "of_slave - np.concatenate((opposite.over(of_master[:, :d]), between), axis=1)",
         "of_slave + np.concatenate((opposite.over(of_master[:, :d]), between), axis=1)",
         "error bound: the other body moves the other way",
@@ -4521,7 +4521,7 @@ MUTANTS = (
         tests=("bounds_of_two_bodies::test_the_master_has_the_length_of_its_facets",),
     ),
     Mutant(
-        "bounds/problem",
+        "bounds/plain_scene",
         "points.value(given_gap) + apart @ POINTS[d].T",
         "points.value(given_gap)",
         "error bound: the distance of two bodies is no part of the gap under pressure",
@@ -4535,14 +4535,14 @@ MUTANTS = (
         tests=("bounds_on_shapes::test_the_gap_of_a_facet",),
     ),
     Mutant(
-        "bounds/problem",
+        "bounds/plain_scene",
         "(self._second_difference**2).sum(axis=1) / 180",
         "(self._second_difference**2).sum(axis=1) / 720",
         "error bound on round foundations: what the stress does not hold of the traction is half as large",
         tests=("bounds_on_shapes::test_the_traction_leans_on_the_foundation",),
     ),
     Mutant(
-        "bounds/problem",
+        "bounds/plain_scene",
         "at_vertices - self._second_difference[:, None] / 6",
         "at_vertices",
         "error bound on round foundations: the stress is given the tractions at vertices",
@@ -4570,7 +4570,7 @@ MUTANTS = (
         tests=("error_bound::test_strains_that_no_triangle_holds",),
     ),
     Mutant(
-        "bounds/problem",
+        "bounds/plain_scene",
         "float(np.sqrt(self.moved_nodes)) + self._on_quadrilaterals",
         "self._on_quadrilaterals",
         "error bound: moved nodes change nothing",
@@ -4633,7 +4633,7 @@ MUTANTS = (
         tests=("error_bound::test_contact_that_cannot_open",),
     ),
     Mutant(
-        "bounds/problem",
+        "bounds/plain_scene",
         "(least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)",
         "least.clip(min=0.0)",
         "error bound: a friction bound is its chord",
@@ -4720,7 +4720,7 @@ MUTANTS = (
         tests=("terms_of_proofs::test_round_off_in_space",),
     ),
     Mutant(
-        "bounds/problem",
+        "bounds/plain_scene",
         'shear -= np.einsum("fad,fd,fe->fae", shear, normal, normal)',
         "pass",
         "error bound in space: shears of nodes on faces that lean",

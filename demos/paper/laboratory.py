@@ -18,7 +18,7 @@ from signorini_fx.records import History, Timings
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 from .scenes import COMM
 

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.bounds.error_bound import Bounded
-from signorini_fx.quantities.statements import ErrorBound
+from signorini_fx.quantities.proved_statements import ErrorBound
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.results.summary import summarise
 from signorini_fx.scenes.reading import parse_scene

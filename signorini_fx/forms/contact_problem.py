@@ -17,7 +17,7 @@ from signorini_fx.extensions import add_on
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.given_forms import given_forms
-from signorini_fx.forms.mechanics import NO_STRESS
+from signorini_fx.forms.mechanics_of_forms import NO_STRESS
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import errors_of, findings_of_last, level_of, solution_of
 from signorini_fx.forms.solver import FormSolver
@@ -26,7 +26,7 @@ from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, Status

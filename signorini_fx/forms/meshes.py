@@ -19,17 +19,17 @@ from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.solving import nested, to_accuracy
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.first_start import CoarserMesh
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
-from signorini_fx.solving.restart import MeshCheckpoint
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]

@@ -23,7 +23,7 @@ from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.load_steps import LoadPath, LoadSteps
+from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps
 from signorini_fx.mechanics.statement.settings import Discretised, SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
 

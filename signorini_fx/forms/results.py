@@ -10,7 +10,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.contact_table import contact_table
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.data_error import DataError
 from signorini_fx.results.accuracy.error_estimates import Errors, combined
@@ -22,7 +22,7 @@ from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
 from signorini_fx.solving.load_steps import StepProgress
-from signorini_fx.solving.one_mesh import contact_solution, findings_of_steps, used_parameters
+from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, used_parameters
 
 
 def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgress | None, title: str = "") -> Solution:

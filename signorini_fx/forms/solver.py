@@ -24,7 +24,7 @@ from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
 from signorini_fx.forms.given_forms import GivenForms
-from signorini_fx.forms.mechanics import FormMechanics
+from signorini_fx.forms.mechanics_of_forms import FormMechanics
 from signorini_fx.forms.named_parts import NamedParts, named_parts
 from signorini_fx.forms.stress import natural_modulus
 from signorini_fx.machine import parallel
@@ -43,7 +43,7 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
+from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
 from signorini_fx.results.accuracy.price_list import peak_memory

@@ -27,7 +27,7 @@ from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.mechanics.model import Model
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_DIRECTION, SAME_ENTRY
 
 Nodal = npt.NDArray[np.float64]

@@ -18,16 +18,16 @@ from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.forms.stated_values import constants_of
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.price_list import peak_memory
-from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.load_steps import StepProgress, all_load_steps
 from signorini_fx.solving.ramp import Increments
-from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 

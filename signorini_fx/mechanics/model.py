@@ -67,7 +67,7 @@ class Model(ElasticBody):
         return Scales(tagged.dimension, self.statement.young, tagged.size, self.kinematics.depth(tagged.size))
 
     def factors(self, step: float) -> npt.NDArray[np.float64]:
-        """The factors of the applied loads at a place in the lists of factors, see ``statement.load_steps``."""
+        """The factors of the applied loads at a place in the lists of factors, see ``statement.load_path``."""
         return np.array([load.factor(step) for load in self.applied])
 
     def applied_at(self, step: float) -> list[tuple[float, AppliedLoad]]:

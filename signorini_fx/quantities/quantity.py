@@ -14,7 +14,7 @@ from signorini_fx.quantities.text import digits, row
 if TYPE_CHECKING:
     from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
-    from signorini_fx.quantities.statements import Interval
+    from signorini_fx.quantities.proved_statements import Interval
 
 # Figures of a summary.
 Summary = dict[str, Any]

@@ -11,8 +11,8 @@ from pydantic import ValidationError
 
 from signorini_fx.errors import InstallationError, ResultError
 from signorini_fx.machine.result_files import read_csv, read_summary
-from signorini_fx.quantities.run import Run
 from signorini_fx.quantities.schema import summary_model
+from signorini_fx.quantities.summary_schema import Run
 
 if TYPE_CHECKING:
     from pandas import DataFrame

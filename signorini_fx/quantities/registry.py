@@ -16,7 +16,7 @@ from signorini_fx.extensions import QUANTITIES, load, names_of
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.families import FAMILIES
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
-from signorini_fx.quantities.run import RowOfSteps, Run
+from signorini_fx.quantities.summary_schema import RowOfSteps, Run
 from signorini_fx.quantities.text import row
 
 # Keys of a summary that say how it was computed, and columns of steps.csv.

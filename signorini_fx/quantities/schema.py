@@ -11,7 +11,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from signorini_fx.quantities.kinds import DESCRIPTIONS, ExtremeOfStress, Number
 from signorini_fx.quantities.quantity import Quantity
 from signorini_fx.quantities.registry import quantities
-from signorini_fx.quantities.run import RowOfSteps, Run
+from signorini_fx.quantities.summary_schema import RowOfSteps, Run
 
 TITLE = "summary.json of signorini_fx"
 # Definitions that stand beside the table of the summary.

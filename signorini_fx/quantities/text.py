@@ -10,7 +10,7 @@ import numpy as np
 from signorini_fx.machine.display import clean, touch_each_other
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.kinematics import of_data
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.quantities.digits import figure
 
 # Rows of a list that the terminal shows.

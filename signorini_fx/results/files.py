@@ -216,7 +216,7 @@ class _Written:
             if other is not None:
                 write_columns(part / "contact_other_side.csv", other)
             if table is not None and facets is not None:
-                from signorini_fx.results.surface import write_surface
+                from signorini_fx.results.surface_file import write_surface
 
                 write_surface(part / "contact.vtu", table, facets)
             if along_steps:
@@ -266,7 +266,7 @@ class _Written:
 
 def _contact_facets(solution: Solution) -> npt.NDArray[np.int64] | None:
     """The facets of the contact surface; None without contact; collective."""
-    from signorini_fx.results.surface import gather_facets
+    from signorini_fx.results.surface_file import gather_facets
 
     return None if solution.contact is None else gather_facets(solution.contact.boundary)
 

@@ -21,7 +21,7 @@ from signorini_fx.results.stresses import RawStresses, Stresses
 if TYPE_CHECKING:
     from signorini_fx.mechanics.model import Model
     from signorini_fx.results.certificate.nodal_forces import NodalForces
-    from signorini_fx.results.sections import SectionForce
+    from signorini_fx.results.section_forces import SectionForce
 
 
 NO_ESTIMATE = "nonlinear bodies have no estimate of their error: compare solutions on two meshes"
@@ -50,7 +50,7 @@ class Mechanics(Protocol):
         Args:
             model: the body.
             y: the displacement, length.
-            step: the place, see ``statement.load_steps``.
+            step: the place, see ``statement.load_path``.
             shared: where what projects is kept for other displacements.
 
         Raises:
@@ -76,7 +76,7 @@ class Mechanics(Protocol):
         """The body with loads, supports and moduli as entries of its statement, which proofs read.
 
         Raises:
-            quantities.statements.Refused: something of them cannot be stated.
+            quantities.proved_statements.Refused: something of them cannot be stated.
         """
         ...
 
@@ -124,7 +124,7 @@ class StatedMechanics:
 
     def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
         """See ``Mechanics``."""
-        from signorini_fx.results.sections import section_forces
+        from signorini_fx.results.section_forces import section_forces
 
         return section_forces(model.statement, model.tagged, y, step)
 

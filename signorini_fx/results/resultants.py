@@ -16,7 +16,7 @@ from signorini_fx.machine.display import clean, html_table
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
@@ -248,7 +248,7 @@ class StatedResultants(Resultants):
     tractions of the contact.
 
     Attributes:
-        place: of the load step in the lists of factors, see ``statement.load_steps``.
+        place: of the load step in the lists of factors, see ``statement.load_path``.
         pairs: bodies in contact as the solver has paired them, see ``sides_of``.
     """
 

@@ -16,18 +16,17 @@ from signorini_fx.algebra.contact.statics import Limit, along_contact, largest_m
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.joint_pressure import work_on_motions
-from signorini_fx.mechanics.body.limit_surface import (
+from signorini_fx.mechanics.body.motion_names import names_of
+from signorini_fx.mechanics.body.rigid import RigidMotions
+from signorini_fx.mechanics.body.statics_of_surface import (
     LimitSurface,
     Unproved,
     factor_at_least,
     factor_at_most,
     surface_of,
 )
-from signorini_fx.mechanics.body.motion_names import names_of
-from signorini_fx.mechanics.body.rigid import RigidMotions
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.mechanics.statement.stated import STRAIGHT_CELLS
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.tuned import ALONG_CONTACT, SAME_LENGTH, SAME_LIMIT
@@ -179,7 +178,7 @@ def _assumed(model: Model) -> str:
         "the foundation presses where the body touches it now",
         f"{model.law.unknown}, so that factors are upper bounds" if model.law is not None and model.law.unknown else "",
         *model.statement.assumed,
-        STRAIGHT_CELLS if model.statement.arcs else "",
+        model.statement.body_of_proofs,
     ]
     return "; ".join(filter(None, clauses))
 

@@ -23,8 +23,8 @@ from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.quantities.registry import requested
-from signorini_fx.quantities.statements import Refused
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.next_digit import CostOfAccuracy, crowded_share, from_one_mesh, from_prices
@@ -44,8 +44,8 @@ from signorini_fx.results.safety import Safety
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
-    from signorini_fx.quantities.statements import ErrorBound, FixedPoint, Interval, Uniqueness
-    from signorini_fx.results.sections import SectionForce
+    from signorini_fx.quantities.proved_statements import ErrorBound, FixedPoint, Interval, Uniqueness
+    from signorini_fx.results.section_forces import SectionForce
 
 # A body that moves away although nothing would let it do so without a load.
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
@@ -59,7 +59,7 @@ class StepResult:
 
     Attributes:
         step: its number, from 1.
-        place: its place in the lists of factors, see ``statement.load_steps``: 0 for the first factor.
+        place: its place in the lists of factors, see ``statement.load_path``: 0 for the first factor.
         time: its time.
         name: its name; "": it has none.
         status: how it ended.

@@ -192,7 +192,7 @@ class RawStresses(StressFields):
     Attributes:
         recovery: gives what projects.
         energy: gives the strain energy of the displacement.
-        place: of the load step in the lists of factors, see ``statement.load_steps``.
+        place: of the load step in the lists of factors, see ``statement.load_path``.
     """
 
     recovery: Callable[[], StressRecovery]

@@ -14,7 +14,7 @@ from signorini_fx.machine.display import effort_in_words, results_of, status_in_
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.body.pieces import extent
 from signorini_fx.quantities.registry import quantities, shown_lines, stage_of
-from signorini_fx.quantities.run import SCHEMA_VERSION
+from signorini_fx.quantities.summary_schema import SCHEMA_VERSION
 from signorini_fx.quantities.text import row
 from signorini_fx.records import OuterRecord, Record, StepRecord
 from signorini_fx.results.accuracy import price_list

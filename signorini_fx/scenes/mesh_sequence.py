@@ -25,15 +25,15 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, estimate_errors
 from signorini_fx.results.accuracy.level_results import compliance_of
-from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.scenes.hierarchy import scene_on, with_halved_bodies
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.plan import Plan, planned
 from signorini_fx.scenes.scene import Scene
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
-from signorini_fx.solving.one_mesh import solve_mesh
-from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
 from signorini_fx.tuned import COARSER_START
 

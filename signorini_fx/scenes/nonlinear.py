@@ -17,9 +17,9 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.nonlinear.equilibrium import SecondOpinion
-from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.mechanics_of_residual import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
+from signorini_fx.forms.nonlinear.newton import SecondOpinion
 from signorini_fx.forms.nonlinear.outcomes import advice_on
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.machine import compat, parallel
@@ -41,7 +41,7 @@ from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.refusals import refuse_beforehand
-from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 Array = npt.NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Entries, Load, OneEntry, described, keys, with_every_effect
 from signorini_fx.mechanics.statement.features import refused_features
-from signorini_fx.mechanics.statement.load_steps import LoadSteps
+from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import (
     DRAWN,
     WITHOUT_ARCS,

@@ -17,7 +17,7 @@ from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import History, Progress
-from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.hierarchy import coarser_scenes
 from signorini_fx.scenes.mesh import load_mesh
@@ -25,9 +25,9 @@ from signorini_fx.scenes.mesh_sequence import meshed_scene, meshes_of
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.nested import solve_nested
-from signorini_fx.solving.one_mesh import solve_mesh
-from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
+from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 from signorini_fx.tuned import HELPING_MESHES
 

@@ -48,10 +48,10 @@ from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.first_start import begin_at_coarse
 from signorini_fx.solving.interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.solving.nested import carry_over
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 if TYPE_CHECKING:
-    from signorini_fx.results.sections import SectionForce
+    from signorini_fx.results.section_forces import SectionForce
 
 
 @dataclass(frozen=True, repr=False)
@@ -97,7 +97,7 @@ class SweepPoint:
 
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; collective."""
-        from signorini_fx.results.sections import section_forces
+        from signorini_fx.results.section_forces import section_forces
 
         return section_forces(self._statement, self._model.tagged, self.displacement(), 0, self._load)
 

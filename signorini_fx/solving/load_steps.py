@@ -19,9 +19,9 @@ from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.records import History, Status, StepRecord, Timings
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.ramp import Increments
-from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody
 from signorini_fx.tuned import BEYOND_LIMIT
 

@@ -23,9 +23,9 @@ from signorini_fx.results.accuracy.level_results import level_result
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.accuracy.price_list import peak_memory
-from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 P = TypeVar("P")
 

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from math import floor
 
 from signorini_fx.algebra.attempts import step_limit
-from signorini_fx.mechanics.statement.load_steps import LoadPath, next_place
+from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Status
 from signorini_fx.tuned import (
@@ -81,7 +81,7 @@ class Position:
 
 
 class Increments:
-    """Where a problem is on its path through load steps; places are those of ``statement.load_steps``.
+    """Where a problem is on its path through load steps; places are those of ``statement.load_path``.
 
     Without a ramp every time is a load step, and one without a solution ends the way.  In a ramp its increment is
     halved, until the load is enclosed between one with and one without a solution, or the attempts without one have

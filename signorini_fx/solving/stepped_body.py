@@ -18,7 +18,7 @@ from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
 from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
@@ -30,7 +30,7 @@ from signorini_fx.solving.interfaces.protocol import LoadStepStart, solve_step
 
 
 class Places(Protocol):
-    """From a place in the load steps, see ``statement.load_steps``, to the model there; all methods are collective."""
+    """From a place in the load steps, see ``statement.load_path``, to the model there; all methods are collective."""
 
     def at(self, body: SteppedBody, path_step: float, task: Task, first: Start, end: StepEnd | None, /) -> BegunStep:
         """The load step that begins at a place, with foundations and friction as they are there.

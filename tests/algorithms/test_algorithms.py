@@ -14,7 +14,7 @@ from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 
 def solved_task(scene):

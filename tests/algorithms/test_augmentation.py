@@ -17,7 +17,7 @@ from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 FEW = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(FEW, max_examples=300)

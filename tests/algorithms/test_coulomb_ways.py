@@ -15,7 +15,7 @@ from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import CERTIFICATE_TOLERANCE, History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 from signorini_fx.tuned import PROBLEMS_PER_STEP
 from stability.friction import STIFFNESS
 from stability.shapes import triangle

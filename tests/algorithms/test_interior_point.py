@@ -14,7 +14,7 @@ from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes import solver
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 from stability.oracle.judge import RIGHT
 from stability.oracle.worker import TRIAL, examined, same_units
 

@@ -15,7 +15,7 @@ from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 
 def test_fall_backs_begin_where_the_first_method_began(monkeypatch):

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 from test_safety import COULOMB, FRICTION, ROUGH, TRESCA, block, groove
 
 from signorini_fx.algebra.contact.reactions import nearest, reactions
-from signorini_fx.mechanics.body.limit_surface import (
+from signorini_fx.mechanics.body.statics_of_surface import (
     LimitSurface,
     _arcs,
     balanced,

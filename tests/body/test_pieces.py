@@ -22,7 +22,7 @@ from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 WORLD = MPI.COMM_WORLD
 UPPER, LOWER = Box("upper", 0.0, 1.0, 2.0, 1.0, 6, 3), Box("lower", 0.5, 0.0, 1.0, 1.0, 4, 4)

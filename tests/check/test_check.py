@@ -28,7 +28,7 @@ from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.effect import PACKAGE, keys
-from signorini_fx.mechanics.statement.load_steps import LoadSteps
+from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.records import Status
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise

@@ -103,7 +103,7 @@ BONDED_PAD = {
     "contact": [{"boundary": "pad", "against": "plate"}],
 }
 # What refuses arguments of functions, which are no part of a scene file.
-OF_ARGUMENTS = ("scenes/solver.py", "results/checkpoint.py", "statement/base.py", "statement/load_steps.py")
+OF_ARGUMENTS = ("scenes/solver.py", "results/restart_files.py", "statement/base.py", "statement/load_path.py")
 REFUSED = {
     "foundation that moves, body held by contact": BLOCK
     | PRESSED

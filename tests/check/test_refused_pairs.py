@@ -14,9 +14,9 @@ from signorini_fx.addons.bounds.bounded_scene import refuse_unknown
 from signorini_fx.addons.studies.reference import on_mesh
 from signorini_fx.addons.uniqueness.contact_stiffness import contact_stiffness
 from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.mechanics.body.limit_surface import Unproved, surface_of
+from signorini_fx.mechanics.body.statics_of_surface import Unproved, surface_of
 from signorini_fx.mechanics.statement.features import features
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.records import Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh

@@ -23,7 +23,7 @@ from scenes import example1
 
 from signorini_fx.addons.pictures import deformed_body
 from signorini_fx.addons.report import page
-from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputError, ResultError, SceneError
 from signorini_fx.forms.options import applied
 from signorini_fx.machine import compilation, petsc_start, requirements, result_files, terminal
@@ -32,7 +32,7 @@ from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.cli.options import parsed_accuracy, parsed_budget
+from signorini_fx.scenes.cli.grammar import parsed_accuracy, parsed_budget
 from signorini_fx.scenes.reading import parse_scene, parse_scene_text
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
@@ -279,7 +279,7 @@ def petsc():
     found = PETSc.Options()
     yield found
     for name in found.getAll():
-        if name.startswith(options.PREFIX) or name == "log_view":
+        if name.startswith(petsc_options.PREFIX) or name == "log_view":
             found.delValue(name)
 
 
@@ -297,24 +297,24 @@ def test_mistyped_option(mistake, others):
     assume(not ("mat_" in name and "pc_type" in others))  # no factorisation reads it then
     given_options = {key: RIGHT[key] for key in sorted(others)} | {name: value}
     for key, said in given_options.items():
-        found[options.PREFIX + key] = said
+        found[petsc_options.PREFIX + key] = said
     try:
         with pytest.raises(OptionsError, match=f"^PETSc option -sfx_{name} {value}: ."):
             refuse_mistyped(COMM)
-        assert {key: found.getString(options.PREFIX + key) for key in given_options} == given_options
+        assert {key: found.getString(petsc_options.PREFIX + key) for key in given_options} == given_options
     finally:
         for key in given_options:
-            found.delValue(options.PREFIX + key)
+            found.delValue(petsc_options.PREFIX + key)
 
 
 @pytest.mark.mpi
 def test_right_options(petsc):
     """What PETSc takes is left to it."""
     for key, said in RIGHT.items():
-        petsc[options.PREFIX + key] = said
+        petsc[petsc_options.PREFIX + key] = said
     petsc["sfx_snes_monitor"] = None
     refuse_mistyped(COMM)
-    assert all(petsc.hasName(options.PREFIX + key) for key in (*RIGHT, "snes_monitor"))
+    assert all(petsc.hasName(petsc_options.PREFIX + key) for key in (*RIGHT, "snes_monitor"))
 
 
 @pytest.mark.mpi
@@ -330,16 +330,16 @@ def test_options_that_exchange_the_method(petsc, said):
     """They are refused by name, in scenes and in forms; what leaves the method as it is, is not."""
     name, _, value = said.partition(" ")
     message = f"^PETSc option -sfx_{said}: it would take the place of the semi-smooth Newton method"
-    petsc[options.PREFIX + name] = value or None
+    petsc[petsc_options.PREFIX + name] = value or None
     with pytest.raises(OptionsError, match=message):
         refuse_mistyped(COMM)
     with pytest.raises(OptionsError, match=message), applied("other_", {}):
         pass
-    petsc.delValue(options.PREFIX + name)
+    petsc.delValue(petsc_options.PREFIX + name)
     with pytest.raises(OptionsError, match=message), applied("other_", {name: value or None}):
         pass
     for other, kept in (("snes_type", "newtonls"), ("snes_lag_jacobian", "1"), ("snes_mf", "false")):
-        petsc[options.PREFIX + other] = kept
+        petsc[petsc_options.PREFIX + other] = kept
     refuse_mistyped(COMM)
 
 

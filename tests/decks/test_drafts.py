@@ -428,7 +428,7 @@ def test_included_files_that_are_refused(tmp_path, capsys):
 
 def test_a_checkpoint_knows_included_files(tmp_path, capsys):
     """A solve is not continued where an included file has changed."""
-    from signorini_fx.results.checkpoint import _described
+    from signorini_fx.results.restart_files import _described
 
     lines = one_block(["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"], ["*INCLUDE, INPUT=more.inp", *STEEL])
     (tmp_path / "more.inp").write_text("** one\n")

@@ -11,7 +11,7 @@ from signorini_fx import SceneError, solve
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh, tag_boundaries
 from signorini_fx.records import Status, StepRecord
-from signorini_fx.results.sections import section_forces
+from signorini_fx.results.section_forces import section_forces
 from signorini_fx.scenes.check_text import render
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh

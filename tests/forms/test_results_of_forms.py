@@ -15,7 +15,7 @@ from scenes import example1
 from two_bodies import stress_of
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, Pair, Tresca, read_results, write_results
-from signorini_fx.quantities.statements import ErrorBound
+from signorini_fx.quantities.proved_statements import ErrorBound
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.template import summary_schema

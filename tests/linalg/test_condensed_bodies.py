@@ -11,7 +11,7 @@ from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import History, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 
 def task_of(scene):

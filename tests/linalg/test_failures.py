@@ -25,7 +25,7 @@ from signorini_fx.scenes.cli.exit_codes import EXIT_CRASH, on_ranks
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import finer_meshes
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 FAULTS = {
     "numpy": (lambda: MemoryError(), Status.NO_MEMORY),
@@ -40,7 +40,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
-from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.factorisation import factor_defaults, use_factorisation
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unprinted
 
@@ -53,13 +53,13 @@ def solver(size, sign, symmetric):
     matrix = PETSc.Mat().createAIJ((size, size), csr=(starts, columns, entries.ravel()), comm=MPI.COMM_SELF)
     matrix.setOption(PETSc.Mat.Option.SPD, symmetric)
     ksp = PETSc.KSP().create(MPI.COMM_SELF)
-    ksp.setOptionsPrefix(options.PREFIX)
+    ksp.setOptionsPrefix(petsc_options.PREFIX)
     ksp.setOperators(matrix)
     use_factorisation(ksp, symmetric=symmetric)
     return ksp
 
 def told(ksp):
-    with options.defaults(factor_defaults(MPI.COMM_SELF)), unprinted():
+    with petsc_options.defaults(factor_defaults(MPI.COMM_SELF)), unprinted():
         try:
             ksp.setUp()
         except PETSc.Error as error:

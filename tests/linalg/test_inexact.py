@@ -13,7 +13,7 @@ from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 
 @pytest.fixture

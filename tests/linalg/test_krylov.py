@@ -22,7 +22,7 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import _solve_nested, solve
 from signorini_fx.scenes.sweep import sweep
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 WORLD = MPI.COMM_WORLD
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3, "coulomb": "newton"}}

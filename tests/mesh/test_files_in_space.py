@@ -18,11 +18,11 @@ from scenes import alone, table_of
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine.compat import geometry_degree
 from signorini_fx.mechanics.mesh.files.arrays import from_raw
+from signorini_fx.mechanics.mesh.files.cad_step import names_of_faces
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.shape import is_straight, measures, quality
-from signorini_fx.mechanics.mesh.files.step import names_of_faces
 from signorini_fx.mechanics.mesh.halving import halved, straightened
 from signorini_fx.mechanics.mesh.info import mesh_info
 from signorini_fx.mechanics.mesh.tagged import read_mesh

@@ -23,7 +23,7 @@ from signorini_fx import (
     write_results,
 )
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.scenes.reading import parse_scene
 
 HYPERELASTIC = [name for name in LAWS if name != "j2"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 
-from signorini_fx.forms.nonlinear import equilibrium
+from signorini_fx.forms.nonlinear import newton
 from signorini_fx.records import Status
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -41,7 +41,7 @@ def test_quick_ones(seed, expected):
 @pytest.mark.parametrize(("seed", "fault"), [(16, "passed through"), (21, "outline 0.7"), (74, "circle inside")])
 def test_the_judge_needs_no_geometry_of_the_package(monkeypatch, seed, fault):
     """Where the package does not ask whether the shape is inside, these are called converged, and judged wrong."""
-    monkeypatch.setattr(equilibrium, "overlap", lambda *states: "")
+    monkeypatch.setattr(newton, "overlap", lambda *states: "")
     end, faults = tried(seed)
     assert end == Status.CONVERGED.value
     assert any(fault in text for text in faults)

@@ -26,9 +26,9 @@ from signorini_fx import (
     solve,
 )
 from signorini_fx.mechanics.body.contact_table import contact_table
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import StepRecord
-from signorini_fx.results import checkpoint
+from signorini_fx.results import restart_files
 from signorini_fx.results.folder import CHECKPOINT
 
 LAWS = {"rubber": material("neo-hooke"), "metal": material("j2", yield_stress=2.0, hardening=[[0.2, 6.0]])}
@@ -270,7 +270,7 @@ def test_what_is_damaged_is_solved_again(tmp_path, wrong, monkeypatch):
         (1.001 * values).tofile(folder / "solution.bin")
         figures = json.loads((folder / "figures.json").read_text())
         figures.pop("files")
-        figures["files"] = checkpoint._digests(folder, figures)
+        figures["files"] = restart_files._digests(folder, figures)
         (folder / "figures.json").write_text(json.dumps(figures))
     else:
         content = bytearray((folder / wrong).read_bytes())

@@ -16,7 +16,7 @@ from two_bodies import assembled, facets, facets_of_cells, grid
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Pair, Status
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.mechanics.pairs import dual_functions, sliding
-from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.promised_law import Law, Tractions
 from signorini_fx.tuned import KEPT_WEIGHT
 

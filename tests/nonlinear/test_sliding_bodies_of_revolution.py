@@ -18,7 +18,7 @@ from support.sliding_bodies import as_linear_bodies, cylinders, dome, ring_on_co
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs import sliding
-from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 
 FRICTION = pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
 SLOW = pytest.mark.slow

@@ -8,7 +8,7 @@ from support.sliding_bodies import as_linear_bodies, blocks, bump, cylinders, do
 
 from signorini_fx import ConvergenceError, Coulomb, Status
 from signorini_fx.mechanics.pairs import sliding
-from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 
 
 def smooth_blocks(kind, slave):

@@ -14,7 +14,7 @@ from signorini_fx import Status, read_scene, solve
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.laws.coulomb import Coulomb
-from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate import paired_sides
 from signorini_fx.scenes.reading import parse_scene
 

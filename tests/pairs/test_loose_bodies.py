@@ -10,7 +10,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.loose_bodies import loose_assembly
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 COULOMB, TRESCA = {"law": "coulomb", "coefficient": 0.5}, {"law": "tresca", "bound": 1.0}
 

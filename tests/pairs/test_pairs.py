@@ -7,7 +7,7 @@ from surfaces import ELEMENTS, both, curve, sheet
 from signorini_fx.mechanics.pairs.dual_functions import carried
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError, couple
 from signorini_fx.mechanics.pairs.overlap_space import clip
-from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 
 PAIRS = [(2, a, b) for a in ELEMENTS[2] for b in ELEMENTS[2]] + [
     (3, "P1", "P1"),

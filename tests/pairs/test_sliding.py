@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
-from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
 
 DEGREES = pytest.mark.parametrize("degree", [1, 2])
 

@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.overlap_space import clip
+from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
-from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
 from signorini_fx.results.certificate.sliding_claim_in_space import _common
 from signorini_fx.tuned import KEPT_WEIGHT
 

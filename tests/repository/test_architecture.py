@@ -103,7 +103,7 @@ def test_algorithms_and_linear_algebra_are_strangers():
     """Algorithms know the protocol of linalg/__init__.py at most, linear algebra knows no algorithm."""
     for file in (PACKAGE / "algebra" / "algorithms").glob("*.py"):
         # What calls back, why PETSc fails, its options, and what petsc4py lacks.
-        known = ("callbacks", "failures", "options", "petsc_c")
+        known = ("callbacks", "failures", "petsc_c", "petsc_options")
         kinds = {
             f"signorini_fx.algebra.linalg.{kind.stem}"
             for kind in (PACKAGE / "algebra" / "linalg").glob("[!_]*.py")
@@ -131,7 +131,7 @@ def test_imports_point_down():
     graph = architecture.graph()
     assert graph["mechanics.body.forms"] == set()
     assert graph["mechanics.effects.traction"] == {"mechanics.statement.effect", "mechanics.statement.values"}
-    assert {"mechanics.model", "mechanics.mesh.tagged", "algebra.linalg.choice"} <= graph["solving.one_mesh"]
+    assert {"mechanics.model", "mechanics.mesh.tagged", "algebra.linalg.choice"} <= graph["solving.solve_on_mesh"]
     place = {layer: number for number, layer in enumerate(architecture.LAYERS)}
     upward = [
         f"{module} imports {other}"

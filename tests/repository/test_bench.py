@@ -33,7 +33,7 @@ import space_rows  # noqa: E402
 from signorini_fx import solve  # noqa: E402
 from signorini_fx.addons.decks.draft import draft  # noqa: E402
 from signorini_fx.algebra.linalg.factorisation import has_package  # noqa: E402
-from signorini_fx.forms.nonlinear import equilibrium  # noqa: E402
+from signorini_fx.forms.nonlinear import newton  # noqa: E402
 from signorini_fx.mechanics.mesh.tagged import generate_mesh  # noqa: E402
 from signorini_fx.scenes.reading import read_scene  # noqa: E402
 
@@ -283,7 +283,7 @@ def test_contact_sets_that_cycle(monkeypatch):
     whole = nonlinear_rivals.seal(2)
     seal = replace(whole, shapes=[replace(shape, ways=shape.ways[:3]) for shape in whole.shapes], shown=(2,))
     taken = nonlinear_rivals.package(seal)
-    monkeypatch.setattr(equilibrium, "CYCLING_INCREMENT", 0.0)
+    monkeypatch.setattr(newton, "CYCLING_INCREMENT", 0.0)
     halved = nonlinear_rivals.package(seal)
     assert (taken.increments, halved.increments) == (4, 5)
     assert taken.iterations < halved.iterations

@@ -55,7 +55,7 @@ from signorini_fx.mechanics.materials.orthotropic import Orthotropic, Orthotropi
 from signorini_fx.mechanics.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
-from signorini_fx.mechanics.statement.load_steps import LoadSteps
+from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.overclosure import ExponentialOverclosure, LinearOverclosure, TabularOverclosure
 from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.quantities.table import markdown

@@ -25,7 +25,7 @@ from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving import one_mesh
+from signorini_fx.solving import solve_on_mesh
 
 
 def wedge(**solver):
@@ -472,12 +472,12 @@ def unmoved(right):
 FAULTS = {
     "no resting place": (ElasticBody, "from_rest", without_resting_place),
     "rotation dropped": (ElasticBody, "from_rest", with_turned_rest),
-    "wrong row of the stiffness": (one_mesh, "discretise", stiffer),
-    "wrong weight": (one_mesh, "discretise", of_its("boundary", weight=at_one_node(0.001))),
-    "wrong normals": (one_mesh, "discretise", of_its("boundary", normal=tilted)),
-    "wrong gap": (one_mesh, "discretise", of_its("data", gap=at_one_node(1e-3))),
-    "wrong coefficient": (one_mesh, "discretise", of_its("law", coefficient=lambda values: 1.001 * values)),
-    "wrong load": (one_mesh, "discretise", heavier),
+    "wrong row of the stiffness": (solve_on_mesh, "discretise", stiffer),
+    "wrong weight": (solve_on_mesh, "discretise", of_its("boundary", weight=at_one_node(0.001))),
+    "wrong normals": (solve_on_mesh, "discretise", of_its("boundary", normal=tilted)),
+    "wrong gap": (solve_on_mesh, "discretise", of_its("data", gap=at_one_node(1e-3))),
+    "wrong coefficient": (solve_on_mesh, "discretise", of_its("law", coefficient=lambda values: 1.001 * values)),
+    "wrong load": (solve_on_mesh, "discretise", heavier),
     "wrong pressure": (SemismoothNewton, "multipliers", unmoved),
 }
 

@@ -14,8 +14,8 @@ from signorini_fx.addons.report.page import write_report
 from signorini_fx.errors import MissingPackageError, OutputError
 from signorini_fx.machine import manifest
 from signorini_fx.results import files
-from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.folder import ResultFolder
+from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.scenes import solver
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.reading import parse_scene

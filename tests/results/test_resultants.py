@@ -12,7 +12,7 @@ from spaces import box
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.mechanics.statement.load_steps import LoadSteps
+from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.results.resultants import arm, moments
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes.reading import parse_scene

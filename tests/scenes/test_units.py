@@ -25,7 +25,7 @@ from signorini_fx.results.certificate.promised_law import Law, Tractions
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 YOUNG = 5000.0
 PLANE = {"triangles": dmesh.CellType.triangle, "quadrilaterals": dmesh.CellType.quadrilateral}

@@ -23,7 +23,7 @@ from signorini_fx.results.accuracy import level_results, stress_recovery
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, mesh_sequence, solver
-from signorini_fx.solving import one_mesh
+from signorini_fx.solving import solve_on_mesh
 
 SCENE = """
 mesh = { generator = "GENERATOR", parameters = { PARAMETERS } }
@@ -55,7 +55,7 @@ def written(path, kind, solver):
 FULL, CONDENSED, KRYLOV = (f'linear_algebra = "{name}"' for name in ("full", "condensed", "krylov"))
 PLACES = {
     "mesh": (mesh_sequence, "load_mesh", (PLANE, f"{FULL}, levels = 2")),
-    "assembly": (one_mesh, "discretise", (PLANE, f"{FULL}, levels = 2")),
+    "assembly": (solve_on_mesh, "discretise", (PLANE, f"{FULL}, levels = 2")),
     "condense": (schur.SchurComplement, "__init__", (PLANE, f"{CONDENSED}, levels = 2")),
     "residual": (regularised.RegularisedProblem, "_hold", (PLANE, FULL)),
     "residual, space": (regularised.RegularisedProblem, "_hold", (SOLID, FULL)),
@@ -235,10 +235,10 @@ import os, signal, sys
 from mpi4py import MPI
 from signorini_fx import solve
 from signorini_fx.algebra.linalg.multigrid import ContactPreconditioner
-from signorini_fx.solving import one_mesh
+from signorini_fx.solving import solve_on_mesh
 
 rank, place, scene = int(sys.argv[1]), sys.argv[2], sys.argv[3]
-owner, name = {"krylov": (ContactPreconditioner, "apply"), "assembly": (one_mesh, "discretise")}[place]
+owner, name = {"krylov": (ContactPreconditioner, "apply"), "assembly": (solve_on_mesh, "discretise")}[place]
 function, count = getattr(owner, name), [0]
 
 def entered(*args, **options):

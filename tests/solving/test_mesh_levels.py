@@ -23,7 +23,7 @@ from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import _solve_nested, solve
 from signorini_fx.scenes.sweep import _coarser, _Value, sweep
 from signorini_fx.solving.first_start import begin_at_coarse
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 

@@ -19,7 +19,7 @@ from signorini_fx.records import Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving import one_mesh
+from signorini_fx.solving import solve_on_mesh
 from signorini_fx.solving.check.findings import scene_findings
 from signorini_fx.solving.nested import carry_over
 
@@ -168,7 +168,7 @@ def test_nothing_is_said_about_meshes_that_nobody_looks_at(looked_at, monkeypatc
         asked.append(body.dofs)
         return scene_findings(body, **how)
 
-    monkeypatch.setattr(one_mesh, "scene_findings", findings)
+    monkeypatch.setattr(solve_on_mesh, "scene_findings", findings)
     solution = solve(
         example1(bound=1.5, nx=24, ny=8, levels=3), MPI.COMM_SELF, on_level=given.append if looked_at else None
     )
@@ -186,7 +186,7 @@ def test_nothing_of_a_coarser_mesh_but_its_level_is_alive(monkeypatch):
     On one rank: on several ones PETSc's objects wait for a clean-up of their communicator.
     """
     made, alive = [], []
-    of, single, task = Hierarchy.of.__func__, BlockRows.in_single_precision, one_mesh.contact_task
+    of, single, task = Hierarchy.of.__func__, BlockRows.in_single_precision, solve_on_mesh.contact_task
 
     def seen(thing):
         made.append(weakref.ref(thing))
@@ -199,7 +199,7 @@ def test_nothing_of_a_coarser_mesh_but_its_level_is_alive(monkeypatch):
     monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", 0)
     monkeypatch.setattr(Hierarchy, "of", classmethod(lambda cls, *given: seen(of(cls, *given))))
     monkeypatch.setattr(BlockRows, "in_single_precision", lambda rows: seen(single(rows)))
-    monkeypatch.setattr(one_mesh, "contact_task", begun)
+    monkeypatch.setattr(solve_on_mesh, "contact_task", begun)
     sizes = {"length": 3.0, "width": 1.0, "height": 1.0, "nx": 12, "ny": 4, "nz": 4}
     mesh = {"generator": "box", "parameters": sizes}
     assert solve(block(coefficient=0.3, mesh=mesh, levels=2, linear_algebra="krylov"), MPI.COMM_SELF).converged

@@ -16,7 +16,7 @@ from signorini_fx.addons.pictures.moving_body import MOST_FRAMES, shown
 from signorini_fx.addons.report.page import write_report
 from signorini_fx.algebra.linalg import callbacks
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.mechanics.statement.load_steps import LoadPath, factor_at
+from signorini_fx.mechanics.statement.load_path import LoadPath, factor_at
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.files import write_results

@@ -26,19 +26,19 @@ from signorini_fx.machine.manifest import MANIFEST
 from signorini_fx.mechanics.body.contact_table import contact_table
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, StepRecord, Timings
-from signorini_fx.results import checkpoint
-from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results import restart_files
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
+from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import first_start
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
+from signorini_fx.solving.data_at_times import stated_body
 from signorini_fx.solving.interfaces import protocol
-from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.ramp import Increments
-from signorini_fx.solving.restart import MeshCheckpoint
-from signorini_fx.solving.stated_places import stated_body
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 PUSHED = """
 title = "block, pressed and pushed"
@@ -434,7 +434,7 @@ def test_nodes_at_the_same_place():
     for order in ([0, 1, 2], [1, 0, 2], [2, 1, 0]):
         displacement = SimpleNamespace(x=SimpleNamespace(array=moved[order].ravel()))
         nodes = SimpleNamespace(x=places[order], part=np.zeros(3), nodes=np.arange(3), size=3)
-        found = checkpoint._placed(stored, nodes, displacement, 3.0)
+        found = restart_files._placed(stored, nodes, displacement, 3.0)
         np.testing.assert_array_equal(found["value"].ravel(), np.array(order) + 1.0)
 
 
@@ -684,7 +684,7 @@ def test_the_certificate_judges(tmp_path):
     (step / "displacement.bin").write_bytes((other / "displacement.bin").read_bytes())
     with np.load(step / "nodes.npz") as ours, np.load(other / "nodes.npz") as theirs:
         np.savez(step / "nodes.npz", **{**ours, "y": theirs["y"]})
-    from signorini_fx.results.checkpoint import _digests
+    from signorini_fx.results.restart_files import _digests
 
     figures.pop("files")
     (step / "figures.json").write_text(json.dumps({**figures, "files": dict(_digests(step, figures))}))

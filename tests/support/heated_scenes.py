@@ -20,7 +20,7 @@ from scenes import alone
 
 from signorini_fx.addons.bounds.error_bound import error_bound
 from signorini_fx.errors import SignoriniError
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.scenes.reading import parse_scene
 
 STUDIES = {"plane": error_bounds, "space": error_bounds_in_space, "pair": bounds_of_pairs} | dict.fromkeys(

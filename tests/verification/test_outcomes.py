@@ -14,7 +14,7 @@ from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 SMALL = {"nx": 30, "ny": 10}
 

@@ -14,7 +14,7 @@ from signorini_fx.mechanics.body import contact_boundary
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solve_on_mesh import contact_task
 
 TABLE = json.loads((Path(__file__).parents[1] / "data" / "tables.json").read_text())["table1"]
 THICKNESS = 0.025

@@ -18,7 +18,7 @@ from signorini_fx.addons.bounds.korn import missed_squares
 from signorini_fx.addons.bounds.simplices import Simplices
 from signorini_fx.mechanics.statement.cut_simplices import cut
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import ZERO_SUM
 
 # A load with its factor, and the facets that it acts on; None: in the body.

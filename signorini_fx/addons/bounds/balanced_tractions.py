@@ -17,7 +17,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array
 from signorini_fx.addons.bounds.bounded_error import UNBALANCED
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import BALANCING_STEPS, SINGULAR
 
 

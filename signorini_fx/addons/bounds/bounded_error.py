@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
 _EPS = float(np.finfo(float).eps)

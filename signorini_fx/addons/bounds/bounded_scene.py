@@ -26,8 +26,7 @@ from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.mechanics.statement.point_values import PointValues
-from signorini_fx.mechanics.statement.stated import STRAIGHT_CELLS
-from signorini_fx.quantities.statements import Grounds, Refused
+from signorini_fx.quantities.proved_statements import Grounds, Refused
 from signorini_fx.tuned import KNOWN_DEGREE, SAME_ENTRY
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
@@ -317,7 +316,7 @@ def grounds(model: Model, place: float, *, coulomb: bool, later: bool, unknown: 
         f"quadrature of the loads, two rules of which differ by {unknown:.1e} of them, is counted"
         if unknown > SAME_ENTRY
         else "",
-        STRAIGHT_CELLS if model.statement.arcs else "",
+        model.statement.body_of_proofs,
         "of the displacement alone, whose volume changes more than the pressure of the mixed element says"
         if model.elastic.pressed
         else "",

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.factorisation import factor_defaults, use_factorisation
 
 
@@ -28,11 +28,11 @@ class Factor:
         matrix = PETSc.Mat().createSBAIJ(upper.shape, 1, csr=(rows, columns, upper.data), comm=MPI.COMM_SELF)
         self._solver = PETSc.KSP().create(MPI.COMM_SELF)
         self._solver.setOperators(matrix)
-        self._solver.setOptionsPrefix(options.PREFIX)
+        self._solver.setOptionsPrefix(petsc_options.PREFIX)
         use_factorisation(self._solver, symmetric=True)
         self._solver.setErrorIfNotConverged(True)
         self._right, self._solution = matrix.createVecs()
-        with options.defaults(factor_defaults(MPI.COMM_SELF)):
+        with petsc_options.defaults(factor_defaults(MPI.COMM_SELF)):
             self._solver.setUp()
 
     def solve(self, right: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -42,7 +42,7 @@ from signorini_fx.addons.bounds.graded_moduli import GradedModuli
 from signorini_fx.addons.bounds.initial_stress import InitialStress, elastic_stress
 from signorini_fx.addons.bounds.least_withdrawal import least_withdrawal
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
-from signorini_fx.addons.bounds.problem import FacetsInContact, PlainProblem, turn
+from signorini_fx.addons.bounds.plain_scene import FacetsInContact, PlainProblem, turn
 from signorini_fx.addons.bounds.round_foundations import RoundFacets
 from signorini_fx.addons.bounds.round_off import of_strains
 from signorini_fx.addons.bounds.separated_bodies import Shut, separate
@@ -50,7 +50,7 @@ from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, mome
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
-from signorini_fx.quantities.statements import ErrorBound, Refused
+from signorini_fx.quantities.proved_statements import ErrorBound, Refused
 from signorini_fx.tuned import LITTLE_OF_BOUND, SAME_LENGTH
 
 # Times that bodies are moved out of foundations and each other.

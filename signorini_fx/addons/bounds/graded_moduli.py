@@ -27,7 +27,7 @@ from signorini_fx.mechanics.body.moduli import middles
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.cut_simplices import cut
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_NUMBER
 
 # How far the points that a polynomial is known from are inside: on its boundary it may have the values beside a jump.

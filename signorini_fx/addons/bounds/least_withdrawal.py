@@ -27,7 +27,7 @@ from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.definite_factor import Factor
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.linear_displacement import free_basis, stiffness
-from signorini_fx.addons.bounds.problem import FacetsInContact
+from signorini_fx.addons.bounds.plain_scene import FacetsInContact
 from signorini_fx.addons.bounds.simplices import COLUMNS, EDGES, EDGES_OF_FACET, ROWS, TWICE, Simplices
 from signorini_fx.tuned import (
     PENALTY_OF_ENTRY,

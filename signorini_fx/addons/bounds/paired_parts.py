@@ -25,8 +25,8 @@ from signorini_fx.addons.bounds.bounded_scene import NEARLY_MET, REFUSES_OF_PAIR
 from signorini_fx.addons.bounds.simplices import Simplices
 from signorini_fx.mechanics.pairs.mortar_coupling import Coupling
 from signorini_fx.mechanics.pairs.overlap_plane import ends_in_plane
-from signorini_fx.mechanics.pairs.surface import PairSurface
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import NEAR_NODE, NO_PART, THINNEST_PART
 
 # Sides of a pair: that with the contact points, and the other one.

@@ -40,7 +40,7 @@ from signorini_fx.addons.bounds.stress_products import energy, from_strain, prod
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.quantities.statements import Interval, Refused
+from signorini_fx.quantities.proved_statements import Interval, Refused
 from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 
 # Products that a cell adds to a sum, at most: those of three components on the thirds at their corners.

@@ -15,9 +15,9 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_error import out
-from signorini_fx.addons.bounds.problem import FacetsInContact
+from signorini_fx.addons.bounds.plain_scene import FacetsInContact
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from signorini_fx.addons.decks.keywords import CONSTRAINT, PLAIN
 from signorini_fx.mechanics.kinematics import of_materials
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.files.abaqus import DeckModel
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group

@@ -30,7 +30,7 @@ from signorini_fx.addons.derivatives.law import LinearisedLaw
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.linalg import ElasticSystem, callbacks, options
+from signorini_fx.algebra.linalg import ElasticSystem, callbacks, petsc_options
 from signorini_fx.algebra.linalg.failures import unprinted
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.algebra.problem.tangent import ContactTangent
@@ -132,9 +132,9 @@ class TransposedTangent:
         self.tangent = ContactTangent(system.matrix, system.contact)
         matrix = self.tangent.create()
         self.ksp = PETSc.KSP().create(system.comm)
-        self.ksp.setOptionsPrefix(options.PREFIX)
+        self.ksp.setOptionsPrefix(petsc_options.PREFIX)
         self.ksp.setOperators(matrix)
-        with options.defaults(system.solver_defaults):
+        with petsc_options.defaults(system.solver_defaults):
             system.configure(self.ksp, symmetric=self.symmetric)
             self.ksp.setFromOptions()
         if self.symmetric:
@@ -147,7 +147,7 @@ class TransposedTangent:
             return
         self.system.keep_factor(self.ksp, None, forces, exact=True)
         x.set(0.0)
-        with options.defaults(self.system.solver_defaults), unprinted():
+        with petsc_options.defaults(self.system.solver_defaults), unprinted():
             callbacks.solve(self.ksp.solve, right, x)
         if self.ksp.getConvergedReason() < 0:
             raise AdjointError("the linear solver has failed for the tangent at the solution: there is no derivative")

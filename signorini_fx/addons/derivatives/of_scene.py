@@ -44,7 +44,7 @@ from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.one_mesh import solve_mesh
+from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
 
 Array = npt.NDArray[np.float64]

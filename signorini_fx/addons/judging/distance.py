@@ -35,7 +35,7 @@ from signorini_fx.addons.judging.problem_data import JudgedProblem
 from signorini_fx.addons.judging.reference_elements import gauss, reference_element
 from signorini_fx.addons.judging.tagged_arrays import tagged
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import JUDGED_FINEST, JUDGED_HALVINGS

@@ -25,7 +25,7 @@ from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.shape import Floats, is_straight
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve

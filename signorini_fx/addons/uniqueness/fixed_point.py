@@ -40,7 +40,7 @@ from signorini_fx.addons.uniqueness.proof import components, critical
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
-from signorini_fx.quantities.statements import FixedPoint
+from signorini_fx.quantities.proved_statements import FixedPoint
 from signorini_fx.tuned import WEIGHT_EVALUATIONS, WEIGHT_WORK
 
 

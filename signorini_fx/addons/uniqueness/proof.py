@@ -34,7 +34,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
-from signorini_fx.quantities.statements import Uniqueness
+from signorini_fx.quantities.proved_statements import Uniqueness
 from signorini_fx.tuned import (
     INDEFINITE,
     PROVED_SHARE,

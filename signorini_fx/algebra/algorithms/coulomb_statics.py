@@ -15,7 +15,7 @@ from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import reactions
 from signorini_fx.algebra.contact.statics import largest_multiple, no_balance
-from signorini_fx.algebra.problem.problem import Problem
+from signorini_fx.algebra.problem.protocol import Problem
 from signorini_fx.records import Status
 from signorini_fx.tuned import RESIDUAL_TOLERANCE
 

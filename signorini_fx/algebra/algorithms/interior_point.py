@@ -43,7 +43,7 @@ from signorini_fx.algebra.contact.complementarity import (
     trial_shear,
 )
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
-from signorini_fx.algebra.linalg import finite, options
+from signorini_fx.algebra.linalg import finite, petsc_options
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, unprinted
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
@@ -361,7 +361,7 @@ class _Programme:
         problem.system.keep_factor(ksp, None, problem.force_scale, exact=exact)
         ksp.getPC().setReusePreconditioner(False)
         change.set(0.0)
-        with options.defaults(problem.system.solver_defaults), unprinted():
+        with petsc_options.defaults(problem.system.solver_defaults), unprinted():
             ksp.solve(self._force, change)
         problem.factorised(jacobian)
         change.scale(-1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Task
-from signorini_fx.algebra.linalg import callbacks, finite, options
+from signorini_fx.algebra.linalg import callbacks, finite, petsc_options
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory
 from signorini_fx.records import Status
 
@@ -22,7 +22,7 @@ def solve_linear(task: Task) -> Status:
         system.matrix.mult(system.start, missing)
         missing.aypx(-1.0, system.load)
         try:
-            with options.defaults(system.solver_defaults):
+            with petsc_options.defaults(system.solver_defaults):
                 callbacks.solve(ksp.solve, missing, change)
             status = Status.SINGULAR if ksp.getType() == PETSc.KSP.Type.PREONLY else Status.LINEAR_SOLVER
             if ksp.getConvergedReason() > 0:

@@ -12,11 +12,11 @@ from petsc4py import PETSc
 from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier, transmitting
 from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc, project, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
-from signorini_fx.algebra.linalg import callbacks, finite, options
+from signorini_fx.algebra.linalg import callbacks, finite, petsc_options
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted
 from signorini_fx.algebra.linalg.petsc_c import call
-from signorini_fx.algebra.problem.problem import Problem
+from signorini_fx.algebra.problem.protocol import Problem
 from signorini_fx.machine import parallel, signals
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 from signorini_fx.tuned import (
@@ -106,7 +106,7 @@ class SemismoothNewton:
     def snes(self) -> PETSc.SNES:
         """Set up when it is first needed; collective."""
         symmetric, snes = self._symmetric, PETSc.SNES().create(self.problem.points.comm)
-        snes.setOptionsPrefix(options.PREFIX)
+        snes.setOptionsPrefix(petsc_options.PREFIX)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setFunction(weakly(self.problem.residual), self._residual)
         jacobian = self.problem.create_jacobian(symmetric=symmetric)
@@ -117,7 +117,7 @@ class SemismoothNewton:
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
         if self.history.watchers:
             snes.getKSP().setMonitor(weakly(self._show))
-        with options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
+        with petsc_options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
             snes.setFromOptions()
         self.max_iterations = snes.getTolerances()[3]
         return snes
@@ -223,7 +223,7 @@ class SemismoothNewton:
         self._may_propose = given and self._symmetric and max_iterations is None and self._propose_sets is not None
         self._slow = False
         try:
-            with options.defaults(self.problem.system.solver_defaults), unprinted():
+            with petsc_options.defaults(self.problem.system.solver_defaults), unprinted():
                 status = self._run(data, limit)
         except (PETSc.Error, MemoryError) as error:
             status = self.outcome_of(error)
@@ -299,7 +299,7 @@ class SemismoothNewton:
         if self._factor is not None:
             return False
         ksp = PETSc.KSP().create(self.problem.points.comm)
-        ksp.setOptionsPrefix(options.PREFIX)
+        ksp.setOptionsPrefix(petsc_options.PREFIX)
         ksp.setOperators(self.snes.getJacobian()[0])
         if not self.problem.system.factorise(ksp, symmetric=self._symmetric):
             ksp.destroy()

@@ -21,10 +21,10 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.resting_place import RestingMotion, resting_place
 from signorini_fx.algebra.contact.state import PointState
-from signorini_fx.algebra.linalg import ElasticSystem, options
+from signorini_fx.algebra.linalg import ElasticSystem, petsc_options
 from signorini_fx.algebra.method import Settings
 from signorini_fx.algebra.problem.exact import ExactProblem
-from signorini_fx.algebra.problem.problem import Problem
+from signorini_fx.algebra.problem.protocol import Problem
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import History, Status
@@ -306,7 +306,7 @@ class Iterate:
     def linear_solver(self) -> PETSc.KSP:
         """What solves without contact points."""
         ksp = PETSc.KSP().create(self._system.comm)
-        ksp.setOptionsPrefix(options.PREFIX)
+        ksp.setOptionsPrefix(petsc_options.PREFIX)
         ksp.setOperators(self._system.matrix)
         self._system.configure(ksp, symmetric=True)
         ksp.setFromOptions()

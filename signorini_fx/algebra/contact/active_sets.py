@@ -14,11 +14,11 @@ from signorini_fx.algebra.contact.complementarity import (
     RegularisedData,
     onto_disc,
     slip_of,
+    slips,
     trial_pressure,
     trial_shear,
 )
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
-from signorini_fx.tuned import SAME_NUMBER
 
 
 @dataclass(frozen=True)
@@ -151,9 +151,8 @@ def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedDa
 def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
     """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
 
-    A point slips where |mu + xi / sigma| > F g, in the direction of that sum.  In the plane this is (3.3c); with sigma
-    infinite mu decides, and xi where mu is at its bound.  A point whose bound is zero transmits no shear and belongs to
-    the side to which it moves; ``transmitting`` leaves it out.
+    A point that ``slips`` by (3.3c) does so in the direction of mu + xi / sigma.  A point whose bound is zero transmits
+    no shear and belongs to the side to which it moves; ``transmitting`` leaves it out.
     """
     trial = trial_pressure(u_n, data)
     return _following(trial, data.friction_bound(trial), u_t, xi, mu, data)
@@ -164,14 +163,7 @@ def _following(trial: Nodal, bound: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, dat
     contact = keep_closed(trial > 0, data)
     if data.bound is None:
         return ActiveSets.of(contact, np.zeros_like(u_t))
-    size = length(mu)
-    over = size - bound
-    # sigma (|mu + xi / sigma|^2 - F^2 g^2) = sigma (|mu|^2 - F^2 g^2) + this.
-    leaning = 2.0 * inner(mu, xi) + inner(xi, xi) / data.sigma
-    if np.isinf(data.sigma):
-        slip = np.where(np.abs(over) <= SAME_NUMBER * np.where(np.isfinite(bound), bound, 0.0), leaning > 0, over > 0)
-    else:
-        slip = data.sigma * over * (size + bound) + leaning > 0
+    slip = slips(xi, mu, bound, data)
     return ActiveSets.of(contact, *_directed(slip, mu + xi / data.sigma, u_t, bound, data))
 
 

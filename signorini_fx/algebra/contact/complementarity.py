@@ -1,4 +1,4 @@
-"""The pointwise contact and friction laws in d dimensions, and their generalised derivatives.  No finite elements.
+"""The pointwise contact and friction conditions in d dimensions, (3.2) to (3.4).  No finite elements.
 
 Every array has one entry per contact point of this rank.  A tangential vector has d - 1 components in the tangent plane
 of its point, shape (n, d - 1): one in the plane, two in space.  Pressures and shears are stresses, lambda and mu of the
@@ -14,8 +14,8 @@ with e and k of the previous iterate: the projection (3.4) with its derivative t
 form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
 572-596, for the disc).  In R^1 the second term vanishes.
 
-The data (3.2), the contact condition (3.3b) and the projection (3.4) stand here; the friction condition (3.3c), from
-which the next sets follow, in ``active_sets``.
+The data (3.2), the contact condition (3.3b), the friction condition (3.3c) and the projection (3.4) stand here; which
+sets follow from them, and the derivatives for fixed sets, in ``active_sets``.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.method import Settings
-from signorini_fx.tuned import AUTOMATIC_GAMMA
+from signorini_fx.tuned import AUTOMATIC_GAMMA, SAME_NUMBER
 
 
 @dataclass(frozen=True)
@@ -162,6 +162,27 @@ def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
 def trial_shear(u_t: Nodal, data: RegularisedData) -> Nodal:
     """mu_hat + gamma_2 tau_T y, whose projection onto the disc |mu| <= F g is mu (3.4)."""
     return data.mu_hat + data.gamma_t * slip_of(u_t, data)
+
+
+def slips(xi: Nodal, mu: Nodal, bound: Nodal, data: RegularisedData) -> npt.NDArray[np.bool_]:
+    """Where a point slips by the friction condition (3.3c): |mu + xi / sigma| > F g, shape (n,).
+
+    The slip multiplier xi, length, is zero at the others.  With sigma infinite mu decides, and xi where mu is at its
+    bound.
+
+    Args:
+        xi: slip multiplier, shape (n, d - 1).
+        mu: shear, stress, shape (n, d - 1).
+        bound: F g, stress, shape (n,).
+        data: sigma.
+    """
+    size = length(mu)
+    over = size - bound
+    # sigma (|mu + xi / sigma|^2 - F^2 g^2) = sigma (|mu|^2 - F^2 g^2) + this.
+    leaning = 2.0 * inner(mu, xi) + inner(xi, xi) / data.sigma
+    if np.isinf(data.sigma):
+        return np.where(np.abs(over) <= SAME_NUMBER * np.where(np.isfinite(bound), bound, 0.0), leaning > 0, over > 0)
+    return data.sigma * over * (size + bound) + leaning > 0
 
 
 def onto_disc(shear: Nodal, bound: Nodal) -> Nodal:

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import options, row_by_row
+from signorini_fx.algebra.linalg import petsc_options, row_by_row
 from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.linalg.kernels import BlockProduct
 
@@ -338,7 +338,7 @@ class PreconditionerByEntries:
     def setUp(self, pc: PETSc.PC) -> None:
         """Set up anew; collective."""
         inner = PETSc.PC().create(pc.comm)
-        inner.setOptionsPrefix(options.PREFIX)
+        inner.setOptionsPrefix(petsc_options.PREFIX)
         inner.setOperators(by_entries(pc.getOperators()[0]))
         self._configure(inner)
         inner.setUp()

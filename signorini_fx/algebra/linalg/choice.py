@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import ElasticSystem, options
+from signorini_fx.algebra.linalg import ElasticSystem, petsc_options
 from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.elasticity import Elasticity
@@ -110,7 +110,7 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
 
 def for_multigrid(size: SystemSize) -> str | None:
     """Why a Krylov method with multigrid is better than a factorisation; None: it is not; collective."""
-    if options.user_chooses_solver():
+    if petsc_options.user_chooses_solver():
         return None
     factor = factor_memory(size.unknowns, size.dimension)
     if not enough_memory(size.comm, factor):
@@ -130,7 +130,7 @@ def krylov_from(size: SystemSize, requested: str) -> float:
     """
     if requested != "auto":
         return 0.0 if requested == "krylov" else math.inf
-    if not size.compressible or options.user_chooses_solver():
+    if not size.compressible or petsc_options.user_chooses_solver():
         return math.inf
     # A dense matrix of few contact points is cheap for longer than a sparse one.
     fewest = FEWEST_KRYLOV_UNKNOWNS if against_condensing(size) else FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED
@@ -146,7 +146,7 @@ def against_condensing(size: SystemSize) -> str | None:
         return ranks
     if not has_package("mumps"):
         return "PETSc has no MUMPS"
-    if options.user_chooses_solver():
+    if petsc_options.user_chooses_solver():
         return "the options choose a linear solver"
     if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
         return f"only {size.unknowns} unknowns"

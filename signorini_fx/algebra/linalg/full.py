@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.assembled import AssembledSystem
 from signorini_fx.algebra.linalg.factorisation import factor_defaults, use_factorisation
 from signorini_fx.tuned import LAGGED_NODES, LAGGED_SHARE, LAGGED_STEPS
@@ -28,7 +28,7 @@ class FullSystem(AssembledSystem):
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix, and as a preconditioner if only a few contact nodes have changed their state."""
-        if options.user_sets("ksp_") or options.user_sets("pc_"):
+        if petsc_options.user_sets("ksp_") or petsc_options.user_sets("pc_"):
             return moved == 0
         lagging = self.definite and not exact  # of an indefinite matrix CG would break down
         retained = moved == 0 or (lagging and moved is not None and moved <= LAGGED_NODES)

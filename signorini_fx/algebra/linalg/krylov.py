@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.assembled import AssembledSystem
 from signorini_fx.algebra.linalg.blocks import is_by_blocks, use_entries
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
@@ -112,7 +112,7 @@ class KrylovSystem(AssembledSystem):
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see ``multigrid``."""
         ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
-        if not options.user_sets("ksp_"):  # another method may not know this norm
+        if not petsc_options.user_sets("ksp_"):  # another method may not know this norm
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=KRYLOV_STEPS)
         pc = ksp.getPC()
@@ -121,7 +121,7 @@ class KrylovSystem(AssembledSystem):
         else:
             pc.setType(PETSc.PC.Type.GAMG)
         contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
-        if contact == 0 or options.user_sets("pc_type") or not self.hierarchy.interpolations:
+        if contact == 0 or petsc_options.user_sets("pc_type") or not self.hierarchy.interpolations:
             return
         preconditioner = ContactPreconditioner(self.levels, self.contact.fixed, symmetric=symmetric)
         self._preconditioners[ksp.handle] = preconditioner
@@ -141,7 +141,7 @@ class KrylovSystem(AssembledSystem):
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
         """Where the user has chosen no solver, and a factor, without symmetry two of them, fits into the memory."""
-        if options.user_sets("ksp_") or options.user_sets("pc_") or not can_factorise(self.comm):
+        if petsc_options.user_sets("ksp_") or petsc_options.user_sets("pc_") or not can_factorise(self.comm):
             return False
         unknowns, dimension = self.matrix.getSize()[0], self.contact.points.dimension
         if not enough_memory(self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension)):
@@ -165,7 +165,7 @@ class KrylovSystem(AssembledSystem):
         self._preconditioners[ksp.handle].solve_contact(b, x)
         rtol, atol, _, _ = ksp.getTolerances()
         # With no absolute tolerance a share of this right-hand side is asked for, which is none of the forces.
-        if options.user_sets("ksp_") or (atol == 0.0 and rtol > NO_RELATIVE_TOLERANCE):
+        if petsc_options.user_sets("ksp_") or (atol == 0.0 and rtol > NO_RELATIVE_TOLERANCE):
             return
         size = (b - ksp.getOperators()[0] * x).norm()
         allowance = self._left_by(size) if self.inexact else 0.0
@@ -186,6 +186,6 @@ class KrylovSystem(AssembledSystem):
         """For the same matrix; where it is another one, a solve by multigrid need not be exact."""
         if ksp.getType() == PETSc.KSP.Type.PREONLY:
             self.inexact = False
-        elif not options.user_sets("ksp_"):
+        elif not petsc_options.user_sets("ksp_"):
             self._forces, self.inexact = forces, moved != 0 and not exact
         return moved == 0

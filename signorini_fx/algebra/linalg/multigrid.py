@@ -25,7 +25,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
-from signorini_fx.algebra.linalg import options, row_by_row
+from signorini_fx.algebra.linalg import petsc_options, row_by_row
 from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks, rough
 from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.linalg.elasticity import Level
@@ -73,7 +73,7 @@ class Hierarchy:
             matrix: A, with the size of its blocks and its near null space.
             level: its mesh and the coarser ones; None: there are none.
         """
-        chain = [] if level is None or options.user_sets("pc_gamg") else _interpolations(level)
+        chain = [] if level is None or petsc_options.user_sets("pc_gamg") else _interpolations(level)
         if not chain:
             return cls._aggregated(matrix, level)
         coarse: list[PETSc.Mat] = []
@@ -109,7 +109,7 @@ class Hierarchy:
             if level is not None:
                 matrix.setNearNullSpace(level.modes())
         gamg = PETSc.PC().create(matrix.comm)
-        gamg.setOptionsPrefix(options.PREFIX)
+        gamg.setOptionsPrefix(petsc_options.PREFIX)
         gamg.setOperators(matrix)
         gamg.setType(PETSc.PC.Type.GAMG)
         gamg.setFromOptions()
@@ -334,7 +334,7 @@ class ContactPreconditioner:
         levels, truncated = self._levels.hierarchy, self._levels.truncated
         depth = len(levels.interpolations)
         cycle = PETSc.PC().create(self._places.comm)
-        cycle.setOptionsPrefix(options.PREFIX)
+        cycle.setOptionsPrefix(petsc_options.PREFIX)
         cycle.setType(PETSc.PC.Type.MG)
         cycle.setMGLevels(depth + 1)
         for level, interpolation in enumerate((truncated.interpolation, *levels.interpolations[1:])):
@@ -350,7 +350,7 @@ class ContactPreconditioner:
             smoother.setOperators(matrix)
         # On the finest level D^-1 is a matrix of its own, zero where contact holds; no option may change that.
         finest = cycle.getMGSmoother(depth)
-        finest.setOptionsPrefix(f"{options.PREFIX}mg_finest_")
+        finest.setOptionsPrefix(f"{petsc_options.PREFIX}mg_finest_")
         finest.setType(PETSc.KSP.Type.CHEBYSHEV)
         finest.getPC().setType(PETSc.PC.Type.MAT)
         low, high = (share * levels.largest for share in SMOOTHED_SPECTRUM)

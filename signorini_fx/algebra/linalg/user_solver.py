@@ -16,7 +16,7 @@ from typing import Protocol
 
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.assembled import AssembledSystem
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
@@ -130,6 +130,6 @@ class UserSystem(AssembledSystem):
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; the residual is measured against the forces."""
-        if not options.user_sets("ksp_"):
+        if not petsc_options.user_sets("ksp_"):
             ksp.setTolerances(rtol=1e-15, atol=KRYLOV_TOLERANCE * forces)
         return moved == 0

@@ -29,7 +29,7 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.linalg import ElasticSystem, keep_diagonal
 from signorini_fx.algebra.linalg.callbacks import called_back
-from signorini_fx.algebra.problem.problem import Problem
+from signorini_fx.algebra.problem.protocol import Problem
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import LARGEST_TURNING_STIFFNESS
 

@@ -24,7 +24,7 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.callbacks import called_back
-from signorini_fx.algebra.problem.problem import NextSets, Problem
+from signorini_fx.algebra.problem.protocol import NextSets, Problem
 from signorini_fx.algebra.problem.tangent import ContactTangent
 
 

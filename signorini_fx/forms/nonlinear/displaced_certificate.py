@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.forms.mechanics import prescribed_nodes, sides_of
+from signorini_fx.forms.mechanics_of_forms import prescribed_nodes, sides_of
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.mechanics_of_residual import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.mechanics.body.foundations_on_points import ShapeDistances
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion

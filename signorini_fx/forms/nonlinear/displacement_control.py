@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.nonlinear.equilibrium import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, place
+from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, StepSizes, Way
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS

@@ -11,17 +11,17 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear import outcomes
-from signorini_fx.forms.nonlinear.equilibrium import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.leaps import Leaps, SnapThrough
-from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.mechanics_of_residual import ResidualMechanics
+from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.restarted_body import RestartedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.step_sizes import Way
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.solution import StepResult
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.load_steps import Marks, Stepping
-from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.tuned import SMALL_INCREMENT
 
 

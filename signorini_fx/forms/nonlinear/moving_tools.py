@@ -37,7 +37,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies, RigidBodyMotion
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 
 Array = npt.NDArray[np.float64]
 

@@ -16,11 +16,11 @@ from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.arguments import checked
 from signorini_fx.forms.nonlinear.displacement_control import Control, begins_to_move, beyond_limit
-from signorini_fx.forms.nonlinear.equilibrium import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.leaps import Leaps, SnapThrough
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import place
+from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, PathSizes, RampStep, Way
@@ -32,13 +32,13 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
-from signorini_fx.mechanics.statement.load_steps import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.solving.check.pushed_nodes import pushed_nodes
-from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.tuned import LOAD_DIFFERENCE, SMALLEST_STEP
 
 # Iterations of Newton's method, unless it is said otherwise.

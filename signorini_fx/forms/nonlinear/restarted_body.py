@@ -26,7 +26,7 @@ from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Timings
 from signorini_fx.results.solution import StepResult
-from signorini_fx.solving.restart import MeshCheckpoint, Recalled
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, Recalled
 
 _SOLUTION, _TANGENT = "solution", "tangent"
 

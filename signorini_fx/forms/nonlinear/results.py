@@ -13,14 +13,14 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.named_parts import named_parts
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.mechanics_of_residual import ResidualMechanics
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.statement.load_steps import LoadPath, counted_path
+from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import Solution, StepResult
-from signorini_fx.solving.one_mesh import algorithm_name, used_parameters
+from signorini_fx.solving.solve_on_mesh import algorithm_name, used_parameters
 from signorini_fx.solving.stepped_body import step_result
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from numbers import Real
 
 from signorini_fx.errors import FormError
-from signorini_fx.mechanics.statement.load_steps import LoadPath, next_place
+from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.results.solution import StepResult
 from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, LARGE_STEP, SAME_NUMBER, SMALLEST_STEP, STEP_GROWTH
@@ -108,7 +108,7 @@ class StepSizes:
 
 
 class PathSizes(StepSizes):
-    """The places of the steps along a path, see ``statement.load_steps``: one for each of its times, or as many as its
+    """The places of the steps along a path, see ``statement.load_path``: one for each of its times, or as many as its
     ramp has; ``reached`` is -1 before the first one.
 
     The step to the first time may be halved, too, and begins at time 0 then; none is larger than the path asks for.

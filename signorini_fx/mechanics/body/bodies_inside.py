@@ -22,7 +22,7 @@ from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.pieces import find_pieces
 from signorini_fx.mechanics.body.shapes_inside import BodyCells, InsideBody
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
-from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE
 
 Array = npt.NDArray[np.float64]

@@ -15,7 +15,7 @@ from dolfinx import fem
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.moduli import graded, middles
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position
+from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement

@@ -31,7 +31,7 @@ from signorini_fx.mechanics.body.averages import Averages, AveragingForms, avera
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.kinematics import of_components
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody

@@ -23,7 +23,7 @@ from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.resting_place import RestingMotion
-from signorini_fx.algebra.linalg import ElasticSystem, options, row_by_row
+from signorini_fx.algebra.linalg import ElasticSystem, petsc_options, row_by_row
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCase
 from signorini_fx.algebra.method import Settings
@@ -49,7 +49,7 @@ from signorini_fx.mechanics.body.rigid import (
 from signorini_fx.mechanics.body.rigid_bodies import Driven, with_more_unknowns, without_more
 from signorini_fx.mechanics.body.shared_cache import shared_in
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes, block_rotation
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
@@ -254,7 +254,11 @@ class ElasticBody:
             return False
         if self.links is not None or (self.beside is not None and self.beside.joint):
             return False
-        if self.settings.algorithm == "exact" or options.user_chooses_solver() or self.dofs < FEWEST_BLOCK_UNKNOWNS:
+        if (
+            self.settings.algorithm == "exact"
+            or petsc_options.user_chooses_solver()
+            or self.dofs < FEWEST_BLOCK_UNKNOWNS
+        ):
             return False
         # Nothing that resists is assembled yet: without it more motions are free, and contact holds them or not.
         at_contact = self._supported.joined(boundary).at(boundary)

@@ -30,7 +30,7 @@ from signorini_fx.mechanics.body.cellwise_stiffness import (
 )
 from signorini_fx.mechanics.body.moduli import poisson_of
 from signorini_fx.mechanics.body.quadrature import strain_degree
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.materials.isotropic import elastic_forms, initial_strain_forms
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement

@@ -19,7 +19,7 @@ from signorini_fx.mechanics.body.assembly import measure
 from signorini_fx.mechanics.body.load_vectors import FormCoefficients
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position
+from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory

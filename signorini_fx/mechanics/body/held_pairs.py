@@ -20,8 +20,8 @@ from mpi4py import MPI
 from signorini_fx.algebra.contact.points import inside
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, closed_within
-from signorini_fx.mechanics.pairs.overlap import Overlap
-from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.tuned import SAME_DIRECTION, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]

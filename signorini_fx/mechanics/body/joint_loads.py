@@ -114,7 +114,7 @@ class JointLoads:
         tagged: its mesh.
         space: the displacements.
         boundary: the contact points of this rank, n of them.
-        place: see ``statement.load_steps``.
+        place: see ``statement.load_path``.
 
     Raises:
         SceneError: the boundary of a load does not meet a contact that it enters, or its pressure in closed contact is

@@ -26,13 +26,13 @@ from signorini_fx.mechanics.body.nodal_effects import forces_at_nodes
 from signorini_fx.mechanics.body.rigid_bodies import Driven, RigidBodies
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Load, Resistance
 from signorini_fx.mechanics.statement.effect_trial import fault_of
 from signorini_fx.mechanics.statement.expressions import Expression, sample
-from signorini_fx.mechanics.statement.load_steps import factor_at
+from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import LARGEST_NUMBER, ZERO_SUM

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, SAME_DIRECTION
 
 Array = npt.NDArray[np.float64]

@@ -37,7 +37,7 @@ from signorini_fx.mechanics.body.assembly import adjugates, assemble, over_ranks
 from signorini_fx.mechanics.body.elastic_law import LawStress, SceneLaw, VolumeForces, compliance
 from signorini_fx.mechanics.body.moduli import isotropic
 from signorini_fx.mechanics.body.pieces import BodyPieces
-from signorini_fx.mechanics.kinematics.cartesian import position
+from signorini_fx.mechanics.kinematics.protocol import position
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.statement import Statement

@@ -22,7 +22,7 @@ from dolfinx import fem
 from signorini_fx.mechanics.body.follower_pressure import FollowerPressures, without_followers
 from signorini_fx.mechanics.body.moduli import reduced_degree
 from signorini_fx.mechanics.body.quadrature import strain_degree
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position
+from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.materials.nonlinear import PathDependent
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

@@ -24,7 +24,7 @@ from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, couple
-from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]

@@ -28,7 +28,7 @@ from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.pieces import BodyPieces
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.tuned import NO_STRAIN, NOT_HELD
 
 _Floats = npt.NDArray[np.float64]

@@ -35,7 +35,7 @@ from signorini_fx.machine.display import clean
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.rigid import rigid_modes
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
 
 _Floats = npt.NDArray[np.float64]

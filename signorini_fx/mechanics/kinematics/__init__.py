@@ -19,9 +19,9 @@ from typing import Any
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import KINEMATICS, load, names_of
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
 from signorini_fx.mechanics.kinematics.plane_strain import PLANE_STRAIN
 from signorini_fx.mechanics.kinematics.plane_stress import PLANE_STRESS
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.kinematics.torsion import TORSION
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics, position
+from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.tuned import NEAR_AXIS
 
 _Floats = npt.NDArray[np.float64]

@@ -1,6 +1,6 @@
 """Plane stress: a thin body without stress across its plane, which is the material's affair."""
 
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 
 PLANE_STRESS = Kinematics(
     "plane stress",

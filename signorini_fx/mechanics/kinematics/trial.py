@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.extensions import is_of_package
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 
 _Floats = npt.NDArray[np.float64]

@@ -15,8 +15,8 @@ from mpi4py import MPI
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.cuts import shares
 from signorini_fx.mechanics.mesh.distribution import Tagged, distributed, domain
+from signorini_fx.mechanics.mesh.shares_of_ranks import shares
 from signorini_fx.mechanics.statement.mesh_sources import Body, TaggedMeshBase
 from signorini_fx.mechanics.statement.rigid_shape import turning
 

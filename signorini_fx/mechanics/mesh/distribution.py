@@ -16,10 +16,10 @@ from dolfinx.io import distribute_entity_data
 from dolfinx.io.utils import cell_perm_gmsh
 from mpi4py import MPI
 
-from signorini_fx.mechanics.mesh.cuts import partitioner, shares
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.shares_of_ranks import partitioner, shares
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.mechanics.mesh.cuts import partitioner
+from signorini_fx.mechanics.mesh.shares_of_ranks import partitioner
 
 # Places of the corners of a hexahedron along the axes, in the order of dolfinx.
 _CORNERS = np.array([(i, j, k) for k in (0, 1) for j in (0, 1) for i in (0, 1)])

@@ -324,7 +324,7 @@ def read_mesh(
         degree: degree of the geometry, as in ``formats.read_file``.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
         sections: names of the file whose facets inside the body are wanted, too.
-        touching: the boundaries with which bodies in the file touch each other; see ``mesh/cuts.py``.
+        touching: the boundaries with which bodies in the file touch each other; see ``mesh/shares_of_ranks.py``.
         sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.
 
     Raises:

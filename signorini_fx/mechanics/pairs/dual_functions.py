@@ -17,9 +17,9 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sparse_scaling import scaled_columns, scaled_rows
-from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, PASSED_ON, SAME_NUMBER, SINGULAR, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]

@@ -39,11 +39,11 @@ from signorini_fx.mechanics.pairs.dual_functions import (
     extended,
     hats,
 )
-from signorini_fx.mechanics.pairs.overlap import Overlap
 from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap, turned_in_plane
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import COVERED_TWICE, DEEPEST_OVERLAP, NO_ARM, PARALLEL, SAME_PLACE_IN_CELL, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import NO_PART, TURNED_DIRECTION
 
 Array = npt.NDArray[np.float64]

@@ -13,9 +13,9 @@ import basix
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
+from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.mechanics.pairs.surface import Lagrange, PairSurface
 from signorini_fx.tuned import LAST_STEP_BUT_ONE, LAST_STEP_IN_FACET, NO_PART, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]

@@ -35,10 +35,10 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides, dual_coefficients
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, turning_of
-from signorini_fx.mechanics.pairs.overlap import Overlap
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals
 from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
-from signorini_fx.mechanics.pairs.surface import PairSurface
 from signorini_fx.tuned import NO_PART
 
 Array = npt.NDArray[np.float64]

@@ -13,10 +13,10 @@ from importlib import import_module
 from typing import Any, Self, TypeVar
 
 from signorini_fx.extensions import INTERFACES, load_class, modules_of
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.statement.effect import Effect, Force, JointLoad, Load
-from signorini_fx.mechanics.statement.load_steps import LoadPath, LoadSteps, factor_at, time_at
+from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at, time_at
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody, rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
 from signorini_fx.mechanics.statement.units import unit_names
@@ -80,6 +80,11 @@ class Statement:
     def material(self) -> tuple[Any, ...]:
         """One for the body, or one for each named region; none where only forms know it."""
         return self.effects.get("material", ())
+
+    @property
+    def body_of_proofs(self) -> str:
+        """Of which body something is proved, in words; empty: of the body itself."""
+        return "of the body with the straight cells of the mesh" if self.arcs else ""
 
     @property
     def nonlinear(self) -> bool:
@@ -235,7 +240,7 @@ class Statement:
         return self.changed(**changed) if changed else self
 
     def time_at(self, step: float) -> float:
-        """The time of a place in the lists of factors, see ``statement.load_steps``."""
+        """The time of a place in the lists of factors, see ``statement.load_path``."""
         return time_at(self._times, step)
 
     @cached_property

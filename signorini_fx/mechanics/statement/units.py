@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from signorini_fx.mechanics.kinematics import of_data
-from signorini_fx.mechanics.kinematics.cartesian import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 
 # The unit of a force that is a stress times the square of a length, where it has a name.
 _FORCES = {

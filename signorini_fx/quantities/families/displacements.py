@@ -14,7 +14,7 @@ from signorini_fx.quantities.step_columns import by_axis, of_boundaries
 if TYPE_CHECKING:
     from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
-    from signorini_fx.quantities.statements import Interval
+    from signorini_fx.quantities.proved_statements import Interval
 
 
 class MeanTangential(Quantity):

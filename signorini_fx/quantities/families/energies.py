@@ -8,7 +8,7 @@ from signorini_fx.quantities.digits import solved_prices
 from signorini_fx.quantities.quantity import Quantity, Summary
 
 if TYPE_CHECKING:
-    from signorini_fx.quantities.statements import Interval
+    from signorini_fx.quantities.proved_statements import Interval
 
 
 class FrictionWork(Quantity):
@@ -40,7 +40,7 @@ class StrainEnergy(Quantity):
 
     def bounds(self, solution: Any, *words: str) -> Interval | str | None:
         """See ``Quantity``."""
-        from signorini_fx.quantities.statements import Interval
+        from signorini_fx.quantities.proved_statements import Interval
 
         if words:
             raise ValueError(words)

@@ -20,7 +20,7 @@ from signorini_fx.quantities.text import force_lines, has_friction, kinematics_o
 if TYPE_CHECKING:
     from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
-    from signorini_fx.quantities.statements import Interval
+    from signorini_fx.quantities.proved_statements import Interval
 
 
 class _Force(Quantity):

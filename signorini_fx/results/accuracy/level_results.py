@@ -10,7 +10,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.algorithms.path_following import path_model
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Task
-from signorini_fx.algebra.linalg import callbacks, options
+from signorini_fx.algebra.linalg import callbacks, petsc_options
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
@@ -36,7 +36,7 @@ def _make_ready(newton: SemismoothNewton) -> None:
         newton.pose(problem.data, problem.sets)
         problem.assemble_jacobian(newton.snes, newton.x, jacobian)
         problem.factorised(jacobian)
-        with options.defaults(problem.system.solver_defaults):
+        with petsc_options.defaults(problem.system.solver_defaults):
             callbacks.solve(newton.snes.getKSP().setUp)
 
 

@@ -14,7 +14,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import options
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.blocks import is_by_blocks
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import assemble, measure
@@ -119,9 +119,9 @@ class StressRecovery:
         ksp.setType(PETSc.KSP.Type.CG)
         ksp.setTolerances(rtol=PROJECTION_TOLERANCE)
         # On a grid this is the factor itself where nodes are numbered along its lines; elsewhere it saves most steps.
-        ksp.setOptionsPrefix(f"{options.PREFIX}mass_")
+        ksp.setOptionsPrefix(f"{petsc_options.PREFIX}mass_")
         ksp.getPC().setType(PETSc.PC.Type.BJACOBI)
-        with options.defaults({"mass_sub_pc_type": "icc"}):
+        with petsc_options.defaults({"mass_sub_pc_type": "icc"}):
             ksp.setFromOptions()
             ksp.setUp()
         return ksp

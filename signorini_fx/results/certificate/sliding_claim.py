@@ -29,7 +29,7 @@ from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
-from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION
 
 Array = npt.NDArray[np.float64]

@@ -31,7 +31,7 @@ from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
-from signorini_fx.mechanics.pairs.surface import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends
 from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER
 

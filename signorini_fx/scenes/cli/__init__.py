@@ -15,7 +15,7 @@ from signorini_fx.machine import terminal
 from signorini_fx.machine.launcher import limit_threads
 from signorini_fx.scenes.cli import commands
 from signorini_fx.scenes.cli.exit_codes import on_one_process, on_ranks
-from signorini_fx.scenes.cli.options import parser
+from signorini_fx.scenes.cli.grammar import parser
 
 _ON_ONE_PROCESS: dict[str, Callable[[argparse.Namespace], str | tuple[str, int]]] = {
     "new": commands.new,

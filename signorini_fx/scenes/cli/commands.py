@@ -16,7 +16,7 @@ from signorini_fx.errors import InstallationError, OutputError, SceneError, Sign
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
 from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK, of_solve
-from signorini_fx.scenes.cli.options import changes
+from signorini_fx.scenes.cli.grammar import changes
 
 if TYPE_CHECKING:
     from signorini_fx.results.solution import Solution

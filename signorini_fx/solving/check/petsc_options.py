@@ -14,7 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.factorisation import has_package
-from signorini_fx.algebra.linalg.options import PREFIX, watches
+from signorini_fx.algebra.linalg.petsc_options import PREFIX, watches
 from signorini_fx.errors import OptionsError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.launcher import environment_of_no_rank

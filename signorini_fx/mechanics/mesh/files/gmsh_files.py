@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files import step
+from signorini_fx.mechanics.mesh.files import cad_step
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD
 from signorini_fx.mechanics.mesh.files.gmsh_script import translated
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
@@ -85,7 +85,7 @@ def read_gmsh(
     if script is not None:
         raw.sets = {script.original(name): rows for name, rows in raw.sets.items()}
     if raw.corners and CAD[suffix] == "step" and file.stat().st_size <= _LARGEST_NAMED:
-        raw.sets = _with_names(raw.sets, step.names_of_faces(file, raw.corners))
+        raw.sets = _with_names(raw.sets, cad_step.names_of_faces(file, raw.corners))
     return raw
 
 

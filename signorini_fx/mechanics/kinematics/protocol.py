@@ -1,4 +1,4 @@
-"""Small displacements in Cartesian coordinates, and what every kind of kinematics answers."""
+"""What every kind of kinematics answers; what stands here are small displacements in Cartesian coordinates."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.resultants import FormResultants
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance

@@ -45,7 +45,7 @@ from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.quantities.statements import Grounds, Refused
+from signorini_fx.quantities.proved_statements import Grounds, Refused
 from signorini_fx.tuned import SAME_DIRECTION, SAME_LENGTH, ZERO_IN_SOLUTION
 
 # Values at both ends and in the middle of the linear function whose moments with linear ones are those that Simpson's

@@ -12,7 +12,7 @@ from test_two_bodies_scenes import DEMO
 from two_bodies import grid
 
 from signorini_fx import read_scene, solve
-from signorini_fx.mechanics.mesh import cuts, distribution
+from signorini_fx.mechanics.mesh import distribution, shares_of_ranks
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -54,7 +54,7 @@ def test_two_blocks(ranks):
     """Slices of both blocks, as many cells of each in all of them but for a column."""
     counts = (30, 10), (24, 8)
     middles, body = boxes((counts[0], (0, 0), (3, 1)), (counts[1], (0, -1), (3, 0)))
-    owner = cuts.shares(Ranks(ranks), middles, flat(1, (0, 0), 3.0))
+    owner = shares_of_ranks.shares(Ranks(ranks), middles, flat(1, (0, 0), 3.0))
     assert np.ptp(np.bincount(owner, minlength=ranks)) <= 2
     for number, (_, column) in enumerate(counts):
         own = np.bincount(owner[body == number], minlength=ranks)
@@ -72,7 +72,7 @@ def test_along_the_contact(size, normal, cut):
     size = np.array(size, dtype=float)
     middles, _ = boxes(((4, 4, 5), (0, 0, 0), size * (1, 1, 0.5)), ((4, 4, 5), size * (0, 0, 0.5), size))
     sides = np.empty((0, 3, 3)) if normal is None else flat(normal, (0, 0, size[2] / 2))
-    owner = cuts.shares(Ranks(2), middles, sides)
+    owner = shares_of_ranks.shares(Ranks(2), middles, sides)
     apart = [middles[owner == 0, axis].max() < middles[owner == 1, axis].min() for axis in range(3)]
     assert np.flatnonzero(apart).tolist() == [0 if cut is None else cut]
 
@@ -83,10 +83,15 @@ def test_few_cells(dim, scale):
     """No rank is without cells if there are enough; equal columns in a row are cut between their cells."""
     cells = ((1,) * dim, (0,) * dim, (scale,) * dim), ((1,) * dim, (0,) * (dim - 1) + (scale,), (scale,) * dim)
     middles, _ = boxes(*cells)
-    assert sorted(cuts.shares(Ranks(2), middles, scale * flat(dim - 1, (0,) * dim))) == [0, 1]
+    assert sorted(shares_of_ranks.shares(Ranks(2), middles, scale * flat(dim - 1, (0,) * dim))) == [0, 1]
     middles, _ = boxes(((3, 3, 3)[:dim], (0,) * dim, (scale,) * dim))
     for ranks in range(1, len(middles) + 1):
-        assert np.bincount(cuts.shares(Ranks(ranks), middles, scale * flat(0, (0,) * dim)), minlength=ranks).min() >= 1
+        assert (
+            np.bincount(
+                shares_of_ranks.shares(Ranks(ranks), middles, scale * flat(0, (0,) * dim)), minlength=ranks
+            ).min()
+            >= 1
+        )
 
 
 @pytest.mark.mpi
@@ -94,11 +99,11 @@ def test_whoever_brings_the_cells():
     """The shares are those of one process, also where a rank brings nothing."""
     middles, _ = boxes(((9, 4), (0, 0), (3, 1)), ((7, 3), (0, -1), (3, 0)))
     sides = flat(1, (0, 0), 3.0)
-    expected = cuts.shares(Ranks(WORLD.size), middles, sides)
+    expected = shares_of_ranks.shares(Ranks(WORLD.size), middles, sides)
     for start in (0, 1):
         first, step = (WORLD.rank - start, WORLD.size - start) if WORLD.size > 1 else (0, 1)
         own = slice(first, None, step) if first >= 0 else slice(0)
-        np.testing.assert_array_equal(cuts.shares(WORLD, middles[own], sides[own]), expected[own])
+        np.testing.assert_array_equal(shares_of_ranks.shares(WORLD, middles[own], sides[own]), expected[own])
 
 
 def block(kind, counts):

@@ -28,14 +28,14 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
-from signorini_fx.results.checkpoint import Checkpoint
+from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import StepResult
 
 K = TypeVar("K", bound="StoredBody")
 
 
 class StoredBody(Protocol):
-    """A body whose load steps a checkpoint takes; places as in ``statement.load_steps``; all methods are collective."""
+    """A body whose load steps a checkpoint takes; places as in ``statement.load_path``; all methods are collective."""
 
     @property
     def timings(self) -> Timings:

@@ -28,7 +28,7 @@ from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.quantities.statements import Refused
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide

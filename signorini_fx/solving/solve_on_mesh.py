@@ -37,12 +37,12 @@ from signorini_fx.solving.check.one_step import tilted_frames
 from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
+from signorini_fx.solving.data_at_times import stated_body
 from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.ramp import Increments
-from signorini_fx.solving.restart import MeshCheckpoint
-from signorini_fx.solving.stated_places import stated_body
 from signorini_fx.solving.stepped_body import LoadStep
 from signorini_fx.tuned import PATH_ERROR_SHARE
 

@@ -24,9 +24,9 @@ from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.mechanics import ResidualMechanics
+from signorini_fx.forms.nonlinear.mechanics_of_residual import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_pairs import alternating_points
-from signorini_fx.forms.nonlinear.overlap import overlap, overlap_of_bodies
+from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
