@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -26,6 +27,94 @@ _ORDER_OF_USER = 1  # INFOG(7)
 _SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are not touched
 _MEMORY = ((14, 30), (14, 300))  # ICNTL(14), per cent more than estimated, one after another until it is enough
 _SMALL = 20  # powers of two by which the entries of a load are smaller than those of the matrix
+
+
+@dataclass(frozen=True)
+class _Bordering:
+    """Where the entries of a matrix are in the one that is factorised: inner unknowns in the order of their
+    elimination, then those that stay, then the loads, as upper triangle.
+
+    Attributes:
+        order: of the inner unknowns.
+        places: see ``PartialFactor``.
+        loads: their number.
+        numbers: of each column its number there.
+        between: entries of the matrix between inner unknowns and those that stay.
+        nonzero: which of these are not zero.
+        diagonal: entries on the diagonal of inner unknowns.
+        upper: entries that are taken.
+        source: of each entry there its number among ``upper``, the loads in order of elimination, and the diagonal of
+            what stays.
+        ends, columns: of its rows.
+        toward_shape: of ``PartialFactor.toward``.
+    """
+
+    order: Indices
+    places: Indices
+    loads: int
+    numbers: Indices
+    between: Indices
+    nonzero: npt.NDArray[np.bool_]
+    diagonal: Indices
+    upper: Indices
+    source: Indices
+    ends: npt.NDArray[np.integer[Any]]
+    columns: npt.NDArray[np.integer[Any]]
+    toward_shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> _Bordering:
+        """That of a matrix, for the arguments see ``PartialFactor``; ``order``: of the inner unknowns."""
+        inside = order.size
+        numbers = np.full(places.size, -1, dtype=rows.indices.dtype)
+        numbers[order], numbers[places >= 0] = np.arange(inside), inside + places[places >= 0]
+        row, column = np.repeat(numbers[: rows.shape[0]], np.diff(rows.indptr)), numbers[rows.indices]
+        between = np.flatnonzero((row < inside) & (column >= inside))
+        # Zeros between inner ones stay: with the same pattern for all unknowns of a node the ordering is better.
+        nonzero = rows.data[between] != 0.0
+        taken = (row < inside) & (column >= row)
+        taken[between] = nonzero
+        upper, diagonal = np.flatnonzero(taken), np.flatnonzero((row < inside) & (column == row))
+        row, column = row[upper], column[upper]
+        del taken
+        size = inside + count + loads
+        staying = np.arange(inside, size, dtype=row.dtype)
+        row = np.concatenate((row, np.tile(np.arange(inside, dtype=row.dtype), loads), staying))
+        column = np.concatenate((column, np.repeat(staying[count:], inside), staying))
+        bordered = sp.csr_array((np.arange(row.size), (row, column)), shape=(size, size))
+        ends, columns = (at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices))
+        toward_shape, source = (inside, count), bordered.data
+        found = order, places, loads, numbers, between, nonzero, diagonal, upper, source, ends, columns, toward_shape
+        return cls(*found)
+
+    def fits(self, rows: sp.csr_array, order: Indices, places: Indices, loads: int) -> bool:
+        """Whether it is that of another matrix too; the same order means the same pattern of its rows."""
+        same = self.order is order and self.loads == loads and np.array_equal(self.places, places)
+        return same and np.array_equal(rows.data[self.between] != 0.0, self.nonzero)
+
+    def toward(self, rows: sp.csr_array, inner: Indices) -> sp.csr_array:
+        """A_ic of a matrix whose inner unknowns are ``inner``."""
+        entries = self.between[self.nonzero]
+        row = np.searchsorted(inner, np.searchsorted(rows.indptr, entries, side="right") - 1)
+        column = self.places[rows.indices[entries]]
+        return sp.csr_array((rows.data[entries], (row, column)), shape=self.toward_shape)
+
+
+# That of the last order, once two matrices have had it: the tangents of a nonlinear body have one pattern.
+_last: dict[str, _Bordering] = {}
+_last_order: dict[str, Indices] = {}
+
+
+def _bordering(rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> _Bordering:
+    """That of a matrix, see ``_Bordering``."""
+    if (last := _last.get("bordering")) is not None and last.fits(rows, order, places, loads):
+        return last
+    again = _last_order.get("order") is order
+    _last.clear()
+    _last_order["order"], found = order, _Bordering.of(rows, order, places, count, loads)
+    if again:
+        _last["bordering"] = replace(found, places=places.copy())
+    return found
 
 
 class PartialFactor:
@@ -62,39 +151,26 @@ class PartialFactor:
     ) -> None:
         self.inner = np.flatnonzero(places[: rows.shape[0]] < 0)
         self._count, inside = count, self.inner.size
-        stay = places >= 0
-        to = np.full(places.size, -1, dtype=rows.indices.dtype)
         # Of an indefinite matrix, with a pressure, minimum degree takes fewer operations.
         self._in_order = positions is not None and definite and _order_is_taken()
         usable_positions = positions if self._in_order else None
-        to[nearest_first(rows, stay) if usable_positions is None else dissected(rows, self.inner, usable_positions)] = (
-            np.arange(inside)
-        )
-        to[stay] = inside + places[stay]
-        self._order = to[self.inner]
+        stay = places >= 0
+        order = nearest_first(rows, stay) if usable_positions is None else dissected(rows, self.inner, usable_positions)
+        bordering = _bordering(rows, order, places, count, len(loads))
+        self._order, self.toward = bordering.numbers[self.inner], bordering.toward(rows, self.inner)
         # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
-        self._unit = _power(np.abs(rows.diagonal()[self.inner]).max(initial=0.0))
+        self._unit = _power(np.abs(rows.data[bordering.diagonal]).max(initial=0.0))
         # So small that they have no influence on the choice of pivots of an indefinite matrix.
         self._sizes = np.array([_power(np.abs(load[self.inner]).max(initial=0.0)) * 2.0**_SMALL for load in loads])
-        row, column = np.repeat(to[: rows.shape[0]], np.diff(rows.indptr)), to[rows.indices]
-        # Zeros between inner ones stay: with the same pattern for all unknowns of a node the ordering is better.
-        upper = (row < inside) & (column >= row) & ((column < inside) | (rows.data != 0.0))
-        values, row, column = rows.data[upper], row[upper], column[upper]
-        retained_entries = np.flatnonzero(column >= inside)
-        unknown = np.argsort(self._order)  # of each place in the order the number among inner ones
-        toward = values[retained_entries], (unknown[row[retained_entries]], column[retained_entries] - inside)
-        self.toward: Any = sp.csr_array(toward, shape=(inside, count))
-        values /= self._unit
-        scaled = [load[self.inner] / size for load, size in zip(loads, self._sizes, strict=True)]
-        last = np.arange(inside, inside + count + len(loads), dtype=row.dtype)  # the diagonal, zero
-        of_load, at = np.nonzero(scaled) if loads else (last[:0], last[:0])
-        values = np.concatenate((values, np.asarray(scaled)[of_load, at] if loads else [], 0.0 * last))
-        row = np.concatenate((row, self._order[at], last))
-        column = np.concatenate((column, (inside + count + of_load).astype(row.dtype), last))
-        bordered = sp.csr_array((values, (row, column)), shape=(inside + count + len(loads),) * 2)
-        del values, row, column, upper
-        csr = (bordered.indptr.astype(PETSc.IntType), bordered.indices.astype(PETSc.IntType, copy=False), bordered.data)
-        self._matrix = PETSc.Mat().createSBAIJ(bordered.shape, 1, csr=csr, comm=PETSc.COMM_SELF)
+        entries = [rows.data[bordering.upper] / self._unit]
+        for load, size in zip(loads, self._sizes, strict=True):
+            entries.append(np.empty(inside))
+            entries[-1][self._order] = load[self.inner] / size
+        entries.append(np.zeros(count + len(loads)))  # the diagonal of what stays
+        data = np.concatenate(entries)[bordering.source]
+        del entries
+        csr = (bordering.ends, bordering.columns, data)
+        self._matrix = PETSc.Mat().createSBAIJ((bordering.ends.size - 1,) * 2, 1, csr=csr, comm=PETSc.COMM_SELF)
         self._matrix.setOption(PETSc.Mat.Option.SPD, definite)
 
     def eliminate(self) -> tuple[Array, Array]:

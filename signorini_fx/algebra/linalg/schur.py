@@ -60,25 +60,28 @@ class SchurComplement:
         self._comm: MPI.Comm = matrix.comm.tompi4py()
         (first, last), (rows, foreign) = matrix.getOwnershipRange(), _own_columns_first(matrix)
         owned, stay = last - first, parallel.gather_rows(self._comm, first + retained)
-        separating = np.zeros(owned + foreign.size, dtype=bool)
-        separating[owned:] = (foreign >= last) & ~np.isin(foreign, stay)
-        entries = np.flatnonzero(separating[rows.indices] & (rows.data != 0.0))
-        self._border = np.setdiff1d(np.searchsorted(rows.indptr, entries, side="right") - 1, retained)
+        self._border: Indices = np.zeros(0, dtype=np.int64)
+        if foreign.size:
+            separating = np.zeros(owned + foreign.size, dtype=bool)
+            separating[owned:] = (foreign >= last) & ~np.isin(foreign, stay)
+            entries = np.flatnonzero(separating[rows.indices] & (rows.data != 0.0))
+            self._border = np.setdiff1d(np.searchsorted(rows.indptr, entries, side="right") - 1, retained)
         joint = np.concatenate((parallel.gather_rows(self._comm, first + self._border), stay))
         self._size, self._cut = joint.size, joint.size - stay.size
         # Of each column its number among the joint unknowns; -1: it is inner.
         numbers, local_joint = np.full(owned + foreign.size, -1), np.concatenate((self._border, retained))
         named = np.concatenate((local_joint, np.arange(owned, numbers.size)))
         numbers[named] = _places_in(joint, np.concatenate((first + local_joint, foreign)))
-        inner = np.repeat(numbers[:owned] < 0, np.diff(rows.indptr)) & (rows.data != 0.0)
         touched = np.full(self._size, self._comm.size == 1)
-        touched[numbers[rows.indices[inner & (numbers >= 0)[rows.indices]]]] = True
+        if self._comm.size > 1:
+            inner = np.repeat(numbers[:owned] < 0, np.diff(rows.indptr)) & (rows.data != 0.0)
+            touched[numbers[rows.indices[inner & (numbers >= 0)[rows.indices]]]] = True
         touched[0] = True  # one joint unknown at least, as MUMPS must leave something
         self._places = np.flatnonzero(touched)
         places = np.where(numbers >= 0, np.searchsorted(self._places, numbers), -1)
         between = sp.coo_array(rows[np.flatnonzero(numbers[:owned] >= 0)])
         self._factor = PartialFactor(rows, places, self._places.size, loads, positions, definite=definite)
-        del rows, inner
+        del rows
         broken = False
         try:
             dense, condensed = self._factor.eliminate()
@@ -223,6 +226,8 @@ def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Indices]:
     """The rows of this rank, their columns those of this rank first, then those of others, and the names of these."""
     first, last = matrix.getOwnershipRange()
     starts, columns, values = matrix.getValuesCSR()
+    if matrix.comm.size == 1:
+        return sp.csr_array((values, columns, starts), shape=(last, last)), np.zeros(0, dtype=np.int64)
     columns -= first
     outside = np.flatnonzero((columns < 0) | (columns >= last - first))
     foreign, at = np.unique(columns[outside], return_inverse=True)

@@ -51,15 +51,15 @@ def along_reference(displacement: fem.Function, points: Array) -> Iterator[tuple
         element = compat.lagrange(cell, degree, basix.LagrangeVariant.equispaced)
         return np.asarray(element.tabulate(1, points)[1:, :, :, 0])
 
-    def by_component(values: Array) -> Array:
-        """Of nodal values, shape (cells, functions, d): shape (d, cells, functions)."""
-        return np.ascontiguousarray(values.transpose(2, 0, 1))
+    def by_function(values: Array) -> Array:
+        """Of nodal values, shape (cells, functions, d): shape (functions, d cells), the cells next to each other."""
+        return np.ascontiguousarray(values.transpose(1, 2, 0)).reshape(values.shape[1], -1)
 
-    x = by_component(mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64))
-    y = by_component(displacement.x.array.reshape(-1, mesh.geometry.dim)[space.dofmap.list[owned]])
+    x = by_function(mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64))
+    y = by_function(displacement.x.array.reshape(-1, mesh.geometry.dim)[space.dofmap.list[owned]])
     of_place, of_displacement = slopes(compat.geometry_degree(mesh)), slopes(space.element.basix_element.degree)
     for number in range(len(points)):
         yield (
-            (x @ of_place[:, number].T).transpose(0, 2, 1),
-            (y @ of_displacement[:, number].T).transpose(0, 2, 1),
+            (of_place[:, number] @ x).reshape(dim, dim, -1).transpose(1, 0, 2),
+            (of_displacement[:, number] @ y).reshape(dim, mesh.geometry.dim, -1).transpose(1, 0, 2),
         )
