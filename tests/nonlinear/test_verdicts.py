@@ -9,7 +9,8 @@ from mpi4py import MPI
 from support.nonlinear_bodies import LAME, MU, PLATE, held, neo_hooke, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
-from signorini_fx.forms.nonlinear.tangent import is_derivative
+from signorini_fx.forms.nonlinear.condensed_inertia import is_positive
+from signorini_fx.forms.nonlinear.tangent import is_derivative, product
 from signorini_fx.mechanics.body.assembly import assemble
 
 HIGH = PLATE | {"point": (0.0, 8.0)}
@@ -27,7 +28,7 @@ def column(**options):
     space, side = rectangle([1.0, 8.0], [2, 16], MPI.COMM_SELF)
     u = fem.Function(space)
     shape = HIGH | {"shift": (0.0, -0.24)}
-    contact = Foundation(side(1, 8.0), shape=shape)
+    contact = Foundation(side(1, 8.0), shape=shape, friction=options.pop("friction", None))
     make = {"J": initial_stiffness(space)} if options.pop("wrong", False) else {}
     return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **make, **options)
 
@@ -41,6 +42,65 @@ def test_a_wrong_tangent_is_no_verdict():
     problem = column(wrong=True, stability=False)
     problem.solve()
     assert problem.certificate.holds
+
+
+def last_factor(problem, at_end=None):
+    """What the factorisation of the last iteration says, and in how many directions the tangent of now is negative;
+    ``at_end``: a product in place of that of now.
+    """
+    solver = problem._solver
+    (tangent, found), stability = solver.stability._derivative(), solver.stability
+    negative, linear = stability._negative(tangent), problem.linear
+    said = is_positive(linear.elastic, linear.task.system, stability._restraint(), at_end or found)
+    return said, negative
+
+
+@pytest.mark.parametrize("friction", [None, Coulomb(0.3)])
+def test_the_last_factor_says_what_another_one_does(friction):
+    """Of a column that is pressed beyond Euler's load in small steps; what it cannot know it does not say."""
+    problem = column(stability=False, linear_algebra="condensed", friction=friction)
+    told = []
+    for depth in np.linspace(0.06, 0.36, 16) * (1.0 if friction is None else 4.0):
+        problem.place(0, shift=(0.0, -depth))
+        problem.solve()
+        problem.advance()
+        told.append(last_factor(problem))
+    assert all(said == (negative == 0) for said, negative in told)
+    assert {negative for _, negative in told} >= {0, 1}
+
+
+def test_a_last_factor_of_another_tangent_says_nothing():
+    """Where the tangent of now is that of a column beyond Euler's load, or of one on the way there, or where the last one
+    was not condensed.
+    """
+    problem = column(linear_algebra="condensed")
+    problem.place(0, shift=(0.0, -0.04))
+    problem.solve()
+    assert last_factor(problem) == (True, 0)
+    solver, values = problem._solver, problem.u.x.array.copy()
+    for share, enough in ((1e-8, True), (3.0, False), (8.0, False)):
+        problem.u.x.array[:] = (1.0 + share) * values
+        moved = product(solver.tangents.leading, problem.u, ~solver.stability._fixed, 1e-7)
+        problem.u.x.array[:] = values
+        assert last_factor(problem, moved)[0] is enough
+    whole = column(linear_algebra="full")
+    whole.place(0, shift=(0.0, -0.04))
+    whole.solve()
+    assert last_factor(whole) == (False, 0)
+
+
+def test_a_last_factor_that_is_negative_inside():
+    """What was eliminated counts too: the middle of a column that both its ends hold buckles, and no point of contact
+    moves with it.
+    """
+    problem = column(stability=False, linear_algebra="condensed", friction=Coulomb(10.0))
+    for depth in (0.2, 0.6, 1.0):
+        problem.place(0, shift=(0.0, -depth))
+        problem.solve()
+        problem.advance()
+    said, negative = last_factor(problem)
+    assert negative > 0
+    assert not said
 
 
 def test_a_wrong_tangent_proves_no_limit():

@@ -101,6 +101,11 @@ class SchurComplement:
         self.loads = np.reshape([load for load, _ in condensed_loads], (len(loads), stay.size))
         self.between = np.reshape([between for _, between in condensed_loads], (len(loads), self._cut))
 
+    @property
+    def positive_inside(self) -> bool:
+        """Whether A_ii is positive definite, whatever it was taken for; on several ranks what each eliminates alone."""
+        return not parallel.any_rank(self._comm, self._factor.negative > 0)
+
     def condense(self, load: PETSc.Vec) -> tuple[Array, Array]:
         """Another load as one of ``loads``, and as one of ``between``: one back substitution."""
         values = load.getArray(readonly=True)

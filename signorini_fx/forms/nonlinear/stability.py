@@ -12,13 +12,15 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import conditions_of
+from signorini_fx.forms.nonlinear.condensed_inertia import Restraint, is_positive
 from signorini_fx.forms.nonlinear.inertia import ToolsAtPoints, negative_directions
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
-from signorini_fx.forms.nonlinear.tangent import Tangents, is_derivative
+from signorini_fx.forms.nonlinear.tangent import Product, Tangents, is_derivative, product, product_of_derivative
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
 from signorini_fx.records import Status
+from signorini_fx.tuned import DIFFERENCE_STRAINS
 
 Array = npt.NDArray[np.float64]
 
@@ -40,9 +42,18 @@ class Stability:
     forces_at: Callable[[Array], Array | None]
 
     def verdict(self) -> Status:
-        """Whether an equilibrium is stable, by the derivative of F; collective."""
-        if not self.linear.factor_fits or (tangent := self._derivative()) is None:
+        """Whether an equilibrium is stable, by the derivative of F; collective.
+
+        The factorisation of the last iteration says so as a rule; where it does not there is one more.
+        """
+        linear = self.linear
+        if not linear.factor_fits or (found := self._derivative()) is None:
             return Status.STABILITY_UNKNOWN
+        tangent, at_end = found
+        linear.bend()
+        leading = tangent is self.tangents.leading and linear.relative is None
+        if leading and is_positive(linear.elastic, linear.task.system, self._restraint(), at_end):
+            return Status.CONVERGED
         if not self._negative(tangent):
             return Status.CONVERGED
         # Without an energy a symmetric part that is not definite proves nothing.
@@ -61,7 +72,7 @@ class Stability:
         with suppress(FormError):
             forces = self.forces_at(self.u.x.array.copy())
             known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
-            if known and (tangent := self._derivative()) is not None and self._negative(tangent):
+            if known and (found := self._derivative()) is not None and self._negative(found[0]):
                 return "the tangent has lost its stiffness in some direction"
         return ""
 
@@ -83,18 +94,33 @@ class Stability:
         dofmap = self.u.function_space.dofmap
         return self.linear.prescribed[0][: dofmap.index_map.size_local * dofmap.index_map_bs]
 
-    def _derivative(self) -> fem.Form | None:
-        """The user's tangent if it is the derivative of F at ``u``, else that of UFL; None: neither is; collective."""
-        if self.tangents.trusted:
-            return self.tangents.leading
+    def _derivative(self) -> tuple[fem.Form, Product] | None:
+        """The user's tangent if it is the derivative of F at ``u``, else that of UFL, with its product with a random
+        displacement; None: neither is; collective.
+        """
         free, values = ~self._fixed, self.u.x.array.copy()
+        if self.tangents.trusted:
+            leading = self.tangents.leading
+            return leading, product(leading, self.u, free, DIFFERENCE_STRAINS[0])
         for given in (True, False) if self.tangents.given else (False,):
             tangent = self.tangents.leading if given else self.tangents.derivative
-            fits = is_derivative(tangent, self.u, self.forces_at, free)
+            found = product_of_derivative(tangent, self.u, self.forces_at, free)
             self.forces_at(values)
-            if fits:
-                return tangent
+            if found is not None:
+                return tangent, found
         return None
+
+    def _restraint(self) -> Restraint:
+        """What acts at the contact points, without tools that forces move; collective."""
+        linear, nodes = self.linear, self.linear.state.boundary.nodes
+        beside = self._beside(turning_of(linear.state, linear.scales.size))
+        return Restraint(beside, nodes, linear.held, linear.holding)
+
+    def _beside(self, at_points: Array) -> NodalStiffness:
+        """The curvature, and blocks of the contact points, shape (n, d, d)."""
+        curvature, nodes = self.linear.curvature, self.linear.state.boundary.nodes
+        blocks = np.concatenate((curvature.blocks, at_points))
+        return NodalStiffness.summed(np.concatenate((curvature.nodes, nodes)), blocks, curvature.joint)
 
     def _negative(self, tangent: fem.Form) -> int:
         """In how many directions that contact admits a tangent, or its symmetric part, is negative; collective."""
@@ -102,7 +128,7 @@ class Stability:
         linear.bend()
         bcs = conditions_of(linear.bcs, self.u.function_space)
         nodes = linear.state.boundary.nodes
-        turning, curvature, relative = turning_of(linear.state, linear.scales.size), linear.curvature, linear.relative
+        turning, relative = turning_of(linear.state, linear.scales.size), linear.relative
         if relative is None:
             at_points, tools = turning, None
         else:  # at the nodes is what a tool that stands still does
@@ -110,9 +136,7 @@ class Stability:
             at_points = turning + blocks[:, :dim, :dim]
             blocks[:, :dim, :dim] += np.where((relative.tool >= 0)[:, None, None], turning, 0.0)
             tools = self._tools(relative.tool, blocks)
-        beside = NodalStiffness.summed(
-            np.concatenate((curvature.nodes, nodes)), np.concatenate((curvature.blocks, at_points)), curvature.joint
-        )
+        beside = self._beside(at_points)
         judged = linear.holding, tools, linear.symmetric
         return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held, *judged)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -110,10 +111,47 @@ def spacing(space: fem.FunctionSpace) -> Array:
     return np.array(function.x.array[:: space.dofmap.index_map_bs])
 
 
+@dataclass(frozen=True)
+class Product:
+    """What a bilinear form makes of a random displacement that supports leave free.
+
+    Attributes:
+        direction: the displacement.
+        forces: of it, shape (owned dofs,).
+    """
+
+    direction: fem.Function
+    forces: Array
+
+
+def product(form: fem.Form, u: fem.Function, free: npt.NDArray[np.bool_], strain: float) -> Product:
+    """That of a form with a random displacement; collective.
+
+    Args:
+        form: compiled, whose coefficients are as it is wanted.
+        u: gives the space.
+        free: which of the owned unknowns are not prescribed, shape (owned dofs,).
+        strain: of the displacement, without unit.
+    """
+    direction = random_direction(u, strain)
+    direction.x.array[: free.size][~free] = 0.0
+    direction.x.scatter_forward()
+    nodes = direction.x.array.size // u.function_space.dofmap.index_map_bs
+    return Product(direction, action((form,), direction, np.arange(nodes, dtype=np.int32)))
+
+
 def is_derivative(
     form: fem.Form, u: fem.Function, forces: Callable[[Array], Array | None], free: npt.NDArray[np.bool_]
 ) -> bool:
-    """Whether a bilinear form is the derivative of forces, in a random direction; collective.
+    """Whether there is a ``product_of_derivative``; collective."""
+    return product_of_derivative(form, u, forces, free) is not None
+
+
+def product_of_derivative(
+    form: fem.Form, u: fem.Function, forces: Callable[[Array], Array | None], free: npt.NDArray[np.bool_]
+) -> Product | None:
+    """The product of a bilinear form with a random displacement that supports leave free, if that is what forces change
+    by: then it is their derivative.  None: it is not; collective.
 
     Args:
         form: compiled.
@@ -121,28 +159,30 @@ def is_derivative(
         forces: F at the owned unknowns for values of ``u``, ghosts included; None: it has none there.
         free: which of the owned unknowns are not prescribed, shape (owned dofs,).
     """
-    return any(_agrees(form, u, forces, free, strain) for strain in DIFFERENCE_STRAINS)
+    for strain in DIFFERENCE_STRAINS:
+        if (tried := _agreeing(form, u, forces, free, strain)) is not None:
+            return tried
+    return None
 
 
-def _agrees(
+def _agreeing(
     form: fem.Form,
     u: fem.Function,
     forces: Callable[[Array], Array | None],
     free: npt.NDArray[np.bool_],
     strain: float,
-) -> bool:
+) -> Product | None:
     """The same over a change of strain of this size; ``u`` is as it was after it, but not what depends on it."""
-    comm, direction, values = u.function_space.mesh.comm, random_direction(u, strain), u.x.array.copy()
-    nodes = direction.x.array.size // u.function_space.dofmap.index_map_bs
+    comm, values = u.function_space.mesh.comm, u.x.array.copy()
     forces(values)
-    change = action((form,), direction, np.arange(nodes, dtype=np.int32))
-    ahead, behind = (forces(values + sign * direction.x.array) for sign in (1.0, -1.0))
+    tried = product(form, u, free, strain)
+    ahead, behind = (forces(values + sign * tried.direction.x.array) for sign in (1.0, -1.0))
     u.x.array[:] = values
     if ahead is None or behind is None:
-        return False
-    error = np.where(free, change - (ahead - behind) / 2, 0.0)
-    squares = parallel.global_sum(comm, np.array([error @ error, (change * free) @ change]))
-    return bool(squares[0] <= SAME_TANGENT**2 * squares[1])
+        return None
+    error = np.where(free, tried.forces - (ahead - behind) / 2, 0.0)
+    squares = parallel.global_sum(comm, np.array([error @ error, (tried.forces * free) @ tried.forces]))
+    return tried if squares[0] <= SAME_TANGENT**2 * squares[1] else None
 
 
 def random_direction(u: fem.Function, strain: float) -> fem.Function:
