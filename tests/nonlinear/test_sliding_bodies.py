@@ -20,7 +20,6 @@ from signorini_fx import (
     NonlinearContactProblem,
     Pair,
     Status,
-    Tresca,
 )
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.results.certificate.promised_law import Law, Tractions
@@ -266,8 +265,6 @@ def test_two_sheets():
         ({"bonded": True}, "bonded"),
         ({"bilateral": True}, "bilateral"),
         ({"adjust": 0.1}, "adjust"),
-        ({"friction": Tresca(1.0)}, "friction"),
-        ({"friction": Coulomb(0.3, cohesion=1.0)}, "friction"),
     ],
 )
 def test_what_is_not_possible(more, where):

@@ -29,6 +29,9 @@ class BoundOfPressure(Protocol):
     def derivative(self, pressure: Nodal) -> Nodal:
         """Derivative of the bound by the pressure, at zero that towards larger ones, shape (m,)."""
 
+    def at(self, points: npt.NDArray[np.int64]) -> BoundOfPressure:
+        """The same at some of the points, by their numbers."""
+
 
 @dataclass(frozen=True)
 class LawAtPoints:
@@ -126,6 +129,18 @@ class PointFriction:
             return self
         given = np.where(where, self.bound(np.zeros_like(self.given)), self.given)
         return replace(self, given=given, coefficient=np.where(where, 0.0, self.coefficient))
+
+    def without_points(self, where: npt.NDArray[np.bool_]) -> PointFriction:
+        """The same without friction at some points, shape (n,)."""
+        if not where.any():
+            return self
+        laws = []
+        for entry in self.laws:
+            kept = np.flatnonzero(~where[entry.points])
+            cap = None if entry.cap is None else entry.cap[kept]
+            laws.append(replace(entry, law=entry.law.at(kept), points=entry.points[kept], cap=cap))
+        given, coefficient = (np.where(where, 0.0, values) for values in (self.given, self.coefficient))
+        return replace(self, given=given, coefficient=coefficient, laws=tuple(laws))
 
     def forces(self, weight: Nodal) -> PointFriction:
         """The envelope, which no bound exceeds, with forces for stresses at points with such weights, shape (n,)."""

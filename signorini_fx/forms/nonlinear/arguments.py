@@ -87,14 +87,11 @@ def checked(
 
 def _faults(number: int, pair: Any) -> list[tuple[str, str]]:
     """What of a pair is not possible where its sides slide on each other."""
-    path, law = f"contact[{number}]", pair.friction
-    across = "acts without pressure, too, and so across the gap of sides that slide: take Coulomb friction with a cap"
-    alone = law is not None and (not law.follows_pressure or getattr(law, "cohesion", None) is not None)
+    path = f"contact[{number}]"
     return [
         (f"{path}.{key}", reason)
         for key, wrong, reason in (
             ("gap", pair.gap != "geometry", 'must be "geometry": sides that slide do not stay opposite each other'),
-            ("friction", alone, across),
             ("bonded", pair.bonded, "is not possible yet: nonlinear bodies that are tied need one mesh"),
             ("bilateral", pair.bilateral, "is not possible yet: give a contact that can open"),
             ("adjust", pair.adjust is not None, "is not possible yet: move the meshes to where they touch"),

@@ -46,7 +46,7 @@ from signorini_fx.mechanics.body.averages import averaging
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.foundations_on_points import Foundations, ShapeDistances
+from signorini_fx.mechanics.body.foundations_on_points import Foundations, NodalFriction, ShapeDistances
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
@@ -118,6 +118,18 @@ class MovingFoundations(Foundations):
     ) -> ContactBoundary:
         """See ``Foundations``: where both sides are now."""
         return self.sliding[number].boundary()
+
+    def law(
+        self, boundary: ContactBoundary, modulus: float, friction: Sequence[NodalFriction] | None = None
+    ) -> PointFriction | None:
+        """See ``Foundations``: a point that does not see the other side has none, not even one without pressure."""
+        law = super().law(boundary, modulus, friction)
+        if law is None or not self.sliding:
+            return law
+        alone = np.zeros(boundary.size, dtype=bool)
+        for number, pair in self.sliding.items():
+            alone[boundary.part == number] = pair.alone
+        return law.without_points(alone)
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
         """See ``Foundations``."""
@@ -568,10 +580,13 @@ class LinearisedProblem(FormSolver):
 
     @property
     def _sticks(self) -> npt.NDArray[np.bool_]:
-        """Which contact points friction has held in the last solution, shape (n,)."""
+        """Which contact points friction has held in the last solution, in contact or by a bound that needs no pressure,
+        shape (n,).
+        """
         part, state = self.state.boundary.part, self.state
         rough = np.array([entry.friction is not None or entry.bonded for entry in self.contact])[part]
-        return np.asarray(rough & state.in_contact & (state.direction == 0.0).all(axis=1))
+        acts = state.in_contact | (state.bound > 0.0)
+        return np.asarray(rough & acts & (state.direction == 0.0).all(axis=1))
 
     @property
     def held(self) -> Array:

@@ -10,12 +10,14 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra.contact.points import inside
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
+from signorini_fx.records import Finding
 from signorini_fx.solving.check.pushed_nodes import HeldNodes
 from signorini_fx.tuned import LEAST_SEEN, NEAR_PARTNER
 
@@ -78,6 +80,11 @@ class MovingPair:
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank."""
         return self.sides.boundary(self.coupling)
+
+    @property
+    def alone(self) -> npt.NDArray[np.bool_]:
+        """Which of the points of this rank do not see the other side, shape (n,)."""
+        return np.asarray(~self.coupling.frames.partnered[self.sides.mine])
 
     @property
     def opening(self) -> Array:
@@ -176,6 +183,28 @@ def spins_of(pairs: Mapping[int, MovingPair], boundary: ContactBoundary, spin: A
     for number, pair in pairs.items():
         rotation[boundary.part == number] = pair.spin
     return rotation
+
+
+def sheared_across_gaps(pairs: Mapping[int, MovingPair], state: ContactState) -> list[Finding]:
+    """Friction that acts at points that are not in contact, as a bound without pressure lets it, for each pair;
+    collective.
+    """
+    findings, comm = list[Finding](), state.boundary.comm
+    magnitude = state.boundary.weight * np.linalg.norm(state.shear, axis=1)
+    for number in pairs:
+        of_pair = state.boundary.part == number
+        open_points = of_pair & ~state.in_contact & (magnitude > 0.0)
+        sums = np.array([np.count_nonzero(open_points), magnitude[open_points].sum(), magnitude[of_pair].sum()])
+        count, across, total = parallel.global_sum(comm, sums)
+        gap = parallel.largest(comm, (state.gap - state.u_n)[open_points], 0.0)
+        if count:
+            message = (
+                f"friction without pressure acts across gaps of up to {gap:.3g}, at {count:.0f} points that are not in "
+                f"contact, which have {across / total:.0%} of it: for friction that ends where contact opens take "
+                "Coulomb(0.0, cohesion=...)"
+            )
+            findings.append(Finding("warning", f"contact[{number}].friction", message))
+    return findings
 
 
 def joint_stiffness(pairs: Mapping[int, MovingPair], state: ContactState) -> tuple[JointStiffness, ...]:

@@ -19,6 +19,7 @@ from signorini_fx.forms.nonlinear.displacement_control import Control, begins_to
 from signorini_fx.forms.nonlinear.leaps import Leaps, SnapThrough
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
+from signorini_fx.forms.nonlinear.moving_pairs import sheared_across_gaps
 from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
@@ -56,7 +57,9 @@ class NonlinearContactProblem(ProblemOfForms):
     bounds of friction are per area of the undeformed boundary.  Friction depends on the path: ``advance`` ends a step.
 
     The sides of a ``Pair`` slide on each other, in space with degree 1: its points see the other side at displaced
-    places, half-way between the normals of both, and slip along it over any number of facets.
+    places, half-way between the normals of both, and slip along it over any number of facets.  Areas, and so bounds of
+    friction such as those of ``Tresca``, are those of the undeformed first side; a bound without pressure acts wherever
+    a point sees the other side, in contact or not.
 
     Args:
         F: the residual, a UFL form with one argument, nonlinear in ``u``.
@@ -177,7 +180,8 @@ class NonlinearContactProblem(ProblemOfForms):
             return ()
         held = [pair.held_nodes(bilateral=self.contact[k].bilateral) for k, pair in linear.pairs.items()]
         pushed = pushed_nodes(linear.space.mesh.comm, [held], linear.scales.size)
-        return (*self._continuation.leaps.findings, *findings_of_last(linear), *pushed)
+        across = sheared_across_gaps(linear.pairs, linear.state)
+        return (*self._continuation.leaps.findings, *findings_of_last(linear), *pushed, *across)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

@@ -151,6 +151,8 @@ class ContactNodes:
                 )
                 gap = gap + (1.0 - closed) * apart
             bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
+            if side.claim is not None and not unmatched:
+                bound = np.where(side.claim.facing, bound, 0.0)
             columns.append((nodes, weight[nodes], normal, gap, bound, bilateral, pressure, shear))
         if parallel.any_rank(forces.space.mesh.comm, unmatched):
             raise ValueError("the tractions are not those of the contact nodes of the scene")

@@ -63,6 +63,11 @@ class Claim:
         return self.pair.coupling.weight
 
     @property
+    def facing(self) -> npt.NDArray[np.bool_]:
+        """Which points see the other side: all, shape (n,)."""
+        return np.ones(self.points.size, dtype=bool)
+
+    @property
     def distance(self) -> Array:
         """The vectors d from one side to the other at the points, length, shape (n, d)."""
         return self.pair.coupling.distance

@@ -411,6 +411,11 @@ class SlidingClaim:
         return self.present.weight[self._mine]
 
     @property
+    def facing(self) -> npt.NDArray[np.bool_]:
+        """Which points see the other side, and may have tractions, shape (n,)."""
+        return self.present.partnered[self._mine]
+
+    @property
     def across(self) -> Array:
         """Projectors onto the directions across planes of symmetry at the points, in which nothing slides, shape (n, 2,
         2).
@@ -474,7 +479,7 @@ class SlidingClaim:
         nodes, rates = self._rates
         pushing = seen.functions.T @ (np.where(seen.partnered, pressure, 0.0))
         np.add.at(forces, nodes, -pushing[:, None, None] * rates)
-        drag = (seen.weight * shear)[:, None] * seen.tangent
+        drag = (seen.weight * seen.partnered * shear)[:, None] * seen.tangent
         forces[:count] += seen.sharing.T @ drag
         forces[count:] -= seen.opposite.T @ drag
         self._add_couples(forces, drag)

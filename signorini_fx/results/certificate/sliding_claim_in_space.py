@@ -403,7 +403,8 @@ class SpaceSlidingClaim(SlidingClaim):
         rows[self.points] = traction
         gathered = from_owners(rows, slave.nodes[self.carriers], self.comm)
         pressure = np.where(seen.partnered, np.sum(gathered * seen.normal, axis=1), 0.0)
-        drag = seen.weight[:, None] * (gathered - np.sum(gathered * seen.normal, axis=1)[:, None] * seen.normal)
+        along = gathered - np.sum(gathered * seen.normal, axis=1)[:, None] * seen.normal
+        drag = (seen.weight * seen.partnered)[:, None] * along
         forces = np.zeros((names.size, 3))
         pressures, couples = seen.functions.T @ pressure, np.zeros((count, 3))
         middle = _hats(np.full(2, 1 / 3 if slave.width == 3 else 1 / 2), slave.width)

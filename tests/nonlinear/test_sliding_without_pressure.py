@@ -1,0 +1,244 @@
+"""Two bodies that slide with friction that needs no pressure: Tresca's, cohesion, and laws of one's own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_bodies import neo_hooke
+from support.sliding_bodies import as_linear_bodies, blocks, bulge, bump, out_of_balance, pillow, roller
+from ufl import dx
+
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Tresca
+from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter
+from signorini_fx.results.certificate.promised_law import Law, Tractions
+
+BOUND = 0.4
+THERE_AND_BACK = ((0, -0.02), (0, -0.1), (0.05, -0.1), (0.3, -0.1), (0.27, -0.1), (0.05, -0.1))
+WIDE = {"slave": 1, "width": 3.0, "algorithm": "alm"}
+
+
+class Killed(Exception):
+    """The end of a run that is gone on with."""
+
+
+class Sticky(FrictionLaw):
+    """c + F lambda, in contact or not."""
+
+    law: str = "sticky"
+    given: Parameter
+    coefficient: Parameter
+
+    def limit(self, pressure):
+        return self.given + self.coefficient * pressure
+
+    def derivative(self, pressure):
+        return self.coefficient + 0.0 * pressure
+
+    def claimed(self, pressure):
+        return self.given + pressure * self.coefficient
+
+    def envelope(self, zero):
+        return Envelope(zero + self.given, zero + self.coefficient)
+
+
+WITHOUT_PRESSURE = [Tresca(BOUND), Coulomb(0.0, cohesion=BOUND)]
+NAMES = ["tresca", "cohesion"]
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize("scene_of", [bump, pytest.param(bulge, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("law", [Tresca(2e-4), Coulomb(0.1, cohesion=1e-4)], ids=NAMES)
+def test_linear_limit(law, scene_of, slave):
+    """At small loads pairs of linear bodies, on the same mesh, with points that are open and carry shear, or do not."""
+    scene = scene_of(friction=law, slave=slave, algorithm="alm")
+    dim = len(scene.u)
+    force = scene.move(2e-5, *[0.0] * (dim - 2), -1e-4)
+    linear = as_linear_bodies(scene)
+    state, expected = scene.problem.state, sum(linear.state.forces)
+    slips = np.linalg.norm(state.direction, axis=1) > 0
+    across = ~state.in_contact & (np.linalg.norm(state.shear, axis=1) > 0)
+    assert np.count_nonzero(slips) > 3
+    assert across.any() == isinstance(law, Tresca)
+    assert force == pytest.approx(expected, abs=2e-4 * np.abs(expected).max())
+    assert scene.u.x.array == pytest.approx(linear.u.x.array, abs=2e-4 * np.abs(linear.u.x.array).max())
+
+
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["quadrilateral", pytest.param("triangle", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("law", [Tresca, lambda bound: Coulomb(0.0, cohesion=bound)], ids=NAMES)
+def test_on_a_rigid_plane(law, kind, degree):
+    """A block that is 1e5 times as stiff is a rigid plane, of which other code knows, over two facets and back; where
+    all slides the force is the bound times the undeformed area of the first side.
+    """
+    forces, rigid = [], {"shape": "plane", "point": (0.0, 0.0), "normal": (0.0, 1.0)}
+    for on_plane in (False, True):
+        friction = {"friction": law(1e-5 * BOUND)}
+        scene = blocks(kind, lower=(8, 3), upper=(4, 3), ratio=1e-5, degree=degree, **WIDE, **friction)
+        if on_plane:
+            tool = Foundation(scene.sides[1], shape=rigid, **friction)
+            scene.problem = NonlinearContactProblem(scene.form, scene.u, bcs=scene.bcs, contact=tool, algorithm="alm")
+        forces.append(1e5 * np.array([scene.move(*way) for way in THERE_AND_BACK]))
+        assert scene.problem.certificate.holds
+    assert forces[0] == pytest.approx(forces[1], abs=3e-5 * np.abs(forces[1]).max())
+    assert forces[0][[3, 5], 0] == pytest.approx([-BOUND, BOUND], rel=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", WITHOUT_PRESSURE, ids=NAMES)
+def test_work(law):
+    """What drives a block over another one does the work that friction takes and the bodies store: in steps of half the
+    size the rest is a quarter, as that of the trapezoidal rule.
+    """
+    left = []
+    for steps in (8, 16):
+        scene = blocks(friction=law, **WIDE)
+        stored = fem.form(neo_hooke(scene.u) * dx(metadata={"quadrature_degree": 2}))
+        scene.move(0.0, -0.02)
+        force, begun, work = -scene.move(0.0, -0.1), fem.assemble_scalar(stored), 0.0
+        for share in np.arange(1, steps + 1) / steps:
+            after = -scene.move(0.3 * share, -0.1)
+            work += (force + after)[0] / 2 * 0.3 / steps - scene.problem.state.friction_work
+            force = after
+        left.append(work - (fem.assemble_scalar(stored) - begun))
+    friction = 0.3 * BOUND
+    assert abs(left[0]) < 0.02 * friction
+    assert abs(left[1]) < 0.3 * abs(left[0])
+
+
+@pytest.mark.parametrize("friction", [Tresca(BOUND), Coulomb(0.1, cohesion=BOUND), Sticky(BOUND, 0.3)], ids=type)
+@pytest.mark.parametrize("algorithm", [pytest.param("ssn", marks=pytest.mark.slow), "alm"])
+def test_nothing_acts_where_there_is_no_other_side(friction, algorithm):
+    """Bodies that part and meet: no force where none sees the other one, and no shear at points that do not; forces and
+    moments balance where there is some.
+    """
+    scene = roller(ratio=10.0, gap=0.3, reach=0.2, friction=friction, algorithm=algorithm)
+    shears = []
+    for way in ((0.0, 0.0), (0.0, -0.25), (0.0, -0.4), (0.0625, -0.4), (0.2, -0.4), (0.2, 0.1), (0.25, 0.1)):
+        force = scene.move(*way)
+        (pair,) = scene.problem.linear.pairs.values()
+        shear, sees = np.abs(scene.problem.state.shear[:, 0]), pair.coupling.frames.partnered
+        assert not sees.all()
+        assert np.abs(shear[~sees]).max() == 0.0
+        assert scene.problem.certificate.holds
+        shears.append(shear.max())
+        if shear.any():
+            left, moment = out_of_balance(scene)
+            assert left < 1e-13
+            assert moment < 1e-12
+        if not sees.any():
+            assert np.abs(force).max() == 0.0
+    assert shears[4] >= BOUND * (1 - 1e-9)
+    assert shears[0] == shears[-1] == 0.0
+
+
+@pytest.mark.parametrize(("law", "across"), [(Tresca(BOUND), True), (Coulomb(0.0, cohesion=BOUND), False)], ids=NAMES)
+def test_friction_across_gaps_is_told(law, across):
+    """A finding says how far friction without pressure reaches, and what to take instead; of that nothing is said."""
+    scene = roller(ratio=10.0, friction=law, algorithm="alm")
+    for way in ((0.0, -0.1), (0.1, -0.1)):
+        scene.move(*way)
+    state, found = scene.problem.state, [finding for finding in scene.problem.findings if "gaps" in finding.message]
+    open_points = ~state.in_contact & (state.shear[:, 0] != 0.0)
+    assert open_points.any() == bool(found) == across
+    if across:
+        gap = (state.gap - state.u_n)[open_points].max()
+        (finding,) = found
+        assert (finding.level, finding.path) == ("warning", "contact[0].friction")
+        assert f"up to {gap:.3g}, at {np.count_nonzero(open_points)} points" in finding.message
+        assert "Coulomb(0.0, cohesion=...)" in finding.message
+
+
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_the_certificate_sees_what_is_wrong(dim):
+    """Shears beyond the bound, against the way, at points that see nothing, or none where all slides."""
+    if dim == 2:
+        scene = roller(ratio=10.0, friction=Tresca(BOUND), reach=0.2, algorithm="alm")
+    else:
+        coarse = {"lower": (8, 6, 1), "upper": (4, 4, 1)}
+        scene = pillow(ratio=10.0, friction=Tresca(BOUND), reach=0.05, algorithm="alm", **coarse)
+    across = [0.0] * (dim - 2)
+    scene.move(0.0, *across, -0.1)
+    scene.drive.value[0] = 0.15
+    problem = scene.problem
+    problem.solve()
+    (pair,) = problem.linear.pairs.values()
+    sees = pair.coupling.frames.partnered
+    assert sees.any()
+    assert not sees.all()
+    form = fem.form(scene.form)
+
+    def judged(changed):
+        linear, tractions = problem.linear, Tractions.of(problem.state)
+        mechanics = mechanics_at(scene.u, fem.assemble_vector(form).array, linear)
+        law = Law(*linear.task.promised(linear.outcome))
+        claimed = replace(tractions, shear=changed(tractions.shear.copy()))
+        return certified(scene.u, mechanics, {}, claimed, law, linear.previous_step)
+
+    def beside(shear):
+        tangent = problem.state.boundary.tangents[~sees, :, 0]
+        shear[~sees] = 0.5 * BOUND * tangent
+        return shear
+
+    assert judged(lambda shear: shear).holds
+    assert judged(lambda shear: 1.001 * shear).friction_cone > 1e-5
+    assert not judged(lambda shear: -shear).holds
+    assert not judged(lambda shear: 0.0 * shear).holds
+    assert judged(beside).friction_cone > 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+@pytest.mark.parametrize(("kind", "degree"), [("quadrilateral", 1), ("triangle", 2)])
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize("law", WITHOUT_PRESSURE, ids=NAMES)
+def test_products(monkeypatch, tmp_path_factory, law, slave, kind, degree):
+    """On any number of ranks, gone on with after a kill, in other units and as a mirror image: the same forces."""
+    settings = {"ratio": 10.0, "cells": (12, 3), "around": 8, "degree": degree, "slave": slave, "algorithm": "alm"}
+    times = (0.5, 1.0, 1.5, 2.0)
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(str(tmp_path_factory.mktemp("restart")) if comm.rank == 0 else None)
+
+    def made(**more):
+        scene = roller(kind, friction=law, **settings, **more)
+
+        def at(time):
+            scene.drive.value[:] = scene.turn @ [0.2 * max(time - 1, 0), -0.1 * min(time, 1)]
+
+        return scene, at
+
+    def force(scene):
+        unit = np.linalg.norm(scene.turn[0])
+        assert scene.problem.certificate.holds
+        return scene.turn.T @ sum(scene.problem.state.forces) / unit**2
+
+    def run(**more):
+        scene, at = made(**more)
+        scene.problem.run(times, at)
+        return force(scene)
+
+    alone = run(comm=MPI.COMM_SELF)
+    size = np.abs(alone).max()
+    assert abs(alone[0]) > 0.005 * size
+    assert run(comm=comm) == pytest.approx(alone, abs=1e-8 * size)
+    assert run(comm=comm, unit=1e-3) == pytest.approx(alone, abs=1e-7 * size)
+    assert run(comm=comm, angle=0.7) == pytest.approx(alone, abs=1e-8 * size)
+
+    def kill(step):
+        if step.step == 3:
+            raise Killed
+
+    scene, at = made(comm=comm)
+    with pytest.raises(Killed):
+        scene.problem.run(times, at, folder=folder, on_step=kill)
+    again, at = made(comm=comm)
+    again.problem.run(times, at, folder=folder, restart=True)
+    assert again.problem.history.events[0].startswith("restart: 2 complete load steps")
+    assert force(again) == pytest.approx(alone, abs=1e-8 * size)
+    ramped, at = made(comm=comm)
+    ramped.problem.ramp(at, 2.0, first=0.5, largest=0.5)
+    assert force(ramped) == pytest.approx(alone, abs=1e-8 * size)
+    monkeypatch.setattr("support.sliding_bodies.turn_of", lambda angle, dim: np.diag([-1.0, 1.0]))
+    assert run(comm=comm) == pytest.approx(alone, abs=1e-8 * size)
