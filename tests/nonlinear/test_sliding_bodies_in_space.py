@@ -10,7 +10,16 @@ import ufl
 from dolfinx import fem, la
 from mpi4py import MPI
 from support.nonlinear_bodies import neo_hooke, stress_of_block
-from support.sliding_bodies import SlidingBodies, as_linear_bodies, bulge, out_of_balance, pillow, rounded, stacked
+from support.sliding_bodies import (
+    SlidingBodies,
+    as_linear_bodies,
+    bulge,
+    out_of_balance,
+    pillow,
+    quarter_of_a_bulge,
+    rounded,
+    stacked,
+)
 from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Pair, Status
@@ -231,6 +240,33 @@ def test_linear_limit(kind, slave):
     assert force == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
     far = np.abs(linear.u.x.array).max()
     assert scene.u.x.array == pytest.approx(linear.u.x.array, abs=2e-3 * far)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "slave"), [("hexahedron", 0), ("hexahedron", 1), ("tetrahedron", 1)])
+def test_hertz(kind, slave):
+    """Small pressures are those of Hertz within half of the radius of contact, over which there are five facets, to 5 %
+    (with eight to 1.5 %), contact ends where his does, to one facet, and all is as of linear bodies on the same mesh.
+    """
+    height = 2e-3
+    scene = quarter_of_a_bulge(kind, height=height, slave=slave, cells=(14, 10), algorithm="alm")
+    force = 4 * np.abs(scene.move(0.0, 0.0, -4e-5)[2])
+    assert scene.problem.certificate.holds
+    state, linear = scene.problem.state, as_linear_bodies(scene)
+    assert 4 * np.abs(sum(linear.state.forces)[2]) == pytest.approx(force, rel=5e-5)
+    assert scene.u.x.array == pytest.approx(linear.u.x.array, abs=5e-5 * np.abs(linear.u.x.array).max())
+    _, own, of_linear = np.intersect1d(state.boundary.nodes, linear.state.boundary.nodes, return_indices=True)
+    assert state.in_contact[own].sum() == state.in_contact.sum() > 30
+    assert state.pressure[own] == pytest.approx(linear.state.pressure[of_linear], abs=2e-4 * state.pressure.max())
+    modulus, curvature = 100.0 / (1 - 0.3**2) / 2, 2 * height
+    a = (3 * force / curvature / 4 / modulus) ** (1 / 3)
+    largest = 3 * force / (2 * np.pi * a**2)
+    r = np.linalg.norm(state.boundary.x[:, :2], axis=1)
+    inner = r < a / 2
+    assert np.count_nonzero(inner) > 12
+    assert state.pressure[inner] == pytest.approx(largest * np.sqrt(1 - (r[inner] / a) ** 2), abs=0.05 * largest)
+    assert not state.in_contact[r > 1.25 * a].any()
+    assert state.in_contact[r < 0.75 * a].all()
 
 
 @pytest.mark.parametrize("slave", [pytest.param(0, marks=pytest.mark.slow), pytest.param(1, marks=pytest.mark.long)])

@@ -27,6 +27,7 @@ class SlidingBodies:
         smooth: marker of a plane x[0] = constant that is held across itself, and then both ends are, too, instead of
             all components of theirs, in space also of a plane x[1] = constant; None: there is none.
         half: whether x[0] = 0 is held across itself, and ends whole.
+        quarter: whether x[0] = 0 and x[1] = 0 are held like that.
         revolved: whether the bodies are of revolution about x[0] = 0, and forces those of whole rings.
         degree: of the displacement.
         unit: of length, by which all places and ways are multiplied.
@@ -44,6 +45,7 @@ class SlidingBodies:
         angle=0.0,
         smooth=None,
         half=False,
+        quarter=False,
         revolved=False,
         degree=1,
         unit=1.0,
@@ -86,9 +88,10 @@ class SlidingBodies:
                 fem.dirichletbc(value, fem.locate_dofs_topological(space.sub(axis), dim - 1, end), space.sub(axis))
                 for value, axis, end in zip((still, self.driven, *[still] * (dim - 1)), axes, listed, strict=True)
             ]
-        if half:
-            middle = fem.locate_dofs_topological(space.sub(0), dim - 1, facets(mesh, lambda x: np.isclose(x[0], 0.0)))
-            self.bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), middle, space.sub(0)))
+        for axis in range(2 if quarter else 1 if half else 0):
+            part, middle = space.sub(axis), facets(mesh, lambda x, axis=axis: np.isclose(x[axis], 0.0))
+            held_across = fem.locate_dofs_topological(part, dim - 1, middle)
+            self.bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), held_across, part))
         options = {"measure": around} if revolved else {}
         options |= {key: settings.pop(key) for key in OF_PAIR if key in settings} | settings.pop("pair", {})
         self.pair = Pair(self.sides[slave], self.sides[1 - slave], **options)
@@ -362,3 +365,28 @@ def rounded(kind="hexahedron", height=0.2, half=False, **settings):
     touching = [lambda x: np.isclose(x[2], 0.0), lambda x: np.isclose(x[2], height * away(x), atol=1e-12)]
     held = [lambda x: np.isclose(x[2], -0.6), lambda x: np.isclose(x[2], 0.5)]
     return SlidingBodies(kind, bodies, touching, held, half=half, **settings)
+
+
+def quarter_of_a_bulge(kind="hexahedron", height=2e-3, cells=(12, 8), power=2.5, **settings):
+    """A quarter of a block with a paraboloid of this height at the radius 1 below, on one that is half as wide again,
+    clamped at their ends; facets are graded by ``power`` towards the axis.
+    """
+
+    def graded(x, width):
+        return np.column_stack((width * x[:, :2] ** power, np.sign(x[:, 2]) * np.abs(x[:, 2]) ** power))
+
+    def bent(x):
+        at = graded(x, 1.0)
+        at[:, 2] += height * (1 - at[:, 2]) * np.sum(at[:, :2] ** 2, axis=1)
+        return at
+
+    (along, up), ends = cells, [lambda x, z=z: np.isclose(x[2], z, atol=1e-12) for z in (0.0, -1.0, 1.0)]
+    bodies = (
+        grid(kind, (along + 2, along + 2, up), [0.0, 0.0, -1.0], [1.0, 1.0, 0.0], lambda x: graded(x, 1.5)),
+        grid(kind, (along, along, up), [0.0] * 3, [1.0] * 3, bent),
+    )
+
+    def below(x):
+        return np.isclose(x[2], height * (x[0] ** 2 + x[1] ** 2), atol=1e-12)
+
+    return SlidingBodies(kind, bodies, [ends[0], below], ends[1:], quarter=True, **settings)
