@@ -177,8 +177,19 @@ def test_where_both_sides_are_held(dim, slave):
     assert len(set(MPI.COMM_WORLD.allgather(message))) == 1
 
 
-def clamped(dim, slave, part, *, end=False, cells=(8, 8), comm=MPI.COMM_SELF):
-    """A plate on a block, both held where x[0] is at most ``part``; ``end``: whether their sides end there."""
+def clamped(dim, slave, part, *, end=False, cells=(8, 8), whole=False, comm=MPI.COMM_SELF, **settings):
+    """A plate on a block, both held where x[0] is at most ``part``.
+
+    Args:
+        dim: of space.
+        slave: the body with the points.
+        part: see above.
+        end: whether the sides end there.
+        cells: of block and plate along x[0].
+        whole: whether the plate is held everywhere.
+        comm: the ranks.
+        settings: see ``SlidingBodies``.
+    """
     up, away, first = dim - 1, 1e-6, part if end else 0.0
     low, high = [0.0] * up, [1.0] * up
     bodies = (
@@ -188,9 +199,9 @@ def clamped(dim, slave, part, *, end=False, cells=(8, 8), comm=MPI.COMM_SELF):
     touching = [lambda x, y=y: np.isclose(x[up], y, atol=1e-9) & (x[0] >= first - 1e-9) for y in (0.0, away)]
     held = [
         lambda x: (x[up] <= away / 2) & (np.isclose(x[up], -1.0) | (x[0] <= part + 1e-9)),
-        lambda x: (x[up] >= away / 2) & (x[0] <= part + 1e-9),
+        lambda x: (x[up] >= away / 2) & ((x[0] <= part + 1e-9) | whole),
     ]
-    return SlidingBodies(KINDS[dim], bodies, touching, held, slave=slave, reach=0.5, comm=comm)
+    return SlidingBodies(KINDS[dim], bodies, touching, held, slave=slave, reach=0.5, comm=comm, **settings)
 
 
 @pytest.mark.parametrize("slave", [0, 1])
@@ -216,6 +227,56 @@ def test_a_region_in_which_both_sides_are_held(dim, part, cells, slave):
     assert with_region.min() > 0.1
     count = round(part * cells[slave] + 1) * (1 if dim == 2 else 3)
     assert told(scenes[0])[0].startswith(f"supports hold {count} contact nodes inside the other body, by 0.0")
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize(
+    ("dim", "part", "degree"),
+    [(2, 0.0, 1), (2, 0.5, 1), (2, 0.5, 2), *(pytest.param(3, part, 1, marks=pytest.mark.slow) for part in (0.0, 0.5))],
+)
+def test_the_nodes_beside_such_a_region(dim, part, degree, slave):
+    """Where meshes match, each node beside an edge or a region that supports hold inside the other body touches that
+    with its own distance, as if the overlap there were none: it is closed where there is a pressure, else apart.
+    """
+    scene = clamped(dim, slave, part, degree=degree)
+    scene.drive.value[-1] = -DEPTH
+    linear = as_linear_bodies(scene)
+    up, moved = dim - 1, linear.solve()
+    x, y = moved.function_space.tabulate_dof_coordinates(), moved.x.array.reshape(-1, dim)[:, up]
+    free = x[:, 0] > part + 1e-9
+    upper, lower = (np.flatnonzero(free & np.isclose(x[:, up], at, rtol=0.0, atol=1e-9)) for at in (1e-6, 0.0))
+    upper, lower = (nodes[np.lexsort(np.round(x[nodes, :up].T, 9))] for nodes in (upper, lower))
+    gap = 1e-6 + y[upper] - y[lower]
+    assert gap.min() > -1e-9 * DEPTH
+    points = linear.state.boundary.x
+    rows = [int(np.flatnonzero(np.isclose(points[:, :up], at[:up], atol=1e-9).all(axis=1))[0]) for at in x[upper]]
+    pressure = linear.state.pressure[rows]
+    assert pressure.max() > 0.1
+    assert np.abs(gap[pressure > 0]).max() < 1e-9 * DEPTH
+
+
+@pytest.mark.parametrize("cells", [(4, 12), pytest.param((5, 16), marks=pytest.mark.slow)])
+def test_a_side_that_is_held_everywhere_over_such_a_region(cells):
+    """The facets of the block beside its held part are so long that the nodes of the plate, of which all are held, see
+    the overlap at the border through them: the force is that of the points of the block, and of a plate with its nodes.
+    """
+    scenes = [
+        clamped(2, slave, 0.5, cells=of, whole=True) for slave, of in ((0, cells), (1, cells), (1, cells[:1] * 2))
+    ]
+    for scene in scenes:
+        scene.drive.value[-1] = -DEPTH
+    forces = np.abs([sum(as_linear_bodies(scene).state.forces)[-1] for scene in scenes])
+    assert forces[1:] == pytest.approx(forces[0], rel=0.15)
+
+
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_the_certificate_misses_overlap_beside_such_a_region(monkeypatch, dim):
+    """A solver that counts what supports fix at the points beside is refused."""
+    monkeypatch.setattr(sliding_sides, "fixed_by_supports", lambda *_: None)
+    scene = clamped(dim, 0, 0.5)
+    with pytest.raises(ConvergenceError):
+        scene.move(*[0.0] * (dim - 1), -DEPTH)
+    assert scene.problem.status is Status.NOT_CERTIFIED
 
 
 @pytest.mark.mpi
@@ -310,8 +371,8 @@ def test_the_depth_of_a_region_in_which_both_sides_are_held(dim, slave):
 def test_the_certificate_misses_held_points(monkeypatch, dim):
     """A solver that gives the functions of held nodes to their neighbours is refused."""
 
-    def given_away(slave, master, points, unable, reach, held):
-        return slide(slave, master, points, unable | held.slave, reach)
+    def given_away(slave, master, points, unable, reach, held, fixed):
+        return slide(slave, master, points, unable | held.slave, reach, fixed=fixed)
 
     monkeypatch.setattr(sliding_sides, "slide", given_away)
     scene = plate(dim, slave=1)

@@ -137,8 +137,8 @@ class MovingFoundations(Foundations):
             return super()._gap_of(number)
         allowance = self._values[number](self._contact[number].allowance, f"contact[{number}].allowance")
         gap = allowance.copy()
-        gap[pair.sides.local_points()] += pair.opening
         pair.allowance = allowance[: pair.allowance.size]
+        gap[pair.sides.local_points()] += pair.opening - pair.fixed_allowance
         return gap, allowance
 
 

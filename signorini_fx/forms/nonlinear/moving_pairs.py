@@ -16,6 +16,7 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
+from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.pushed_nodes import HeldNodes
@@ -37,6 +38,7 @@ class MovingPair:
         covered: share of the area of each point that saw the other side there.
         near: whether the last increment has hardly moved points along the other side.
         allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
+        fixed: where supports fix the distance of both sides, and at which displacement that is so; None: nowhere.
         changed: which points have begun or ceased to see the other side by each of the last two moves, shape (2, n).
     """
 
@@ -48,11 +50,13 @@ class MovingPair:
     covered: Array = field(init=False)
     near: bool = field(init=False)
     allowance: Array = field(init=False)
+    fixed: tuple[Array, FixedDistances | None] = field(init=False)
     changed: npt.NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
         self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))
-        self.coupling = self.sides.at(self.displacement)
+        self.fixed = self.displacement, self.sides.fixed_at(self.displacement)
+        self.coupling = self.sides.at(self.displacement, self.fixed[1])
         self.allowance = np.zeros(self.sides.space.dofmap.index_map.size_local)
         self.settle()
 
@@ -64,12 +68,18 @@ class MovingPair:
         """
         owned = u.function_space.dofmap.index_map.size_local
         displacement = self.sides.gathered(u.x.array.reshape(-1, self.displacement.shape[1])[:owned])
+        along = self.sides.carried_along(displacement, self.settled)
+        known = np.array_equal(along, self.fixed[0])
+        if not known:
+            self.fixed = along, self.sides.fixed_at(along)
         if not np.array_equal(displacement, self.displacement):
             self.near = self.coupling.slides(displacement - self.displacement) <= NEAR_PARTNER
             seeing = self.coupling.frames.partnered
-            self.coupling = self.sides.at(displacement)
+            self.coupling = self.sides.at(displacement, self.fixed[1])
             self.changed = np.stack((self.changed[1], seeing != self.coupling.frames.partnered))
             self.displacement = displacement
+        elif not known:
+            self.coupling = self.sides.at(displacement, self.fixed[1])
 
     def settle(self) -> None:
         """A step begins here."""
@@ -90,6 +100,12 @@ class MovingPair:
     def opening(self) -> Array:
         """See ``SlidingSides``."""
         return self.sides.opening(self.coupling, self.displacement)
+
+    @property
+    def fixed_allowance(self) -> Array:
+        """What of the allowance the points of this rank do not count, length, shape (n,); collective."""
+        at_nodes = from_owners(np.nan_to_num(self.allowance[:, None]), self.sides.slave.nodes, self.sides.comm)[:, 0]
+        return self.coupling.fixed_part(at_nodes)[self.sides.mine]
 
     @property
     def slip_origin(self) -> Array:

@@ -53,6 +53,8 @@ class Averages:
             of the nodes.
         lift: displacements of some nodes, all along one direction, that move the points by one each, scipy sparse,
             shape (m, n); None: not known.
+        fixed_part: what points do not count of the displacement of nodes that supports hold, with the other sign,
+            scipy sparse, shape (n d, m d); None: nothing.
     """
 
     shares: Any
@@ -62,6 +64,7 @@ class Averages:
     turning: Any = None
     centre: _Floats | None = None
     lift: Any = None
+    fixed_part: Any = None
 
     @classmethod
     def joined(cls, parts: list[Averages]) -> Averages:
@@ -78,7 +81,14 @@ class Averages:
         ]
         centre, lifts = np.concatenate([part.arm for part in parts]), [part.lift for part in parts]
         lift = None if any(matrix is None for matrix in lifts) else sp.block_diag(lifts, format="csr")
-        return cls(shares, nodes, x, fixed, sp.block_diag(turning, format="csr"), centre, lift)
+        fixed_part = None
+        if any(part.fixed_part is not None for part in parts):
+            every = [
+                sp.csr_array(shape) if part.fixed_part is None else part.fixed_part
+                for part, shape in zip(parts, shapes, strict=True)
+            ]
+            fixed_part = sp.block_diag(every, format="csr")
+        return cls(shares, nodes, x, fixed, sp.block_diag(turning, format="csr"), centre, lift, fixed_part)
 
     @property
     def arm(self) -> _Floats:
@@ -90,6 +100,11 @@ class Averages:
         """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
         translating = sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr")
         return translating if self.turning is None else sp.csr_array(translating + self.turning)
+
+    @property
+    def counted(self) -> Any:
+        """The same with ``fixed_part``: what the gap is compared with.  Forces are those of ``operator``."""
+        return self.operator if self.fixed_part is None else sp.csr_array(self.operator + self.fixed_part)
 
     def any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""

@@ -81,7 +81,7 @@ class FoundationData(NodalFriction):
         gap: d, length; nan where no facet is.
         bilateral: whether the contact cannot open.
         pair: both sides, where another body is the foundation; None: it is rigid.
-        allowance: the part of a gap by geometry that is not geometry; None: the gap is given as a whole.
+        allowance: what the user gives of the gap of a pair, without what its sides say; None: all of it is given.
     """
 
     facets: npt.NDArray[np.int32]
@@ -391,10 +391,14 @@ class Foundations:
             bilateral = contact.bilateral or contact.bonded
             held = pair.held.with_gap(given[:owned], comm, by_geometry=pair.by_geometry, bilateral=bilateral)
             self._pairs[number] = replace(pair, held=held)
-        if not pair.by_geometry:
+        if not pair.by_geometry and pair.coupling.fixed is None:
             return given, None
-        adjusted_gap, first = given.copy(), self._space.dofmap.index_map.local_range[0]
-        adjusted_gap[pair.slave.nodes[pair.coupling.nodes] - first] += pair.coupling.adjusted(contact.adjust)
+        adjusted_gap, (first, last) = given.copy(), self._space.dofmap.index_map.local_range
+        points = pair.slave.nodes[pair.coupling.nodes] - first
+        adjusted_gap[points] -= pair.fixed_gap(np.nan_to_num(given[: last - first]), self._space.mesh.comm)
+        if pair.by_geometry:
+            sides = pair.slave.surface, pair.master.surface
+            adjusted_gap[points] += pair.coupling.adjusted(contact.adjust, sides)
         return adjusted_gap, given
 
     @cached_property

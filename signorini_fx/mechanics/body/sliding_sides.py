@@ -18,7 +18,9 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, segmen
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.body.paired_points import FacingSides, PairedSide
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, slide
+from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, fixed_by_supports, slide
 from signorini_fx.tuned import PARTNERS_REACH
 
 Array = npt.NDArray[np.float64]
@@ -116,16 +118,43 @@ class SlidingSides:
         """Rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
         return from_owners(owned, self.nodes, self.comm)
 
-    def at(self, displacement: Array) -> SlidingCoupling:
-        """The map at a displacement of the nodes of both sides, shape (m, d).
+    def at(self, displacement: Array, fixed: FixedDistances | None = None) -> SlidingCoupling:
+        """The map at a displacement of the nodes of both sides, shape (m, d); ``fixed``: see ``carried_along``.
 
         Raises:
             PairingError: a facet sees two sheets of the other side.
         """
+        return slide(*self._displaced(displacement), self.points, self.unable, self.reach, self.held, fixed)
+
+    def fixed_at(self, displacement: Array) -> FixedDistances | None:
+        """Where supports fix the distance of both sides at a displacement, see ``carried_along``; None: nowhere.
+
+        Raises:
+            PairingError: see ``at``.
+        """
+        return fixed_by_supports(*self._displaced(displacement), self.held, self.reach)
+
+    def carried_along(self, displacement: Array, settled: Array) -> Array:
+        """The displacement of the beginning of a step, with the nodes of each side moved by as much as those that
+        supports hold have moved since on average, shape (m, d).
+
+        What supports fix, and which functions have how much of it, is known from this: while the iteration moves the
+        other nodes it stays as it is, as the derivative of the gap does not know of it.
+
+        Args:
+            displacement: of the nodes of both sides, shape (m, d).
+            settled: at the beginning of the step.
+        """
+        count, along = self.slave.nodes.size, settled.copy()
+        for part, held in ((slice(count), self.held.slave), (slice(count, None), self.held.master)):
+            if held.any():
+                along[part] += (displacement - settled)[part][held].mean(axis=0)
+        return along
+
+    def _displaced(self, displacement: Array) -> tuple[PairSurface, PairSurface]:
+        """Both sides at a displacement."""
         count = self.slave.nodes.size
-        slave = self.slave.surface.displaced(displacement[:count])
-        master = self.master.surface.displaced(displacement[count:])
-        return slide(slave, master, self.points, self.unable, self.reach, self.held)
+        return self.slave.surface.displaced(displacement[:count]), self.master.surface.displaced(displacement[count:])
 
     def local_points(self) -> npt.NDArray[np.int32]:
         """Local numbers of the nodes of the points of this rank."""

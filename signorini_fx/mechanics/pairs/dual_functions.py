@@ -38,10 +38,13 @@ class HeldSides:
     Attributes:
         slave: shape (N,).
         master: shape (M,).
+        loose: projectors onto the directions in which nodes of the slave and of the master can move, shapes (N, d, d)
+            and (M, d, d); None: held nodes are held in all directions.
     """
 
     slave: Flags
     master: Flags
+    loose: tuple[Array, Array] | None = None
 
     def still(self, slave: Indices, master: Indices) -> Flags:
         """Where nothing can move: all nodes of both facets over each other are held, shape (p,).

@@ -39,11 +39,13 @@ from signorini_fx.mechanics.pairs.dual_functions import (
     extended,
     hats,
 )
+from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap, turned_in_plane
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
+from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
 from signorini_fx.tuned import COVERED_TWICE, DEEPEST_OVERLAP, NO_ARM, PARALLEL, SAME_PLACE_IN_CELL, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
@@ -78,6 +80,9 @@ class Coupling:
             normals of the slave, as sides are nominally in contact.
         still: where both sides meet and nothing can move, see ``HeldSides``, which is no part of ``overlap``.
         helpless: nodes of the slave that carry no point because both sides are held there, shape (N,).
+        fixed: where supports fix the distance of both sides; None: nowhere that points see.
+        fixed_shares: what distances there would add to the mean ones of the points, which do not count them, sparse,
+            shape (n, k); None: nothing.
     """
 
     nodes: Indices
@@ -97,6 +102,8 @@ class Coupling:
     directions: Array | None
     still: Overlap
     helpless: npt.NDArray[np.bool_]
+    fixed: FixedDistances | None = None
+    fixed_shares: sp.csr_array | None = None
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -119,9 +126,12 @@ class Coupling:
         """n_i . d_i, length, shape (n,)."""
         return np.einsum("nd,nd->n", self.normal, self.distance)
 
-    def adjusted(self, limit: float | None) -> Array:
-        """See ``closed_within``."""
-        return closed_within(self.gap, limit)
+    def adjusted(self, limit: float | None, sides: tuple[PairSurface, PairSurface]) -> Array:
+        """The gap of both sides without what supports fix, see ``closed_within``."""
+        gap = closed_within(self.gap, limit)
+        if self.fixed is None or self.fixed_shares is None:
+            return gap
+        return gap - self.fixed_shares @ closed_within(self.fixed.distance(*(side.x for side in sides)), limit)
 
 
 def closed_within(gap: Array, limit: float | None) -> Array:
@@ -241,7 +251,7 @@ def couple(
     weight = tested.areas(slave, comm)
     distance = tested.moments(slave, overlap.distance(slave, master), comm)
     sums, arms = (
-        [_over_ranks(comm, matrix) for matrix in matrices]
+        [over_ranks(comm, matrix) for matrix in matrices]
         for matrices in (tested.products(slave, master), tested.arms(slave, master))
     )
 
@@ -250,9 +260,16 @@ def couple(
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     if held is not None and whole is not tested:
-        helpless = held.helpless(_over_ranks(comm, whole.products(slave, master)[1]))
+        helpless = held.helpless(over_ranks(comm, whole.products(slave, master)[1]))
         helpless[nodes] = False
+    fixed, fixed_shares = None, None
+    if held is not None and not bonded:
+        overlaps = whole.overlap, overlap
+        fixed = FixedDistances.of((slave, master), held, overlaps, tested.weighted, directions, comm)
+    if fixed is not None:
+        fixed_shares = scaled_rows(1.0 / (shares @ weight), shares @ fixed.met)
     if mine is not None:
+        fixed_shares = None if fixed_shares is None else sp.csr_array(fixed_shares[mine[nodes]])
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
     weight = shares @ weight
     scale = sp.diags_array(1.0 / weight)
@@ -284,9 +301,11 @@ def couple(
         directions=directions,
         still=still,
         helpless=helpless,
+        fixed=fixed,
+        fixed_shares=fixed_shares,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
-    if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
+    if (deepest := parallel.largest(comm, -coupling.adjusted(None, (slave, master)), -np.inf)) > DEEPEST_OVERLAP * size:
         raise PairingError(
             f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
             "facets, and that the bodies do not lie inside each other"
@@ -410,15 +429,6 @@ def sparse_sums(points: Indices, nodes: Indices, values: Array, rows: int, colum
     return sp.csr_array(
         sp.coo_array((values.ravel(), (row_numbers.ravel(), column_numbers.ravel())), shape=(rows, columns))
     )
-
-
-def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
-    """The sum of the matrices of all ranks, on every rank."""
-    if comm.size == 1:
-        return matrix
-    part = matrix.tocoo()
-    at = parallel.gather_rows(comm, np.column_stack((part.row, part.col)))
-    return sp.csr_array(sp.coo_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape))
 
 
 def _clean(matrix: sp.csr_array) -> sp.csr_array:

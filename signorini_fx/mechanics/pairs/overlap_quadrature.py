@@ -6,7 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
+from mpi4py import MPI
 
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 
 Array = npt.NDArray[np.float64]
@@ -50,3 +53,12 @@ class Overlap:
     def chosen(self, pieces: npt.NDArray[np.bool_]) -> Overlap:
         """Some of the pieces, shape (p,)."""
         return Overlap(self.slave[pieces], self.master[pieces], self.at[pieces], self.over[pieces], self.weight[pieces])
+
+
+def over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
+    """The sum of the matrices of all ranks, on every rank."""
+    if comm.size == 1:
+        return matrix
+    part = matrix.tocoo()
+    at = parallel.gather_rows(comm, np.column_stack((part.row, part.col)))
+    return sp.csr_array(sp.coo_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape))

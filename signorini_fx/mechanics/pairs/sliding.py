@@ -34,6 +34,7 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides, dual_coefficients
+from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, turning_of
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
@@ -80,6 +81,9 @@ class SlidingCoupling:
         covered: share of the area of each node that sees the master, shape (n,).
         helpless: nodes that carry no point because both sides are held there, shape (h,).
         helpless_gap: of their functions, length, shape (h,).
+        fixed: where supports fix the distance of both sides; None: nowhere that points see.
+        fixed_shares: what distances there would add to the gaps, which do not count them, sparse, shape (n, k); None:
+            nothing.
         normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
             (n, d m).
         tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
@@ -97,10 +101,20 @@ class SlidingCoupling:
     covered: Array
     helpless: Indices
     helpless_gap: Array
+    fixed: FixedDistances | None
+    fixed_shares: sp.csr_array | None
     normal_rows: sp.csr_array
     tangent_rows: sp.csr_array
     centre: Array
     pieces: _Pieces | _TurningPieces | None = field(repr=False)
+
+    def fixed_part(self, allowance: Array) -> Array:
+        """What values at the nodes of the slave, shape (N,), would add to those of the points where supports fix the
+        distance, shape (n,).
+        """
+        if self.fixed is None:
+            return np.zeros(self.nodes.size)
+        return np.asarray(self.fixed_shares @ (self.fixed.slave @ allowance))
 
     def slip(self, begun: Frames) -> Array:
         """How far the points have slid since a step has begun, along T_i, length, shape (n, d - 1); of a point that had
@@ -251,6 +265,7 @@ def slide(
     unable: npt.NDArray[np.bool_],
     reach: float,
     held: HeldSides | None = None,
+    fixed: FixedDistances | None = None,
 ) -> SlidingCoupling:
     """The map of two deformed sides, in space of degree 1.
 
@@ -261,6 +276,7 @@ def slide(
         unable: nodes of the slave that cannot carry a point, shape (N,).
         reach: distance beyond which facets are no partners, length.
         held: nodes that supports hold; None: there are none.
+        fixed: see ``fixed_by_supports``; None: no distances.
 
     Raises:
         PairingError: a facet sees two sheets of the master.
@@ -285,6 +301,7 @@ def slide(
     weights = np.where(partnered, placing @ (shares @ weight), slave.area[points])
     covered = (placing @ (shares @ weight)) / slave.area[points]
     mean = sp.csr_array(placing @ scaled_rows(1.0 / (shares @ weight), shares))  # of moments of the functions
+    fixed_shares = None if fixed is None else sp.csr_array(mean @ fixed.met)
     of_whole = weight, [sharing, opposite]
     if held is not None and whole is not tested:
         of_whole = whole.areas(slave, MPI.COMM_SELF), whole.products(slave, master)
@@ -314,14 +331,30 @@ def slide(
             in_space = SpacePieces.of(slave, master, tested, directions, mean)
             pieces = _TurningPieces(in_space, (slave, master), tested.overlap, (sharing, opposite, tangents))
             gaps, change = in_space.gap, in_space.rows
+        if fixed is not None and fixed_shares is not None:
+            gaps = gaps - fixed_shares @ fixed.distance(slave.x, master.x)
         gap[at] = gaps[at]
         normal_rows = scaled_rows((~partnered).astype(np.float64), normal_rows) - change
     way = _way(tangents, sharing @ slave.x - opposite @ master.x)
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
     rows = sp.csr_array(normal_rows), sp.csr_array(tangent_rows)
-    idle = np.flatnonzero(helpless), lonely_gap
+    idle = np.flatnonzero(helpless), lonely_gap, fixed, fixed_shares
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, centre, pieces)
+
+
+def fixed_by_supports(slave: PairSurface, master: PairSurface, held: HeldSides, reach: float) -> FixedDistances | None:
+    """The distances that supports fix where both sides are; None: there are none.
+
+    Raises:
+        PairingError: see ``slide``.
+    """
+    if not (held.slave.any() and held.master.any()):
+        return None
+    whole, directions = projected(slave, master, reach, apart=True)
+    tested, _ = whole.parted(slave, master, held, MPI.COMM_SELF)
+    overlaps = whole.overlap, tested.overlap
+    return FixedDistances.of((slave, master), held, overlaps, tested.weighted, directions)
 
 
 def _gap_of_nodes(

@@ -150,6 +150,8 @@ class ContactNodes:
                     else apart - side.adjust <= SAME_PLACE_IN_CELL * side.adjust
                 )
                 gap = gap + (1.0 - closed) * apart
+            if side.claim is not None:
+                gap = gap - side.claim.fixed_gap(side.gap, side.adjust, by_geometry=side.by_geometry)
             bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
             if side.claim is not None and not unmatched:
                 bound = np.where(side.claim.facing, bound, 0.0)
@@ -336,7 +338,7 @@ class ContactNodes:
         """
         if self.claims is None:
             return 0.0
-        from signorini_fx.results.certificate.paired_sides import defect, not_held
+        from signorini_fx.results.certificate.paired_sides import defect, not_fixed, not_held
         from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 
         free = [supports.left(np.tile(axis, (len(y), 1))) for axis in np.eye(y.shape[1])]
@@ -344,7 +346,7 @@ class ContactNodes:
         return max(
             claim.error()
             if isinstance(claim, SlidingClaim)
-            else max(defect(claim, self.evaluation.space), not_held(claim, held, y))
+            else max(defect(claim, self.evaluation.space), not_held(claim, held, y), not_fixed(claim, held))
             for claim, _ in self._paired()
         )
 

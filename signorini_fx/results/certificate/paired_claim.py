@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.body.averages import from_owners, to_owners
 from signorini_fx.mechanics.body.paired_points import PairedSides
-from signorini_fx.tuned import SLIVER
+from signorini_fx.tuned import SAME_PLACE_IN_CELL, SLIVER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -25,7 +25,7 @@ class Claim:
     """What the solver claims of a pair with n contact points on this rank, made of m nodes of all ranks.
 
     Attributes:
-        comm: the ranks; methods that take or give values at nodes are collective.
+        space: of the displacement; methods that take or give values at nodes are collective.
         pair: both sides as the solver has paired them.
         slave: owned facets of the side with the points, local numbers, as the problem names them.
         master: those of the other side.
@@ -34,6 +34,7 @@ class Claim:
         own: D, scipy sparse, shape (n, m).
         others: M, scipy sparse, shape (n, m).
         operator: the relative displacement from displacements of these nodes, scipy sparse, shape (n d, m d).
+        fixed_part: what of it supports fix, with the other sign, likewise; None: nothing.
         allowed: distance beyond which facets are no partners, as the problem names it, length; None: the usual one.
         across: projectors onto the directions across planes of symmetry, of which ``operator``, traction and normal
             have no component, shape (n, d, d).
@@ -42,7 +43,7 @@ class Claim:
         measure: by what the problem says that areas are multiplied, at the nodes of the slave, shape (N,); None: 1.
     """
 
-    comm: MPI.Comm
+    space: fem.FunctionSpace
     pair: PairedSides
     slave: Indices
     master: Indices
@@ -56,6 +57,13 @@ class Claim:
     planes: Mapping[int, Array]
     nominal: bool
     measure: Array | None = None
+    fixed_part: Any = None
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks."""
+        comm: MPI.Comm = self.space.mesh.comm
+        return comm
 
     @property
     def weight(self) -> Array:
@@ -96,10 +104,35 @@ class Claim:
         """The distance of both sides along normals at the points, length, shape (n,)."""
         return np.asarray(np.sum(normal * self.distance, axis=1))
 
+    def fixed_gap(self, given: Callable[[Any], Array], adjust: float | None, *, by_geometry: bool) -> Array:
+        """What the points do not count of the gap where supports fix it, length, shape (n,); collective.
+
+        Args:
+            given: what the problem gives of the gap at nodes, local numbers, length.
+            adjust: up to which distance sides count as closed, length; None: nowhere.
+            by_geometry: whether the distance of both sides is added.
+        """
+        fixed = self.pair.coupling.fixed
+        if fixed is None:
+            return np.zeros(self.points.size)
+        added = self.pair.coupling.fixed_shares @ (fixed.slave @ given_at(given, self.pair.slave.nodes, self.space))
+        if not by_geometry:
+            return np.asarray(added)
+        slave, master = self.pair.slave.surface.x, self.pair.master.surface.x
+        apart = np.sum(fixed.direction * (fixed.master @ master - fixed.slave @ slave), axis=1)
+        if adjust is not None:
+            apart[apart - adjust <= SAME_PLACE_IN_CELL * adjust] = 0.0
+        return np.asarray(added + self.pair.coupling.fixed_shares @ apart)
+
     def relative(self, owned: Array) -> Array:
-        """The relative displacement at the points from that of the owned nodes, shape (owned nodes, d)."""
-        reached_values = from_owners(owned, self.reached, self.comm)
-        return np.asarray(self.operator @ reached_values.ravel()).reshape(self.distance.shape)
+        """The relative displacement at the points from that of the owned nodes, shape (owned nodes, d), without what
+        supports fix.
+        """
+        reached_values = from_owners(owned, self.reached, self.comm).ravel()
+        moved = np.asarray(self.operator @ reached_values)
+        if self.fixed_part is not None:
+            moved = moved + self.fixed_part @ reached_values
+        return moved.reshape(self.distance.shape)
 
     def terms(self, owned: Array) -> Array:
         """The sums of the magnitudes of what ``relative`` adds up, shape (n, d)."""
@@ -147,6 +180,14 @@ class Claim:
         return np.asarray((abs(self.own) + abs(self.others)) @ reached_flags > 0)
 
 
+def given_at(given: Callable[[Any], Array], nodes: npt.NDArray[np.int64], space: fem.FunctionSpace) -> Array:
+    """Values that are given at local nodes, at nodes of all ranks by their global numbers; collective."""
+    first, last = space.dofmap.index_map.local_range
+    owned, here = np.zeros((last - first, 1)), nodes[(nodes >= first) & (nodes < last)] - first
+    owned[here, 0] = given(here)
+    return from_owners(owned, nodes, space.mesh.comm)[:, 0]
+
+
 def claim_of(
     pair: PairedSides,
     space: fem.FunctionSpace,
@@ -166,7 +207,7 @@ def claim_of(
         measure = from_owners(np.nan_to_num(factor[:owned, None]), pair.slave.nodes, space.mesh.comm)[:, 0]
     coupling, (slave_shares, master_shares, turning) = pair.coupling, pair.shares()
     return Claim(
-        comm=space.mesh.comm,
+        space=space,
         pair=pair,
         slave=sides[0],
         master=sides[1],
@@ -182,4 +223,5 @@ def claim_of(
         planes=pair.planes,
         nominal=nominal,
         measure=measure,
+        fixed_part=pair.fixed_rows,
     )

@@ -69,6 +69,28 @@ def not_held(claim: Claim, held: Array, y: Array) -> float:
     return parallel.global_max(claim.comm, float(worst))
 
 
+def not_fixed(claim: Claim, held: Array) -> float:
+    """How far distances that the points do not count are from being those that supports fix, relative to one, or to
+    sizes of sides; collective.
+
+    No node of their places may move along them, and both ends are the places that are said; ``held``: see ``not_held``.
+    """
+    fixed = claim.pair.coupling.fixed
+    if fixed is None:
+        return 0.0
+    dim, worst, ends = held.shape[1], 0.0, []
+    free = (np.eye(dim) - held).reshape(-1, dim**2)
+    for side, shares in ((claim.pair.slave, fixed.slave), (claim.pair.master, fixed.master)):
+        loose = from_owners(free, side.nodes, claim.comm).reshape(-1, dim, dim)
+        entries = shares.tocoo()
+        worst = max(worst, largest(np.einsum("eij,ej->ei", loose[entries.col], fixed.direction[entries.row])))
+        worst = max(worst, largest(shares.sum(axis=1) - 1.0), largest(entries.data) - 1.0)
+        ends.append(shares @ side.surface.x)
+    apart = ends[1] - ends[0]
+    across = apart - np.sum(apart * fixed.direction, axis=1, keepdims=True) * fixed.direction
+    return max(worst, largest(across) / float(np.ptp(claim.pair.slave.surface.x, axis=0).max()))
+
+
 def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     """The largest error of what is claimed, relative to one, to weights, or to sizes of facets; collective."""
     dim, comm, coupling = space.mesh.geometry.dim, claim.comm, claim.pair.coupling

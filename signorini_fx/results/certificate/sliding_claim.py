@@ -13,8 +13,9 @@ does otherwise:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,9 @@ from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION
+from signorini_fx.results.certificate.held_distances import DisplacedSide, held_distances
+from signorini_fx.results.certificate.paired_claim import given_at
+from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -326,6 +329,8 @@ class SeenSides:
         normal: of the points, shape (n, d).
         partnered: which points see the other side, shape (n,).
         gap: length, shape (n,).
+        uncounted: what the points do not count of values at the nodes of the slave, as supports fix distances there,
+            scipy sparse, shape (n, N).
     """
 
     x: Array
@@ -340,6 +345,7 @@ class SeenSides:
     normal: Array
     partnered: npt.NDArray[np.bool_]
     gap: Array
+    uncounted: Any
 
     @property
     def tangent(self) -> Array:
@@ -436,6 +442,10 @@ class SlidingClaim:
     def gap(self, normal: Array) -> Array:
         """Zero: ``relative`` has it."""
         return np.zeros(self._mine.size)
+
+    def fixed_gap(self, given: Callable[[Any], Array], adjust: float | None, *, by_geometry: bool) -> Array:
+        """See ``Claim``; the distance of both sides, without what supports fix, is in ``relative``."""
+        return np.asarray(self.present.uncounted @ given_at(given, self.chains[0].nodes, self.space))[self._mine]
 
     def relative(self, owned: Array) -> Array:
         """What both sides of the points do at a displacement of the owned nodes, shape (owned nodes, 2): along the
@@ -549,7 +559,10 @@ class SlidingClaim:
 
     # --- at one displacement ---
 
-    def _seen(self, values: Array) -> SeenSides:
+    def _looked(self, values: Array) -> tuple[SeenSides, tuple[Numbers, Numbers], Any]:
+        """What the points see at a displacement, with what supports fix in the gap; facets of both sides that see each
+        other, also where both are held; and the functions of the nodes at the rays, see ``_functions``.
+        """
         (slave, master), surface = self.chains, self.surface
         count = slave.nodes.size
         x, y = slave.x + values[:count], master.x + values[count:]
@@ -559,10 +572,11 @@ class SlidingClaim:
         if surface.across is not None:
             own_normals = side.in_planes(own_normals, np.arange(count))
         ways, rays = own_normals, Rays.none()
+        partners: tuple[Numbers, Numbers] = rays.facet, rays.over
         for turn in range(2):
             rays = _rays(slave, x, ways, master, y, self.reach)
             if turn:
-                rays = self._moving(rays)
+                partners, rays = (rays.facet, rays.over), self._moving(rays)
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
             covered = np.unique(rays.facet)
@@ -579,7 +593,63 @@ class SlidingClaim:
         sharing, opposite = self._shares_of(rays, mean, partnered)
         normal = side.in_planes(sharing @ own_normals - opposite @ other_normals, self.carriers)
         gap = np.where(partnered, mean @ rays.distance, self.reach)
-        return SeenSides(x, y, ways, rays, shares, functions, weight, sharing, opposite, normal, partnered, gap)
+        nothing = sp.csr_array((partnered.size, count))
+        seen = SeenSides(
+            x, y, ways, rays, shares, functions, weight, sharing, opposite, normal, partnered, gap, nothing
+        )
+        return seen, partners, psi
+
+    def _seen(self, values: Array) -> SeenSides:
+        """What the points see at a displacement of the nodes of both sides, shape (m, d).
+
+        Which distances supports fix, and what functions have of them, is known from the displacement of the beginning
+        of the step, with each side moved by as much as its held nodes on average.
+        """
+        (slave, master), held = self.chains, (self.held.slave, self.held.master)
+        seen, _, _ = self._looked(values)
+        if not all(flags.any() for flags in held):
+            return seen
+        along, count = self.ends[1].copy(), slave.nodes.size
+        for part, flags in ((slice(count), held[0]), (slice(count, None), held[1])):
+            along[part] += (values - self.ends[1])[part][flags].mean(axis=0)
+        there, partners, psi = self._looked(along)
+        loose, rays = self.held.loose or (None, None), there.rays
+        sides = (
+            DisplacedSide(slave.facets, there.x, held[0], loose[0], partial(self._hats, chain=slave)),
+            DisplacedSide(master.facets, there.y, held[1], loose[1], partial(self._hats, chain=master)),
+        )
+        places = rays.facet, rays.at, rays.over, rays.place
+        fixed = held_distances(sides, there.ways, partners, places, (self._place_over, self._place_under))
+        of_points = sp.diags_array(1.0 / seen.weight) @ seen.shares @ (psi @ fixed.at_rays)
+        gap = seen.gap - of_points @ fixed.distance(seen.x, seen.y)
+        return replace(seen, gap=gap, uncounted=sp.csr_array(of_points @ fixed.slave))
+
+    def _place_over(self, facets: Array, points: Array, ways: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """The places on facets, nodes of shape (m, k, 2), that points see along ways, and whether they are on them."""
+        places = _meeting(facets, points, ways)
+        return places, np.abs(places - 0.5) <= 0.5 + SAME_PLACE_IN_CELL
+
+    def _place_under(self, facets: Array, ways: Array, points: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """The places on facets that see points along ways at their nodes, shape (m, k, 2), and whether there are any:
+        where a change of sign is.
+        """
+
+        def missed(s: Array, rows: Any) -> Array:
+            hats = _hats(s, facets.shape[1])
+            at, way = (np.einsum("...k,...kd->...d", hats, values[rows]) for values in (facets, ways))
+            return np.asarray(_cross(points[rows] - at, way))
+
+        scanned = np.concatenate(([-SAME_PLACE_IN_CELL], _SCANNED[1:-1], [1.0 + SAME_PLACE_IN_CELL]))
+        all_facets = np.arange(len(facets))[:, None]
+        values = missed(np.broadcast_to(scanned, (len(facets), scanned.size)), all_facets)
+        changes = (values[:, :-1] >= 0) != (values[:, 1:] >= 0)
+        first, rows = changes.argmax(axis=1), np.arange(len(facets))
+        low, high, rising = scanned[first], scanned[first + 1], values[rows, first + 1] >= 0
+        for _ in range(_HALVED):
+            middle = (low + high) / 2
+            above = (missed(middle, rows) >= 0) == rising
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        return (low + high) / 2, changes.any(axis=1)
 
     def _carried(self, able: Numbers, shares: Any, psi: Any) -> tuple[Any, Any, npt.NDArray[np.bool_], Array, Any]:
         """The shares of all points, see ``SeenSides``, their functions at rays, scipy sparse, shape (p, r), which of

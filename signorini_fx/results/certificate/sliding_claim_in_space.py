@@ -33,7 +33,7 @@ from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends
-from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER
+from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -43,6 +43,8 @@ _STEP = 1e-30
 # Points along each side of a square, from which those of a triangle are made: on triangles products of two linear
 # functions are integrated, on quadrilaterals what is rational.
 _POINTS = {3: 3, 4: 5}
+# How often the way to a place is taken at the place that it leads to.
+_REPEATED = 40
 # How many facets, and how many rays, are looked at together, for memory.
 _FACETS_AT_ONCE, _RAYS_AT_ONCE = 1024, 65536
 
@@ -452,7 +454,8 @@ class SpaceSlidingClaim(SlidingClaim):
 
     # --- at one displacement ---
 
-    def _seen(self, values: Array) -> SeenSides:
+    def _looked(self, values: Array) -> tuple[SeenSides, tuple[Numbers, Numbers], Any]:
+        """See ``SlidingClaim``."""
         slave, master = self._sheets
         count = slave.nodes.size
         x, y = slave.x + values[:count], master.x + values[count:]
@@ -460,12 +463,13 @@ class SpaceSlidingClaim(SlidingClaim):
         own_normals = side.in_planes(slave.normals(x), np.arange(count))
         other_normals = self.other_surface.in_planes(master.normals(y), np.arange(len(y)))
         ways, of_facets, rays = own_normals, slave.facing(x), Rays.none()
+        partners: tuple[Numbers, Numbers] = rays.facet, rays.over
         middle = _hats(np.full(2, 1 / 3 if slave.width == 3 else 1 / 2), slave.width)
         facet_of_side = self._facets_of_surface
         for turn in range(2):
             rays = _rays(slave, x, of_facets, master, y, self.reach)
             if turn:
-                rays = self._moving(rays)
+                partners, rays = (rays.facet, rays.over), self._moving(rays)
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
             unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
@@ -482,7 +486,27 @@ class SpaceSlidingClaim(SlidingClaim):
         sharing, opposite = self._shares_of(rays, mean, partnered)
         normal = side.in_planes(sharing @ own_normals - opposite @ other_normals, self.carriers)
         gap = np.where(partnered, mean @ rays.distance, self.reach)
-        return SeenSides(x, y, ways, rays, shares, functions, weight, sharing, opposite, normal, partnered, gap)
+        nothing = sp.csr_array((partnered.size, count))
+        seen = SeenSides(
+            x, y, ways, rays, shares, functions, weight, sharing, opposite, normal, partnered, gap, nothing
+        )
+        return seen, partners, psi
+
+    def _place_over(self, facets: Array, points: Array, ways: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """See ``SlidingClaim``, nodes of shape (m, k, 3)."""
+        first = _unit(np.cross(ways, np.eye(3)[np.abs(ways).argmin(axis=1)]))
+        axes = np.stack((first, np.cross(ways, first)), axis=1)
+        places = _inverse(np.einsum("mkd,mad->mka", facets - points[:, None], axes), np.zeros((len(points), 2)))
+        return places, (_hats(places, facets.shape[1]) >= -SAME_PLACE_IN_CELL).all(axis=1)
+
+    def _place_under(self, facets: Array, ways: Array, points: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """See ``SlidingClaim``: the way at a place tells the place along it, again until both agree."""
+        places: Array = np.full((len(facets), 2), 1 / 3)
+        inside: npt.NDArray[np.bool_] = np.zeros(len(facets), dtype=bool)
+        for _ in range(_REPEATED):
+            along = _unit(np.einsum("mk,mkd->md", _hats(places, facets.shape[1]), ways))
+            places, inside = self._place_over(facets, points, along)
+        return places, inside
 
     def _hats(self, places: Array, chain: Chain) -> Array:
         """See ``SlidingClaim``."""

@@ -82,7 +82,7 @@ def held_before(body: Model, step: float) -> list[HeldNodes]:
     y = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size)).reshape(-1, dim)
     moved = from_owners(y, boundary.reached, boundary.comm)
     if boundary.averages is not None:
-        moved = (boundary.averages.operator @ moved.ravel()).reshape(-1, dim)
+        moved = (boundary.averages.counted @ moved.ravel()).reshape(-1, dim)
     driven = Driven.together([(factor, load.driven) for factor, load in applied if load.driven is not None])
     if boundary.moving is not None and driven is not None:
         moved = moved - boundary.moving.modes @ driven.motion
@@ -144,7 +144,8 @@ def _message(rows: Array, depth: float, size: float) -> str:
     at = ", ".join(rounded(c, size) for c in place)
     where = f"{'off' if bilateral else 'inside'} {'the other body' if paired else 'the foundation'}"
     nodes, they = ("node", "it transmits") if len(rows) == 1 else ("nodes", "they transmit")
+    beside = ", and forces beside grow without limit on finer meshes" if paired and not bilateral else ""
     return (
         f"supports hold {len(rows)} contact {nodes} {where}, by {length:.3g} at ({at}): {they} nothing, the "
-        "supports carry what acts there; check the gap beside them, or end the contact boundary before them"
+        f"supports carry what acts there{beside}; check the gap beside them, or end the contact boundary before them"
     )
