@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import assembled, facets, facets_of_cells, grid
@@ -177,7 +178,7 @@ def test_where_both_sides_are_held(dim, slave):
     assert len(set(MPI.COMM_WORLD.allgather(message))) == 1
 
 
-def clamped(dim, slave, part, *, end=False, cells=(8, 8), whole=False, comm=MPI.COMM_SELF, **settings):
+def clamped(dim, slave, part, *, end=False, cells=(8, 8), plate_held=False, comm=MPI.COMM_SELF, **settings):
     """A plate on a block, both held where x[0] is at most ``part``.
 
     Args:
@@ -186,7 +187,7 @@ def clamped(dim, slave, part, *, end=False, cells=(8, 8), whole=False, comm=MPI.
         part: see above.
         end: whether the sides end there.
         cells: of block and plate along x[0].
-        whole: whether the plate is held everywhere.
+        plate_held: whether the plate is held everywhere.
         comm: the ranks.
         settings: see ``SlidingBodies``.
     """
@@ -199,7 +200,7 @@ def clamped(dim, slave, part, *, end=False, cells=(8, 8), whole=False, comm=MPI.
     touching = [lambda x, y=y: np.isclose(x[up], y, atol=1e-9) & (x[0] >= first - 1e-9) for y in (0.0, away)]
     held = [
         lambda x: (x[up] <= away / 2) & (np.isclose(x[up], -1.0) | (x[0] <= part + 1e-9)),
-        lambda x: (x[up] >= away / 2) & ((x[0] <= part + 1e-9) | whole),
+        lambda x: (x[up] >= away / 2) & ((x[0] <= part + 1e-9) | plate_held),
     ]
     return SlidingBodies(KINDS[dim], bodies, touching, held, slave=slave, reach=0.5, comm=comm, **settings)
 
@@ -261,7 +262,7 @@ def test_a_side_that_is_held_everywhere_over_such_a_region(cells):
     the overlap at the border through them: the force is that of the points of the block, and of a plate with its nodes.
     """
     scenes = [
-        clamped(2, slave, 0.5, cells=of, whole=True) for slave, of in ((0, cells), (1, cells), (1, cells[:1] * 2))
+        clamped(2, slave, 0.5, cells=of, plate_held=True) for slave, of in ((0, cells), (1, cells), (1, cells[:1] * 2))
     ]
     for scene in scenes:
         scene.drive.value[-1] = -DEPTH
@@ -288,6 +289,46 @@ def test_such_a_region_on_ranks(dim):
     assert told(shared) == told(alone)
 
 
+STRAIN, YOUNG_AND_LAME = 0.01, (100.0, 50.0)
+
+
+def evenly_pressed(kind, degree, bodies, held, slave, sides=None):
+    """Two blocks between smooth walls, pressed evenly, of which supports that move along hold some facets of both
+    sides: the problem, and its displacement without these.
+
+    Args:
+        kind: of the cells.
+        degree: of the displacement.
+        bodies: cells and points of each.
+        held: of each which facets of its side, from their middles, shape (f, d - 1).
+        slave: which body has the points.
+        sides: of each which facets are its side, likewise; None: all.
+    """
+    dim = bodies[0][1].shape[1]
+    up, strain, (young, lame) = dim - 1, STRAIN, YOUNG_AND_LAME
+    mesh, count = assembled(kind, *bodies), len(bodies[0][0])
+    of_body = np.arange(count), np.arange(count, count + len(bodies[1][0]))
+    all_facets = [facets_of_cells(mesh, lambda x: np.isclose(x[up], 0.0), cells) for cells in of_body]
+    middles = [dmesh.compute_midpoints(mesh, up, listed)[:, :up] for listed in all_facets]
+    held = [listed[chosen(at)] for listed, chosen, at in zip(all_facets, held, middles, strict=True)]
+    if sides is not None:
+        all_facets = [listed[chosen(at)] for listed, chosen, at in zip(all_facets, sides, middles, strict=True)]
+    space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+    exact = fem.Function(space)
+    exact.interpolate(lambda x: np.stack([*[0.0 * x[0]] * up, -strain * x[up]]))
+    ends = [*held, facets(mesh, lambda x: np.isclose(np.abs(x[up]), 1.0))]
+    bcs = [fem.dirichletbc(exact, fem.locate_dofs_topological(space, up, end)) for end in ends]
+    for axis in range(up):
+        walls = facets(mesh, lambda x, axis=axis: np.isclose(x[axis], 0.0) | np.isclose(x[axis], 1.0))
+        dofs = fem.locate_dofs_topological(space.sub(axis), up, walls)
+        bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), dofs, space.sub(axis)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a = young * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx + lame * ufl.div(u) * ufl.div(v) * ufl.dx
+    nothing = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
+    pair = Pair(all_facets[slave], all_facets[1 - slave], reach=0.5)
+    return ContactProblem(a, nothing, bcs=bcs, contact=pair, algorithm="alm"), exact
+
+
 @pytest.mark.parametrize("slave", [0, 1])
 @pytest.mark.parametrize("upto", [(0.4, 0.4), (0.4, 0.55)])
 @pytest.mark.parametrize(
@@ -312,7 +353,7 @@ def test_constant_stress_beside_a_region_in_which_both_sides_are_held(kind, degr
     one of both ends before the other.
     """
     dim = 2 if kind in ("quadrilateral", "triangle") else 3
-    up, strain = dim - 1, 0.01
+    up = dim - 1
 
     def graded(x, last):
         """Two facets along what is held, and the others beside it."""
@@ -329,33 +370,50 @@ def test_constant_stress_beside_a_region_in_which_both_sides_are_held(kind, degr
         )
         for n, low, last in ((2, -1.0, upto[0]), (3, 0.0, upto[1]))
     ]
-    mesh, count = assembled(kind, *bodies), len(bodies[0][0])
-    of_body = np.arange(count), np.arange(count, count + len(bodies[1][0]))
-    sides = [facets_of_cells(mesh, lambda x: np.isclose(x[up], 0.0), cells) for cells in of_body]
-    held = [
-        facets_of_cells(mesh, lambda x, last=last: np.isclose(x[up], 0.0) & (x[0] <= last + 1e-9), cells)
-        for cells, last in zip(of_body, upto, strict=True)
-    ]
-    space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
-    exact = fem.Function(space)
-    exact.interpolate(lambda x: np.stack([*[0.0 * x[0]] * up, -strain * x[up]]))
-    ends = [*held, facets(mesh, lambda x: np.isclose(np.abs(x[up]), 1.0))]
-    bcs = [fem.dirichletbc(exact, fem.locate_dofs_topological(space, up, end)) for end in ends]
-    for axis in range(up):
-        walls = facets(mesh, lambda x, axis=axis: np.isclose(x[axis], 0.0) | np.isclose(x[axis], 1.0))
-        dofs = fem.locate_dofs_topological(space.sub(axis), up, walls)
-        bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), dofs, space.sub(axis)))
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    young, lame = 100.0, 50.0
-    a = young * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx + lame * ufl.div(u) * ufl.div(v) * ufl.dx
-    nothing = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
-    pair = Pair(sides[slave], sides[1 - slave], reach=0.5)
-    problem = ContactProblem(a, nothing, bcs=bcs, contact=pair, algorithm="alm")
-    moved, pressure = problem.solve().x.array, (young + lame) * strain
-    assert moved == pytest.approx(exact.x.array, abs=1e-10 * strain)
+    held = [lambda x, last=last: x[:, 0] <= last for last in upto]
+    problem, exact = evenly_pressed(kind, degree, bodies, held, slave)
+    moved, pressure = problem.solve().x.array, sum(YOUNG_AND_LAME) * STRAIN
+    assert moved == pytest.approx(exact.x.array, abs=1e-10 * STRAIN)
     assert problem.state.pressure == pytest.approx(pressure, rel=1e-7)
     force = np.abs(sum(problem.state.forces))
     assert force == pytest.approx([*[0.0] * up, pressure * (1 - min(upto))], abs=1e-7 * pressure)
+
+
+@pytest.mark.parametrize(
+    ("kind", "cells", "slave", "held", "removed"),
+    [
+        # An edge of the slave in a plane across which both are held sees no node of the master in it.
+        ("hexahedron", ((2, 2), (4, 5)), 1, (0.59, 0.66), (0.4, 0.3)),
+        # A facet of the slave that a hole in its side parts from the others, and that is held over what is held.
+        ("quadrilateral", ((4,), (5,)), 0, (0.49, 0.3), None),
+        ("triangle", ((4,), (5,)), 0, (0.49, 0.3), None),
+    ],
+)
+def test_held_facets_with_holes(kind, cells, slave, held, removed):
+    """One facet is not held amidst others that are, or no part of the side: what is right is not refused, and the block
+    is pressed evenly where it is in contact.
+    """
+    up = len(cells[0])
+    bodies = [
+        grid(kind, (*of, 2), [*[0.0] * up, low], [*[1.0] * up, low + 1])
+        for of, low in zip(cells, (-1.0, 0.0), strict=True)
+    ]
+
+    def nearest(x, place):
+        return np.arange(len(x)) == np.linalg.norm(x - np.array(place), axis=1).argmin()
+
+    def chosen(x, last):
+        return (x[:, 0] <= last) if removed is None else (x[:, 0] <= last) & ~nearest(x, removed)
+
+    sides = [lambda x: x[:, 0] > -1.0] * 2
+    if removed is None:
+        sides[slave] = lambda x: ~nearest(x, [0.375])
+    of_both = [lambda x, last=last: chosen(x, last) for last in held]
+    problem, exact = evenly_pressed(kind, 1, bodies, of_both, slave, sides)
+    moved = problem.solve().x.array
+    assert problem.state.pressure.min() > 0.0
+    if removed is not None:
+        assert moved == pytest.approx(exact.x.array, abs=1e-3 * STRAIN)
 
 
 @pytest.mark.parametrize("slave", [0, 1])

@@ -73,19 +73,27 @@ class FixedDistances:
         """
         slave, master = sides
         pairs = np.column_stack((overlaps[0].slave, overlaps[0].master))
-        some = held.slave[slave.nodes[pairs[:, 0]]].any(axis=1) & held.master[master.nodes[pairs[:, 1]]].any(axis=1)
-        pairs = np.unique(parallel.gather_rows(comm, np.unique(pairs[some], axis=0)), axis=0).astype(np.int64)
+        with_held = held.slave[slave.nodes[pairs[:, 0]]].any(axis=1) & held.master[master.nodes[pairs[:, 1]]].any(
+            axis=1
+        )
+        pairs = np.unique(parallel.gather_rows(comm, np.unique(pairs[with_held], axis=0)), axis=0).astype(np.int64)
         if not len(pairs):
             return None
         directions = slave.nodal_normals if directions is None else directions
         seen = _seen_by_slave(sides, held, pairs, directions), _seen_by_master(sides, held, pairs, directions)
-        found = [_kept(sides, held, numbers, shares, ways) for numbers, shares, ways in seen]
-        nodes = [numbers for numbers, _, _ in found]
+        kept_places = [_kept(sides, held, numbers, shares, ways) for numbers, shares, ways in seen]
+        nodes = [numbers for numbers, _, _ in kept_places]
         if not sum(part.size for part in nodes):
             return None
-        own, others = (sp.csr_array(sp.vstack([part[side] for _, part, _ in found])) for side in range(2))
+        slave_shares, master_shares = (
+            sp.csr_array(sp.vstack([part[side] for _, part, _ in kept_places])) for side in range(2)
+        )
         met = over_ranks(comm, _met(sides, held, overlaps[1], weighted, (nodes[0], nodes[1])))
-        return cls(own, others, np.concatenate([ways for _, _, ways in found]), met) if met.nnz else None
+        return (
+            cls(slave_shares, master_shares, np.concatenate([ways for _, _, ways in kept_places]), met)
+            if met.nnz
+            else None
+        )
 
     def distance(self, slave: Array, master: Array) -> Array:
         """Of both sides along the directions, from positions of their nodes, length, shape (k,)."""
@@ -240,21 +248,28 @@ def _met(
 ) -> sp.csr_array:
     """See ``FixedDistances``, as far as this rank has found the overlap; ``places``: nodes of both sides."""
     slave, master = sides
-    own, others = slave.nodes[overlap.slave], master.nodes[overlap.master]
-    some = np.flatnonzero(held.slave[own].any(axis=1) & held.master[others].any(axis=1))
-    own, others, points = own[some], others[some], slave.points[overlap.slave[some]]
-    shape, over = slave.functions.values(overlap.at[some]), master.functions.values(overlap.over[some])
+    slave_nodes, master_nodes = slave.nodes[overlap.slave], master.nodes[overlap.master]
+    rows_with_held = np.flatnonzero(held.slave[slave_nodes].any(axis=1) & held.master[master_nodes].any(axis=1))
+    slave_nodes, master_nodes, points = (
+        slave_nodes[rows_with_held],
+        master_nodes[rows_with_held],
+        slave.points[overlap.slave[rows_with_held]],
+    )
+    shape, over = (
+        slave.functions.values(overlap.at[rows_with_held]),
+        master.functions.values(overlap.over[rows_with_held]),
+    )
     sums = [
         np.abs(np.einsum("pqk,pk->pq", values, flags[nodes].astype(np.float64)))
-        for values, flags, nodes in ((shape, held.slave, own), (over, held.master, others))
+        for values, flags, nodes in ((shape, held.slave, slave_nodes), (over, held.master, master_nodes))
     ]
     less = sums[0] <= sums[1]
     parts = []
     for side, nodes, values, chosen, numbers in (
-        (slave, own, shape, less, places[0]),
-        (master, others, over, ~less, places[1]),
+        (slave, slave_nodes, shape, less, places[0]),
+        (master, master_nodes, over, ~less, places[1]),
     ):
-        products = np.einsum("pqi,pqj->pij", weighted[some] * chosen[..., None], values)
+        products = np.einsum("pqi,pqj->pij", weighted[rows_with_held] * chosen[..., None], values)
         at = tuple(np.broadcast_to(rows, products.shape).ravel() for rows in (points[:, :, None], nodes[:, None]))
         integrals = sp.csr_array(sp.coo_array((products.ravel(), at), shape=(len(slave.x), len(side.x))))
         parts.append(sp.csr_array(integrals[:, numbers]))

@@ -175,6 +175,14 @@ class Tested:
             moving = Tested.of(slave, master, self.overlap.chosen(~still), comm, bonded=self.hats)
         return moving, self.overlap.chosen(still)
 
+    def without(self, facets: npt.NDArray[np.bool_]) -> Tested:
+        """The same without some facets of the slave, shape (f,)."""
+        if not facets.any():
+            return self
+        pieces = ~facets[self.overlap.slave]
+        area = np.where(facets, 0.0, self.area)
+        return Tested(self.overlap.chosen(pieces), area, self.weighted[pieces], self.hats)
+
     def areas(self, slave: PairSurface, comm: MPI.Comm) -> Array:
         """Integrals of the functions of the nodes of the slave, shape (N,); collective."""
         return self.moments(slave, np.ones((*self.weighted.shape[:2], 1)), comm)[:, 0]
@@ -259,6 +267,14 @@ def couple(
     nodes, shares = carried(slave, tested.covered, weight, unable | helpless)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
+    if held is not None and not bonded:
+        # Facets apart from all points, of which all nodes are helpless: nobody takes over their functions.
+        carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
+        idle = (helpless & ~carried_nodes)[slave.points].all(axis=1)
+        left_out = idle[overlap.slave]
+        still = still.joined(overlap.chosen(left_out))
+        tested = tested.without(idle)
+        overlap = tested.overlap
     if held is not None and whole is not tested:
         helpless = held.helpless(over_ranks(comm, whole.products(slave, master)[1]))
         helpless[nodes] = False

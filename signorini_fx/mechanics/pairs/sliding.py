@@ -351,9 +351,9 @@ def fixed_by_supports(slave: PairSurface, master: PairSurface, held: HeldSides, 
     """
     if not (held.slave.any() and held.master.any()):
         return None
-    whole, directions = projected(slave, master, reach, apart=True)
-    tested, _ = whole.parted(slave, master, held, MPI.COMM_SELF)
-    overlaps = whole.overlap, tested.overlap
+    both_sides, directions = projected(slave, master, reach, apart=True)
+    tested, _ = both_sides.parted(slave, master, held, MPI.COMM_SELF)
+    overlaps = both_sides.overlap, tested.overlap
     return FixedDistances.of((slave, master), held, overlaps, tested.weighted, directions)
 
 

@@ -96,8 +96,8 @@ def held_distances(
     first = _first_fixed((slave, master), nodes, over, master.hats(at), ways[nodes], inside)
     of_slave = nodes[first]
     along = ways[of_slave]
-    own = _shares(of_slave[:, None], np.ones((first.size, 1)), len(slave.x))
-    others = _shares(over[first], master.hats(at[first]), len(master.x))
+    slave_shares = _shares(of_slave[:, None], np.ones((first.size, 1)), len(slave.x))
+    master_shares = _shares(over[first], master.hats(at[first]), len(master.x))
     # From nodes of the master.
     row, local = np.nonzero(master.held[master.facets[pairs[:, 1]]])
     nodes, under = master.facets[pairs[row, 1], local], slave.facets[pairs[row, 0]]
@@ -107,8 +107,8 @@ def held_distances(
     back /= np.linalg.norm(back, axis=1, keepdims=True)
     first = _first_fixed((master, slave), nodes, under, shares, back, inside)
     of_master = nodes[first]
-    own = sp.vstack((own, _shares(under[first], shares[first], len(slave.x))))
-    others = sp.vstack((others, _shares(of_master[:, None], np.ones((first.size, 1)), len(master.x))))
+    slave_shares = sp.vstack((slave_shares, _shares(under[first], shares[first], len(slave.x))))
+    master_shares = sp.vstack((master_shares, _shares(of_master[:, None], np.ones((first.size, 1)), len(master.x))))
     # What rays have of them.
     facet, start, opposite, end = rays
     values, seen = (slave.hats(start), master.hats(end)), (slave.facets[facet], master.facets[opposite])
@@ -117,15 +117,17 @@ def held_distances(
         for part, side, numbers in zip(values, sides, seen, strict=True)
     ]
     parts = []
-    for part, numbers, known, chosen in zip(
+    for part, numbers, listed_nodes, chosen in zip(
         values, seen, (of_slave, of_master), (sums[0] <= sums[1], sums[0] > sums[1]), strict=True
     ):
-        at_ray, local = np.nonzero(np.isin(numbers, known) & chosen[:, None])
-        columns = np.searchsorted(known, numbers[at_ray, local])
+        at_ray, local = np.nonzero(np.isin(numbers, listed_nodes) & chosen[:, None])
+        columns = np.searchsorted(listed_nodes, numbers[at_ray, local])
         entries = part[at_ray, local], (at_ray, columns)
-        parts.append(sp.csr_array(sp.coo_array(entries, shape=(len(facet), known.size))))
+        parts.append(sp.csr_array(sp.coo_array(entries, shape=(len(facet), listed_nodes.size))))
     ways_there = np.concatenate((along, back[first]))
-    return HeldDistances(sp.csr_array(own), sp.csr_array(others), ways_there, sp.csr_array(sp.hstack(parts)))
+    return HeldDistances(
+        sp.csr_array(slave_shares), sp.csr_array(master_shares), ways_there, sp.csr_array(sp.hstack(parts))
+    )
 
 
 def _first_fixed(

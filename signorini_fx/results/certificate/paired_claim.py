@@ -104,18 +104,20 @@ class Claim:
         """The distance of both sides along normals at the points, length, shape (n,)."""
         return np.asarray(np.sum(normal * self.distance, axis=1))
 
-    def fixed_gap(self, given: Callable[[Any], Array], adjust: float | None, *, by_geometry: bool) -> Array:
+    def fixed_gap(self, allowance_at: Callable[[Any], Array], adjust: float | None, *, by_geometry: bool) -> Array:
         """What the points do not count of the gap where supports fix it, length, shape (n,); collective.
 
         Args:
-            given: what the problem gives of the gap at nodes, local numbers, length.
+            allowance_at: what the problem gives of the gap at nodes, local numbers, length.
             adjust: up to which distance sides count as closed, length; None: nowhere.
             by_geometry: whether the distance of both sides is added.
         """
         fixed = self.pair.coupling.fixed
         if fixed is None:
             return np.zeros(self.points.size)
-        added = self.pair.coupling.fixed_shares @ (fixed.slave @ given_at(given, self.pair.slave.nodes, self.space))
+        added = self.pair.coupling.fixed_shares @ (
+            fixed.slave @ nodal_allowance(allowance_at, self.pair.slave.nodes, self.space)
+        )
         if not by_geometry:
             return np.asarray(added)
         slave, master = self.pair.slave.surface.x, self.pair.master.surface.x
@@ -180,11 +182,13 @@ class Claim:
         return np.asarray((abs(self.own) + abs(self.others)) @ reached_flags > 0)
 
 
-def given_at(given: Callable[[Any], Array], nodes: npt.NDArray[np.int64], space: fem.FunctionSpace) -> Array:
+def nodal_allowance(
+    allowance_at: Callable[[Any], Array], nodes: npt.NDArray[np.int64], space: fem.FunctionSpace
+) -> Array:
     """Values that are given at local nodes, at nodes of all ranks by their global numbers; collective."""
     first, last = space.dofmap.index_map.local_range
     owned, here = np.zeros((last - first, 1)), nodes[(nodes >= first) & (nodes < last)] - first
-    owned[here, 0] = given(here)
+    owned[here, 0] = allowance_at(here)
     return from_owners(owned, nodes, space.mesh.comm)[:, 0]
 
 

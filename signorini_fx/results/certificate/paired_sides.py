@@ -23,7 +23,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.results.certificate.paired_claim import Claim
-from signorini_fx.tuned import PARTNERS_REACH
+from signorini_fx.tuned import DIGITS_OF_FILES, PARTNERS_REACH
 
 Array = npt.NDArray[np.float64]
 
@@ -35,7 +35,8 @@ def largest(values: Array) -> float:
 
 def not_held(claim: Claim, held: Array, y: Array) -> float:
     """How far the directions across planes of symmetry are from being held where they are at the nodes of the points,
-    and for each at some node of the other side that a point sees; collective.
+    and for each at some node of the other side that a point sees, or at one in the plane that is not farther
+    than a facet from the nearest: beside what supports hold on both sides a point may see none there; collective.
 
     Args:
         claim: what is claimed.
@@ -46,16 +47,24 @@ def not_held(claim: Claim, held: Array, y: Array) -> float:
         return 0.0
     nodal_rows = np.column_stack((held.reshape(-1, y.shape[1] ** 2), y))
     reached_rows: Array = from_owners(nodal_rows, claim.reached, claim.comm)
-    dim, worst = y.shape[1], 0.0
+    of_master: Array = from_owners(nodal_rows, claim.pair.master.nodes, claim.comm)
+    (own, other), dim, worst = (side.surface.x for side in (claim.pair.slave, claim.pair.master)), y.shape[1], 0.0
+    size = max(
+        float(np.linalg.norm(np.ptp(side.surface.corners, axis=1), axis=1).max())
+        for side in (claim.pair.slave, claim.pair.master)
+    )
     planes = np.array([node for node in claim.planes if node in claim.reached], dtype=np.int64)
     for node, k in zip(planes, np.searchsorted(claim.reached, planes), strict=True):
         plane, row = claim.planes[int(node)], reached_rows[k]
         worst = max(worst, largest(row[:-dim].reshape(dim, dim) @ plane - plane) + largest(plane @ row[-dim:]))
     for point in np.flatnonzero(claim.across.any(axis=(1, 2))):
         nodes = claim.others.indices[claim.others.indptr[point] : claim.others.indptr[point + 1]]
-        rows = [nodal_rows[claim.points[[point]]], reached_rows[nodes]]
         values, ways = np.linalg.eigh(claim.across[point])
+        apart = other - own[claim.pair.coupling.nodes[point]]
+        away = np.linalg.norm(apart, axis=1)
         for way in ways[:, values > 0.5].T:
+            in_plane = (np.abs(apart @ way) <= DIGITS_OF_FILES * size) & (away <= size + away.min())
+            rows = [nodal_rows[claim.points[[point]]], np.concatenate((reached_rows[nodes], of_master[in_plane]))]
             worst = max(
                 worst,
                 *(

@@ -32,7 +32,7 @@ from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.held_distances import DisplacedSide, held_distances
-from signorini_fx.results.certificate.paired_claim import given_at
+from signorini_fx.results.certificate.paired_claim import nodal_allowance
 from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
@@ -443,9 +443,11 @@ class SlidingClaim:
         """Zero: ``relative`` has it."""
         return np.zeros(self._mine.size)
 
-    def fixed_gap(self, given: Callable[[Any], Array], adjust: float | None, *, by_geometry: bool) -> Array:
+    def fixed_gap(self, allowance_at: Callable[[Any], Array], adjust: float | None, *, by_geometry: bool) -> Array:
         """See ``Claim``; the distance of both sides, without what supports fix, is in ``relative``."""
-        return np.asarray(self.present.uncounted @ given_at(given, self.chains[0].nodes, self.space))[self._mine]
+        return np.asarray(self.present.uncounted @ nodal_allowance(allowance_at, self.chains[0].nodes, self.space))[
+            self._mine
+        ]
 
     def relative(self, owned: Array) -> Array:
         """What both sides of the points do at a displacement of the owned nodes, shape (owned nodes, 2): along the
