@@ -3,7 +3,7 @@
 Where supports hold both sides, no pressure changes their distance.  The functions of finite elements carry that of the
 last held nodes on to the facets beside them, where it is no distance of anything that moves: points there test
 
-    g - e,   e = sum_b g_b N_b of that side whose functions of held nodes sum up to less there,
+    g - e,   e = sum_b g_b N_b of that side whose functions of held nodes sum up to less in both facets over each other,
 
 with g_b the distance at node b of one side whose place on the other is held, too.  Of matching meshes a point so has
 the distance of its own node.  The sum e is zero where held nodes touch, and at points that no such function reaches.
@@ -249,27 +249,23 @@ def _met(
     """See ``FixedDistances``, as far as this rank has found the overlap; ``places``: nodes of both sides."""
     slave, master = sides
     slave_nodes, master_nodes = slave.nodes[overlap.slave], master.nodes[overlap.master]
-    rows_with_held = np.flatnonzero(held.slave[slave_nodes].any(axis=1) & held.master[master_nodes].any(axis=1))
-    slave_nodes, master_nodes, points = (
-        slave_nodes[rows_with_held],
-        master_nodes[rows_with_held],
-        slave.points[overlap.slave[rows_with_held]],
-    )
-    shape, over = (
-        slave.functions.values(overlap.at[rows_with_held]),
-        master.functions.values(overlap.over[rows_with_held]),
-    )
-    sums = [
-        np.abs(np.einsum("pqk,pk->pq", values, flags[nodes].astype(np.float64)))
+    pieces = held.slave[slave_nodes].any(axis=1) & held.master[master_nodes].any(axis=1)
+    overlap, weighted = overlap.chosen(pieces), weighted[pieces]
+    slave_nodes, master_nodes, points = slave_nodes[pieces], master_nodes[pieces], slave.points[overlap.slave]
+    shape, over = slave.functions.values(overlap.at), master.functions.values(overlap.over)
+    _, pair = np.unique(np.column_stack((overlap.slave, overlap.master)), axis=0, return_inverse=True)
+    pair = pair.ravel()  # whose shape differs between versions of NumPy
+    squares = [
+        np.bincount(pair, np.sum(overlap.weight * np.einsum("pqk,pk->pq", values, flags[nodes] * 1.0) ** 2, axis=1))
         for values, flags, nodes in ((shape, held.slave, slave_nodes), (over, held.master, master_nodes))
     ]
-    less = sums[0] <= sums[1]
+    less = (squares[0] <= squares[1])[pair]
     parts = []
     for side, nodes, values, chosen, numbers in (
         (slave, slave_nodes, shape, less, places[0]),
         (master, master_nodes, over, ~less, places[1]),
     ):
-        products = np.einsum("pqi,pqj->pij", weighted[rows_with_held] * chosen[..., None], values)
+        products = np.einsum("pqi,pqj->pij", weighted * chosen[:, None, None], values)
         at = tuple(np.broadcast_to(rows, products.shape).ravel() for rows in (points[:, :, None], nodes[:, None]))
         integrals = sp.csr_array(sp.coo_array((products.ravel(), at), shape=(len(slave.x), len(side.x))))
         parts.append(sp.csr_array(integrals[:, numbers]))

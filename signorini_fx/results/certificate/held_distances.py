@@ -1,8 +1,8 @@
 """The second opinion on distances that supports of both sides of a sliding pair fix, which points beside do not count.
 
 Of the solver it takes which nodes supports hold.  Where a held node of one side has its place on held nodes of the
-other, its distance is fixed, and the functions of held nodes carry it on to facets beside.  At each ray the side counts
-whose functions of held nodes sum up to less.
+other, its distance is fixed, and the functions of held nodes carry it on to facets beside.  Of two facets over each
+other that side counts whose functions of held nodes have less squares.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def held_distances(
     sides: tuple[DisplacedSide, DisplacedSide],
     ways: Array,
     partners: tuple[Numbers, Numbers],
-    rays: tuple[Numbers, Array, Numbers, Array],
+    rays: tuple[Numbers, Array, Numbers, Array, Array],
     seeing: tuple[Seeing, Seeing],
 ) -> HeldDistances:
     """Those of two sides.
@@ -82,7 +82,7 @@ def held_distances(
         sides: slave and master.
         ways: directions of rays at the nodes of the slave, shape (N, d).
         partners: facets of both sides that see each other, shape (p,) each.
-        rays: facets and places of the slave, and of the master, shape (r,) or (r, d - 1) each.
+        rays: facets and places of the slave, and of the master, shape (r,) or (r, d - 1) each, and areas, shape (r,).
         seeing: the place on a facet of the master, shape (m, k, d), that the end of a ray is on, from points and ways,
             and that on a facet of the slave from which a point is seen, from the ways at its nodes, and the points; and
             whether it is on the facet.
@@ -110,16 +110,16 @@ def held_distances(
     slave_shares = sp.vstack((slave_shares, _shares(under[first], shares[first], len(slave.x))))
     master_shares = sp.vstack((master_shares, _shares(of_master[:, None], np.ones((first.size, 1)), len(master.x))))
     # What rays have of them.
-    facet, start, opposite, end = rays
+    facet, start, opposite, end, areas = rays
     values, seen = (slave.hats(start), master.hats(end)), (slave.facets[facet], master.facets[opposite])
-    sums = [
-        np.abs(np.sum(part * side.held[numbers], axis=1))
+    _, pair = np.unique(facet * len(master.facets) + opposite, return_inverse=True)
+    squares = [
+        np.bincount(pair, areas * np.sum(part * side.held[numbers], axis=1) ** 2)
         for part, side, numbers in zip(values, sides, seen, strict=True)
     ]
+    less = squares[0][pair] <= squares[1][pair]
     parts = []
-    for part, numbers, listed_nodes, chosen in zip(
-        values, seen, (of_slave, of_master), (sums[0] <= sums[1], sums[0] > sums[1]), strict=True
-    ):
+    for part, numbers, listed_nodes, chosen in zip(values, seen, (of_slave, of_master), (less, ~less), strict=True):
         at_ray, local = np.nonzero(np.isin(numbers, listed_nodes) & chosen[:, None])
         columns = np.searchsorted(listed_nodes, numbers[at_ray, local])
         entries = part[at_ray, local], (at_ray, columns)

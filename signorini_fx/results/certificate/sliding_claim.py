@@ -620,7 +620,7 @@ class SlidingClaim:
             DisplacedSide(slave.facets, there.x, held[0], loose[0], partial(self._hats, chain=slave)),
             DisplacedSide(master.facets, there.y, held[1], loose[1], partial(self._hats, chain=master)),
         )
-        places = rays.facet, rays.at, rays.over, rays.place
+        places = rays.facet, rays.at, rays.over, rays.place, rays.area
         fixed = held_distances(sides, there.ways, partners, places, (self._place_over, self._place_under))
         of_points = sp.diags_array(1.0 / seen.weight) @ seen.shares @ (psi @ fixed.at_rays)
         gap = seen.gap - of_points @ fixed.distance(seen.x, seen.y)
