@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from dolfinx import fem, la
 from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import as_linear_bodies, blocks, bump, cylinders, dome, out_of_balance, ring_on_cone, roller
 
-from signorini_fx import ConvergenceError, Coulomb, Status
+from signorini_fx import ConvergenceError, Coulomb, Status, Tresca
 from signorini_fx.mechanics.pairs import sliding
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 
@@ -116,6 +117,37 @@ def test_on_ranks(revolved):
         forces.append(force)
     assert np.abs(forces[0]).min() > 0.01 * np.abs(forces[0]).max()
     assert forces[0] == pytest.approx(forces[1], rel=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize(
+    "friction",
+    [None, Coulomb(0.3), Tresca(0.5), Coulomb(0.0, cohesion=0.5)],
+    ids=["smooth", "rough", "tresca", "cohesion"],
+)
+def test_where_driven_nodes_end(friction, slave, kind):
+    """Supports drive the outer nodes of a roller up to the middle of contact, on the first side or on the second: the
+    supports of the block take what contact says, on any number of ranks.
+    """
+    forces = []
+    for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        settings = {"cells": (16, 4), "around": 8, "ratio": 3.0, "degree": 2, "algorithm": "alm", "comm": comm}
+        scene = roller(kind, half_driven=True, friction=friction, slave=slave, **settings)
+        for way in ((0.0, -0.05), (0.0, -0.1), (0.05, -0.1), (0.15, -0.1)):
+            force = scene.move(*way)
+        assert scene.problem.certificate.holds
+        size = np.abs(force).max()
+        assert size > 1.0
+        residual = fem.assemble_vector(fem.form(scene.form))
+        residual.scatter_reverse(la.InsertMode.add)
+        below = scene.nodes[0][scene.nodes[0] < scene.u.function_space.dofmap.index_map.size_local]
+        reaction = scene.mesh.comm.allreduce(residual.array.reshape(-1, 2)[below].sum(axis=0))
+        assert reaction == pytest.approx([-1.0, 1.0][slave] * force, abs=1e-7 * size)
+        forces.append(force)
+    assert forces[0] == pytest.approx(forces[1], abs=1e-7 * np.abs(forces[1]).max())
 
 
 def test_a_body_inside_another_one():

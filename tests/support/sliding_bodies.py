@@ -142,8 +142,10 @@ def bump(kind="quadrilateral", height=2e-4, lower=(24, 8), upper=(18, 6), **sett
     return SlidingBodies(kind, bodies, [level[0], below], level[1:], **settings)
 
 
-def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, far=0.0, **settings):
-    """Half a ring above a block [0, 4] x [0, 1], above x = 1.5, driven at its ends; ``far``: added to all x."""
+def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, far=0.0, half_driven=False, **settings):
+    """Half a ring above a block [0, 4] x [0, 1], above x = 1.5, driven at its ends; ``far``: added to all x;
+    ``half_driven``: its outer nodes are driven, too, from the left up to its middle.
+    """
 
     def ring(x):
         angle, r = np.pi * (x[:, 0] - 1), radius * (0.3 + 0.7 * x[:, 1])
@@ -159,7 +161,8 @@ def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, 
         return np.isclose(np.linalg.norm(x - middle[:, None], axis=0), radius)
 
     touching = [lambda x: np.isclose(x[1], 1.0), outer]
-    held = [lambda x: np.isclose(x[1], 0.0), lambda x: np.isclose(x[1], middle[1])]
+    driven = (lambda x: outer(x) & (x[0] < middle[0] + 1e-9 * radius)) if half_driven else (lambda x: x[0] > np.inf)
+    held = [lambda x: np.isclose(x[1], 0.0), lambda x: np.isclose(x[1], middle[1]) | driven(x)]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
