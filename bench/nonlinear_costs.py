@@ -28,6 +28,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Pair
+from signorini_fx.forms.nonlinear.step_sizes import RampStep
 
 Floats = npt.NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class Cost:
     """Of all load steps.
 
     Attributes:
-        steps: load steps, with those that were put between.
+        steps: load steps.
         iterations: of Newton's method.
         solves: linear solves.
         cpu: seconds.
@@ -167,12 +168,14 @@ def with_contact(problem: Problem) -> tuple[Cost, list[Floats]]:
     problem.u.x.array[:] = 0.0
     start = time.process_time()
     solver = NonlinearContactProblem(problem.F, problem.u, bcs=problem.bcs, contact=problem.contact)
-    steps, ends = 0, []
+    taken, ends = list[RampStep](), []
     for begin, end in pairwise((0.0, *problem.times)):
-        steps += len(solver.ramp(lambda t, a=begin, b=end: problem.move(solver, a + t * (b - a)), first=1.0))
+        taken += solver.ramp(lambda t, a=begin, b=end: problem.move(solver, a + t * (b - a)), first=1.0)
         ends.append(problem.u.x.array.copy())
     cpu = time.process_time() - start
-    return Cost(steps, len(solver.history.outer), len(solver.history.iterations), cpu), ends
+    if len(taken) > len(problem.times):  # of attempts that failed no iterations are known
+        raise RuntimeError("a load step was halved: take smaller load steps")
+    return Cost(len(taken), sum(step.iterations for step in taken), len(solver.history.iterations), cpu), ends
 
 
 def bonded(problem: Problem, ends: Sequence[Floats]) -> tuple[Cost, list[Floats]]:

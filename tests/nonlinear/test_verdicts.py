@@ -70,8 +70,8 @@ def test_the_last_factor_says_what_another_one_does(friction):
 
 
 def test_a_last_factor_of_another_tangent_says_nothing():
-    """Where the tangent of now is that of a column beyond Euler's load, or of one on the way there, or where the last one
-    was not condensed.
+    """Where the tangent of now is that of a column beyond Euler's load, or of one on the way there, or the last one was
+    not condensed.
     """
     problem = column(linear_algebra="condensed")
     problem.place(0, shift=(0.0, -0.04))

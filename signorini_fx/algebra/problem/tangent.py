@@ -46,6 +46,10 @@ class ContactTangent:
         self._starts = np.append(starts[touched], starts[-1]).astype(PETSc.IntType)
         if is_by_blocks(matrix):
             return
+        if matrix.getType() == PETSc.Mat.Type.SEQDENSE:
+            row = np.repeat(touched, np.diff(self._starts))
+            self._elastic = np.asarray(matrix.getDenseArray(readonly=True)[row, self._columns])
+            return
         elastic = [
             matrix.getValues([row], self._columns[a:b]).ravel()
             for row, (a, b) in zip(self._rows, pairwise(self._starts), strict=True)

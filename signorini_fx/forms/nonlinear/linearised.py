@@ -350,6 +350,8 @@ class LinearisedProblem(FormSolver):
         if self._damping > 0.0:  # what has failed without it is not tried by all methods again
             settings = settings.model_copy(update={"fallbacks": False})
         beside: dict[str, Any] = {"beside": self._added, "definite": definite, "symmetric": self.symmetric}
+        if (last := self.__dict__.get("elastic")) is not None and np.array_equal(last.fixed, fixed):
+            beside["of_body"] = last.of_supports
         if self.relative is not None and len(self.relative.blocks) == boundary.size:
             beside["relative"] = self.relative.blocks
         if not self.pairs and definite:

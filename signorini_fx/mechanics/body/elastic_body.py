@@ -155,6 +155,11 @@ class ElasticBody:
             motions = without_strain(motions, self.kinematics)
         return motions
 
+    @property
+    def of_supports(self) -> dict[str, Any]:
+        """What of ``of_body`` another stiffness does not change."""
+        return {name: value for name, value in self.of_body.items() if name == "_supported"}
+
     @shared_in("of_body")
     def _free(self) -> RigidMotions:
         motions, linked = self._supported, self.links is not None

@@ -116,8 +116,10 @@ class NodalStiffness:
             blocks = blocks * (free[:, :, None] & free[:, None, :])
         first = matrix.getOwnershipRange()[0]
         rows = (first + self.nodes[:, None] * dim + np.arange(dim)).astype(PETSc.IntType)
-        for numbers, block in zip(rows, blocks, strict=True):
-            matrix.setValues(numbers, numbers, block, addv=PETSc.InsertMode.ADD_VALUES)
+        if rows.size:
+            ends, columns = np.arange(0, blocks.size + 1, dim, dtype=PETSc.IntType), np.repeat(rows, dim, axis=0)
+            added = {"addv": PETSc.InsertMode.ADD_VALUES, "rowmap": rows.ravel()}
+            matrix.setValuesIJV(ends, columns.ravel(), blocks.ravel(), **added)
         matrix.assemble()
         for joint in self.joint:
             joint.add_to(matrix, dim, fixed)

@@ -21,6 +21,7 @@ from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, fixed_by_supports, slide
+from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components
 from signorini_fx.tuned import PARTNERS_REACH
 
 Array = npt.NDArray[np.float64]
@@ -184,12 +185,12 @@ class SlidingSides:
         """
         mine, count, dim = self.mine, self.mine.size, self.slave.surface.dimension
         across, normal = self._across[mine], coupling.normal[mine]
-        moved = sp.csr_array(sp.hstack((coupling.frames.slave, -coupling.frames.master)))
+        moved = beside(coupling.frames.slave, -coupling.frames.master)
         normal_rows, tangent_rows = coupling.normal_rows, coupling.tangent_rows
         if count < self.points.size:
             rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
             moved, normal_rows, tangent_rows = moved[mine], normal_rows[mine], tangent_rows[rows_of_tangents]
-        translating = sp.csr_array(sp.kron(moved, sp.eye_array(dim)))
+        translating = of_components(moved, dim)
         inward = along_vectors(normal[:, :, None]), along_vectors(self._sliding(coupling)[mine])
         along = inward[0].T @ normal_rows + inward[1].T @ tangent_rows
         turning = along - translating

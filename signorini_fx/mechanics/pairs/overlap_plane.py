@@ -17,8 +17,8 @@ from signorini_fx.tuned import NO_PART, TURNED_DIRECTION
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# Points of a segment of the overlap: integrands are rational where the normal turns.
-_POINTS = 8
+# Of Gauss' rule in [-1, 1] for a segment of the overlap: integrands are rational where the normal turns.
+PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
 # Bisections, then steps of Newton's method that polish the root.
 _BISECTIONS, _STEPS = 30, 3
 
@@ -48,13 +48,12 @@ def plane_overlap(
     meets = ends[:, 1] - ends[:, 0] > NO_PART
     slave_facets, master_facets = slave_facets[meets], master_facets[meets]
     ends, normals, corners = ends[meets], normals[meets], corners[meets]
-    points, weights = np.polynomial.legendre.leggauss(_POINTS)
     width = ends[:, 1] - ends[:, 0]
-    at = ends[:, :1] + width[:, None] * (points + 1) / 2
+    at = ends[:, :1] + width[:, None] * (PLACES_OF_RULE + 1) / 2
     shape = slave.functions.values(at[..., None])
     x, normal = np.einsum("mqk,mkd->mqd", shape, corners), np.einsum("mqk,mkd->mqd", shape, normals)
     over = _over(master, master.corners[master_facets], x, normal)
-    weight = slave.sizes(slave_facets, at[..., None]) * weights / 2 * width[:, None]
+    weight = slave.sizes(slave_facets, at[..., None]) * _WEIGHTS_OF_RULE / 2 * width[:, None]
     return Overlap(slave_facets, master_facets, at[..., None], over[..., None], weight)
 
 
@@ -69,7 +68,7 @@ def ends_in_plane(
         master: the other one.
         directions: see ``plane_overlap``.
     """
-    first, last = np.polynomial.legendre.leggauss(_POINTS)[0][[0, -1]]
+    first, last = PLACES_OF_RULE[[0, -1]]
     inner = overlap.at[:, [0, -1], 0]
     width = 2 * (inner[:, 1] - inner[:, 0]) / (last - first)
     at = np.clip(inner.mean(axis=1)[:, None] + width[:, None] * np.array([-0.5, 0.5]), 0.0, 1.0)

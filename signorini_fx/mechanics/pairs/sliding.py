@@ -36,10 +36,11 @@ from mpi4py import MPI
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides, dual_coefficients
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, turning_of
+from signorini_fx.mechanics.pairs.overlap_plane import PLACES_OF_RULE
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals
-from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
+from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components, scaled_rows
 from signorini_fx.tuned import NO_PART
 
 Array = npt.NDArray[np.float64]
@@ -293,7 +294,6 @@ def slide(
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
     count, sizes, dim = points.size, (len(slave.x), len(master.x)), slave.dimension
-    identity = sp.eye_array(dim)
     placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(count, at.size)))
     lonely = np.flatnonzero(~partnered)
     itself = sp.csr_array(sp.coo_array((np.ones(lonely.size), (lonely, points[lonely])), shape=(count, sizes[0])))
@@ -314,12 +314,11 @@ def slide(
     normals = slave.in_planes(normals, points)
     tangents = tangents_of_points(slave, points, normals)
     turnings = [
-        sp.kron(placing, identity) @ turning_of(sp.csr_array(shares @ arm), side.x, 0.5 * distance[at])
+        of_components(placing, dim) @ turning_of(sp.csr_array(shares @ arm), side.x, 0.5 * distance[at])
         for arm, side in zip(arms, (slave, master), strict=True)
     ]
-    relative = sp.csr_array(
-        sp.hstack((sp.kron(sharing, identity) + turnings[0], sp.kron(-opposite, identity) + turnings[1]))
-    )
+    translating = of_components(sharing, dim), of_components(-opposite, dim)
+    relative = beside(*(moved + turned for moved, turned in zip(translating, turnings, strict=True)))
     normal_rows, tangent_rows = (along_vectors(vectors) @ relative for vectors in (normals[:, :, None], tangents))
     gap = np.full(count, np.inf)
     pieces: _Pieces | _TurningPieces | None = None
@@ -557,7 +556,7 @@ def _vertices(
     """
     slave, master = sides
     at, over = overlap.at[..., 0], overlap.over[..., 0]
-    half = (at[:, -1] - at[:, 0]) / (2 * np.polynomial.legendre.leggauss(at.shape[1])[0][-1])
+    half = (at[:, -1] - at[:, 0]) / (2 * PLACES_OF_RULE[-1])
     middle = (at[:, 0] + at[:, -1]) / 2
     rises = over[:, -1] > over[:, 0]
     ends, places = np.concatenate((middle - half, middle + half)), master.functions.places[:, 0]

@@ -1,4 +1,6 @@
-"""Sparse matrices times diagonal ones: by their entries, in a fraction of the time of a product of two matrices."""
+"""Sparse matrices times diagonal ones, for each component of vectors, and beside each other: by their entries, in a
+fraction of the time of what scipy has for any matrices.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +23,33 @@ def scaled_columns(matrix: Any, factors: Array) -> sp.csr_array:
     """Columns of a matrix times factors, likewise."""
     rows = sp.csr_array(matrix)
     return _scaled(rows, factors[rows.indices])
+
+
+def of_components(matrix: Any, count: int) -> sp.csr_array:
+    """A matrix of nodes as one of vectors at them, which does the same to each of so many components."""
+    rows = sp.csr_array(matrix)
+    sizes = np.diff(rows.indptr)
+    begins, places = np.repeat(rows.indptr[:-1], count), np.repeat(sizes, count)
+    ends = np.concatenate(([0], np.cumsum(places))).astype(rows.indptr.dtype)
+    entries = np.arange(ends[-1]) - np.repeat(ends[:-1] - begins, places)
+    component = np.repeat(np.tile(np.arange(count, dtype=rows.indices.dtype), sizes.size), places)
+    columns = count * rows.indices[entries] + component
+    return sp.csr_array((rows.data[entries], columns, ends), shape=(count * sizes.size, count * rows.shape[1]))
+
+
+def beside(left: Any, right: Any) -> sp.csr_array:
+    """Two matrices with as many rows beside each other."""
+    first, second = sp.csr_array(left), sp.csr_array(right)
+    sizes = np.diff(first.indptr), np.diff(second.indptr)
+    ends = first.indptr + second.indptr
+    to = [
+        np.arange(part.nnz) + np.repeat(ends[:-1] + before - part.indptr[:-1], size)
+        for part, before, size in ((first, 0, sizes[0]), (second, sizes[0], sizes[1]))
+    ]
+    data, columns = np.empty(ends[-1]), np.empty(ends[-1], dtype=first.indices.dtype)
+    data[to[0]], data[to[1]] = first.data, second.data
+    columns[to[0]], columns[to[1]] = first.indices, first.shape[1] + second.indices
+    return sp.csr_array((data, columns, ends), shape=(first.shape[0], first.shape[1] + second.shape[1]))
 
 
 def _scaled(rows: sp.csr_array, factors: Array) -> sp.csr_array:
