@@ -568,6 +568,11 @@ PROGRAMME_TOLERANCE = 1e-10
 # A displacement that was moved out of the foundation is improved if that adds more than this share of the square of
 # the bound.  Choice: the first one is cheap.
 LITTLE_OF_BOUND = 0.1
+# Of tractions between facets in space that do not match: parts along the edges of a facet into which it is divided so
+# many times, and the share of a bound below which the cheapest bound of their liftings is taken.  Tuned on the random
+# scenes of tests/support/pairs_in_space.py.
+PARTS_OF_EDGE, DIVISIONS = 3, 2
+LITTLE_LIFTED = 0.01
 # Polynomials of up to this degree, as initial strains or gradings, are integrated exactly by a bound of the error; of
 # other strains the rules for it, for one more and for one less are compared.  Choice: as loads.
 KNOWN_DEGREE = 5

@@ -28,7 +28,8 @@ def drawn(seed, **kinds):
 
     Args:
         seed: of the draw.
-        kinds: what is not drawn: ``friction``, ``held`` (else by contact alone), ``degree``, ``kind`` of the contact.
+        kinds: what is not drawn: ``friction``, ``held`` (else by contact alone), ``degree``, ``kind`` of the contact;
+            with ``unmatched`` facets do not match, and bodies may be of other sizes, shifted and turned.
     """
     chance = np.random.default_rng([seed, 17])
     pick = chance.choice
@@ -36,20 +37,29 @@ def drawn(seed, **kinds):
     height, layers = chance.uniform(0.5, 1.2, 2), chance.integers(1, 3, 2)
     young, poisson = 10 ** chance.uniform(2, 4, 2), pick([0.0, 0.3, 0.45], 2)
     stress = 1e-3 * float(young.min())
+    sizes, shapes, lower = [size, size], [shape, shape], {}
+    if kinds.get("unmatched"):
+        more = np.random.default_rng([seed, 18])
+        shapes = [more.integers(1, 5, 2), more.integers(1, 5, 2)]
+        if more.random() < 0.6:
+            sizes[1] = size * more.uniform(0.7, 1.7, 2)
+            lower = {"shift": [*map(float, more.uniform(-0.3, 0.1, 2)), 0.0]}
+        if more.random() < 0.5:
+            lower |= {"rotation": [0.0, 0.0, float(more.uniform(-30, 30))], "pivot": [*map(float, sizes[1] / 2), 0.0]}
     meshes = [
         {
             "generator": "box",
             "parameters": {
-                "length": float(size[0]),
-                "width": float(size[1]),
+                "length": float(wide[0]),
+                "width": float(wide[1]),
                 "height": float(high),
-                "nx": int(shape[0]),
-                "ny": int(shape[1]),
+                "nx": int(cells[0]),
+                "ny": int(cells[1]),
                 "nz": int(count),
                 "cell": "tetrahedron",
             },
         }
-        for high, count in zip(height, layers, strict=True)
+        for wide, cells, high, count in zip(sizes, shapes, height, layers, strict=True)
     ]
     apart = float(chance.uniform(0, 2e-3)) if chance.random() < 0.3 else 0.0
     deep = 1e-3 * float(chance.uniform(0, 2))
@@ -81,7 +91,7 @@ def drawn(seed, **kinds):
     scene = {
         "body": [
             {"name": "upper", "mesh": meshes[0], "shift": [0.0, 0.0, float(height[1] + apart)]},
-            {"name": "lower", "mesh": meshes[1]},
+            {"name": "lower", "mesh": meshes[1]} | lower,
         ],
         "element": {"degree": kinds.get("degree", int(pick([1, 1, 2])))},
         "material": [

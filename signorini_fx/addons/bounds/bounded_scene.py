@@ -81,14 +81,17 @@ REFUSES_BESIDES = {
 
 # What it does not know of the sides of two bodies, where they lie.
 APART, TWICE_MET = "friction or bond of sides that are apart", "side that meets two others at a place"
-NO_MATCH = "facets in space that are not over each other one to one"
+NO_MATCH = "facets in space that are not over each other one to one, of sides that are not flat and parallel"
+CLOSED_NO_MATCH = "bonds and contact that cannot open in space, of facets that are not over each other one to one"
 NEARLY_MET, PARTLY_CLOSED = "corners of two bodies that nearly meet", "adjust that closes a part of a contact"
 REFUSES_OF_PAIRS = {
     APART: "with friction or a bond a guaranteed bound is for sides of two bodies that lie on each other, or that are "
     "nominally in contact: how a pair turns whose sides are apart is no functional of displacements",
     TWICE_MET: "a guaranteed bound needs that each part of a side meets one part of one other side at most",
-    NO_MATCH: "in space a guaranteed bound of two bodies is for meshes that match where they meet so far, facet over "
-    "facet",
+    NO_MATCH: "in space a guaranteed bound of two bodies is for flat parallel sides so far, or for meshes that match "
+    "where they meet, facet over facet",
+    CLOSED_NO_MATCH: "in space a guaranteed bound of bonds and of contact that cannot open is for meshes that match "
+    "where they meet so far, facet over facet",
     NEARLY_MET: "a guaranteed bound needs that nodes of two bodies do not nearly meet where no side is straight",
     PARTLY_CLOSED: "adjust that closes a part of a contact does not say what the gap is between the nodes",
 }

@@ -36,22 +36,26 @@ from signorini_fx.addons.bounds.biquadratic_cells import StrainBeyond
 from signorini_fx.addons.bounds.bounded_error import ROUND_OFF, out, small_rests, work_of_loads
 from signorini_fx.addons.bounds.bounded_scene import LONG_FACETS, refuse_unknown, why_estimated
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
+from signorini_fx.addons.bounds.common_refinement import CommonRefinement
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein, cubic, times_linear
 from signorini_fx.addons.bounds.graded_moduli import GradedModuli
 from signorini_fx.addons.bounds.initial_stress import InitialStress, elastic_stress
+from signorini_fx.addons.bounds.korn import work_beside_linear
 from signorini_fx.addons.bounds.least_withdrawal import least_withdrawal
+from signorini_fx.addons.bounds.lifted_tractions import Liftings, finest
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
+from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE
 from signorini_fx.addons.bounds.plain_scene import FacetsInContact, PlainProblem, turn
 from signorini_fx.addons.bounds.round_foundations import RoundFacets
 from signorini_fx.addons.bounds.round_off import of_strains
-from signorini_fx.addons.bounds.separated_bodies import Shut, separate
+from signorini_fx.addons.bounds.separated_bodies import Shut, separate, separate_unmatched
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import ErrorBound, Refused
-from signorini_fx.tuned import LITTLE_OF_BOUND, SAME_LENGTH
+from signorini_fx.tuned import DIVISIONS, LITTLE_LIFTED, LITTLE_OF_BOUND, PARTS_OF_EDGE, SAME_LENGTH
 
 # Times that bodies are moved out of foundations and each other.
 _ATTEMPTS = 5
@@ -97,6 +101,8 @@ class Enclosure:
         unknown: how far these are not known by quadrature of initial strains, energies, shape (n,).
         t: the cells.
         inside: the cells of the pieces that are looked at, each of which is a body of its own, shape (n,).
+        lifted: bounds of the norms of the stresses that ``stress`` lacks of one in equilibrium, shape (n,), see
+            ``Bounded._lifted``.
         initial: the stress that initial strains take from the body; None: there are none.
         grading: how moduli vary inside the cells; None: they do not.
     """
@@ -110,6 +116,7 @@ class Enclosure:
     unknown: Array
     t: Simplices
     inside: npt.NDArray[np.bool_]
+    lifted: Array
     initial: InitialStress | None = None
     grading: GradedModuli | None = None
 
@@ -149,6 +156,7 @@ class Enclosure:
             between = square(self.t, self.difference) + self.initial.added(self.difference)
         else:
             between = square(self.t, self.difference)
+        between = (np.sqrt(between.clip(min=0.0)) + self.lifted) ** 2
         return float((self.v.contact + between)[self.inside].sum())
 
     @property
@@ -223,6 +231,8 @@ class Bounded(PlainProblem):
         self._balance()
         stress, (size, unknown) = self._stress(), self._energy(computed, self.beyond)
         between = self._between(computed, stress)
+        lifted = self._lifted(float(np.sqrt(between.sum())))
+        between = (np.sqrt(between) + lifted) ** 2
         v = self._outside(computed, float(between.sum()))
         # Another stress is worth its cost where pressures work on what is open, or say more than the displacement does.
         doubtful = v.contact.sum() > LITTLE_OF_BOUND * between.sum() or between.sum() > size.sum()
@@ -240,7 +250,7 @@ class Bounded(PlainProblem):
             rounded *= np.sqrt(self.grading.greatest)
         squares = v.contact + between
         return Enclosure(
-            v, squares, stress, self._missed, rounded**2, size, unknown, t, inside, self.initial, self.grading
+            v, squares, stress, self._missed, rounded**2, size, unknown, t, inside, lifted, self.initial, self.grading
         )
 
     def _between(self, computed: Array, stress: EquilibratedStress) -> Array:
@@ -366,11 +376,52 @@ class Bounded(PlainProblem):
         missed = self.loads.missed_beside(norms)
         return missed if self.grading is None else missed / self.grading.least
 
+    def _lifted(self, size: float) -> Array:
+        """Bounds of the norms of the stresses in each cell, shape (n,), that the tractions between facets which do not
+        match have beyond those of ``_stress``.
+
+        Args:
+            size: norm beside which they count.
+        """
+        t, norms = self.t, np.zeros(len(self.t.corners))
+        for surface, refined in self._unmatched:
+            for side in (SLAVE, MASTER):
+                faces = refined.facets[side]
+                cells = t.sides[faces, 0]
+                _, squares = refined.projected(surface.traction, side, t.area)
+                bounds = work_beside_linear(t, faces, squares) / np.sqrt(t.moduli.softest[cells])
+                order = np.argsort(bounds)
+                small = np.sqrt(np.cumsum(bounds[order] ** 2)) <= LITTLE_LIFTED * size
+                rows = order[~small]
+                if len(rows):
+                    corners = np.concatenate((t.x[t.facets[faces]], self._apexes(faces)[:, None]), axis=1)[rows]
+                    liftings = Liftings.of(corners, t.moduli.of(cells[rows]), PARTS_OF_EDGE)
+                    parts = finest(liftings.face, DIVISIONS)
+                    found = liftings.norms(
+                        *refined.projected_on_parts(surface.traction, side, rows, parts, t.area[faces[rows]])
+                    )
+                    bounds[rows] = np.minimum(bounds[rows], found)
+                np.add.at(norms, cells, bounds)
+        return norms if self.grading is None else norms / np.sqrt(self.grading.least)
+
+    def _apexes(self, faces: Ints) -> Array:
+        """Of the cells at faces the corners opposite these, length, shape (m, 3)."""
+        t, cells = self.t, self.t.sides[faces, 0]
+        opposite = (t.facets_of[cells] == faces[:, None]).argmax(axis=1)
+        return np.asarray(t.x[t.corners[cells, opposite]])
+
     def _stress(self) -> EquilibratedStress:
         """In equilibrium with the loads and the tractions of the contacts."""
         t, d, acting = self.t, self.t.dimension, self.loads.acting
         traction = acting.traction.copy()
+        for surface, refined in self._unmatched:
+            for side, sign in ((SLAVE, 1.0), (MASTER, -1.0)):
+                faces = refined.facets[side]
+                closest, _ = refined.projected(surface.traction, side, t.area)
+                traction[faces] += sign * closest @ (np.eye(d) - self.held[faces])
         for surface in self.contacts:
+            if surface.refined is not None:
+                continue
             traction[surface.facets] += surface.traction @ (np.eye(d) - self.held[surface.facets])
             if (opposite := surface.opposite) is not None:  # the same force on as much of the other body
                 back = -opposite.under(surface.traction) * opposite.ratio[:, None, None]
@@ -407,7 +458,7 @@ class Bounded(PlainProblem):
         shear = np.einsum("qc,fcd->fqd", linear, surface.shear)
         bound = np.linalg.norm(shear, axis=2) if surface.bonded else surface.bound
         work += (bound * size - (shear * (values @ tangential)).sum(axis=2)).clip(min=0.0)
-        return np.asarray(self.t.area[surface.facets] * (work @ WEIGHTS[d]))
+        return np.asarray(surface.area(self.t.area) * (work @ WEIGHTS[d]))
 
     def _on_round_contact(self, surface: FacetsInContact, foundation: RoundFacets, displacement: Array) -> Array:
         """The same of a round foundation, see ``round_foundations``.
@@ -454,22 +505,32 @@ class Bounded(PlainProblem):
         loads = np.concatenate((loads, *(tool.force for tool in self.tools)))
         contacts = []
         for number, surface in enumerate(self.contacts):
-            motions = modes[t.facets[surface.facets]]
-            if (opposite := surface.opposite) is not None:
-                motions = motions - opposite.over(modes[t.facets[opposite.facets]])
+            refined, opposite = surface.refined, surface.opposite
+            if refined is not None:
+                of_slave, of_master = (
+                    refined.on_triangles(modes[t.facets[refined.facets[side]]], side) for side in (SLAVE, MASTER)
+                )
+                motions = of_slave - of_master
+            else:
+                motions = modes[t.facets[surface.facets]]
+                if opposite is not None:
+                    motions = motions - opposite.over(modes[t.facets[opposite.facets]])
             x = t.x[t.facets[surface.facets]]  # what it has of a tool's motion, it has not of the body's
             of_each = (-float(number in tool.parts) * tool.modes(x)[..., tool.free] for tool in self.tools)
             normal, across = surface.work(t.area, np.concatenate((motions, *of_each), axis=3))
+            given, area = surface.given or surface, surface.area(t.area)
+            if refined is not None:
+                normal, across, area = refined.moments(normal), refined.moments(across), refined.covered()
             count = normal.shape[1]  # of vertices with tractions of their own
             contacts.append(
                 AdmissibleTractions(
-                    surface.pressure[:, :count],
-                    surface.shear[:, :count],
-                    surface.least[:, :count],
+                    given.pressure[:, :count],
+                    given.shear[:, :count],
+                    given.least[:, :count],
                     -np.inf if surface.bilateral else 0.0,
                     normal,
                     across,
-                    t.area[surface.facets],
+                    area,
                 )
             )
         pieces, first = of_each_piece(t, modes.reshape(t.x.size, -1)), of_bodies
@@ -495,8 +556,7 @@ class Bounded(PlainProblem):
                 self.contacts, contacts, balanced(loads[part], of_group, rests), strict=True
             ):
                 contact.pressure, contact.shear = pressure, shear
-                surface.pressure = np.broadcast_to(pressure, surface.pressure.shape)
-                surface.shear = np.broadcast_to(shear, surface.shear.shape)
+                surface.press(pressure, shear)
 
     def _free_at(self, parts: Ints, count: int, projectors: Array) -> tuple[Array, Array]:
         """Sizes and directions of what holds vertices or edges, shapes (count, d) and (count, d, d).
@@ -560,10 +620,11 @@ class Bounded(PlainProblem):
         foundation may be left.
         """
         surfaces = [surface for surface in self._on_foundations if not surface.bilateral]
+        surfaces += [surface for surface, _ in self._unmatched]
         if not surfaces:
             return None
         t = self.t
-        excess = [surface.excess(self.on_facets(self.y, self.middle, surface.facets)) for surface in surfaces]
+        excess = [surface.excess(self.relative(surface, self.y, self.middle)) for surface in surfaces]
         entities = self._entities(self.y, self.middle)
         free = [self._free_at(parts, len(values), self.held) for parts, values in entities]
         return least_withdrawal(t, surfaces, excess, (free[0], free[1]))
@@ -586,8 +647,9 @@ class Bounded(PlainProblem):
         for attempt in range(_ATTEMPTS):
             self._leave_foundations(y, middle)
             if self._pairs:
-                kind = Shut.NOTHING if attempt else shut
-                separate(t, self._pairs, self.relative, y, middle, (projectors[0], projectors[1]), tiny, kind)
+                kind, matched = Shut.NOTHING if attempt else shut, [one for one in self._pairs if one.refined is None]
+                separate(t, matched, self.relative, y, middle, (projectors[0], projectors[1]), tiny, kind)
+                separate_unmatched(t, self._unmatched, self.relative, y, middle, projectors[0], tiny)
             if all(self._admits(surface, y, middle, 2 * tiny) for surface in self.contacts):
                 return y, middle
         raise Refused("no displacement near the computed one keeps all bodies out of each other and of foundations")
@@ -668,6 +730,11 @@ class Bounded(PlainProblem):
     def _pairs(self) -> list[FacetsInContact]:
         """The contacts of two bodies."""
         return [surface for surface in self.contacts if surface.opposite is not None]
+
+    @property
+    def _unmatched(self) -> list[tuple[FacetsInContact, CommonRefinement]]:
+        """Those of facets that do not match, with the triangles that these share."""
+        return [(surface, surface.refined) for surface in self.contacts if surface.refined is not None]
 
     @cached_property
     def group_of_piece(self) -> Ints:

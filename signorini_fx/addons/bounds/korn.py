@@ -1,11 +1,28 @@
-"""Constants of Korn's inequality and of traces on triangles; for tetrahedra none is known that is of use."""
+"""Constants of Korn's inequality and of traces on triangles, and one of traces on faces of tetrahedra.
+
+Of a displacement w of a tetrahedron K what is left on a face F beside linear functions is bounded by the strain alone:
+
+    min over linear p of |w - p| in L2(F)  <=  c |eps(w)| in L2(K).
+
+``lifted_tractions`` proves that c is at most ``BESIDE_LINEAR`` on the regular tetrahedron with edges of length 1; on
+others w(A xi + b) = A^-T v(xi) has the strain A^-T eps(v) A^-1, and linear functions stay linear.
+"""
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 
-from signorini_fx.addons.bounds.arrays import Array
+from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.simplices import Simplices
+
+# Vertices of a regular tetrahedron with edges of length 1, and a bound of its c, which
+# tests/bounds/test_lifted_tractions.py computes.
+REGULAR: Array = np.array(
+    [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.75**0.5, 0.0], [0.5, 0.75**0.5 / 3, (2 / 3) ** 0.5]]
+)
+BESIDE_LINEAR = 1.68
 
 
 def korn(t: Simplices) -> tuple[Array, Array]:
@@ -46,3 +63,29 @@ def missed_squares(t: Simplices, inside: Array, on_facets: Array) -> Array:
     edges = np.sqrt(on_facets)[t.facets_of]
     bounds = constants[0] * np.sqrt(inside) + (on_edges(t, *constants) * edges).sum(axis=1)
     return np.asarray(bounds**2 / t.moduli.softest)
+
+
+def work_beside_linear(t: Simplices, faces: Ints, squares: Array) -> Array:
+    """Bounds of the work of tractions r that are orthogonal to linear vectors on faces, per unit of the norm of the
+    strain in the tetrahedra at these, shape (m,).
+
+    The work is that of A^-1 r on v, so that it is at most c sqrt(|F| |K'| / (|F'| |K|)) |A^-1 r| |A|^2 |eps(w)|, with
+    the regular tetrahedron K' and its face F'.  The best of the six orders of the vertices of the face is taken.
+
+    Args:
+        t: the tetrahedra.
+        faces: of the boundary, shape (m,).
+        squares: integrals of the products of the components of r, shape (m, 3, 3).
+    """
+    cell = t.sides[faces, 0]
+    apex = np.take_along_axis(t.corners[cell], (t.facets_of[cell] == faces[:, None]).argmax(axis=1)[:, None], axis=1)
+    edges = np.linalg.inv((REGULAR[1:] - REGULAR[0]).T)
+    bounds = np.full(len(faces), np.inf)
+    for order in permutations(range(3)):
+        corners = t.x[np.concatenate((t.facets[faces][:, order], apex), axis=1)]
+        map_ = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ edges
+        inverse = np.linalg.inv(map_)
+        size = np.einsum("mij,mjk,mik->m", inverse, squares, inverse).clip(min=0.0)
+        bounds = np.minimum(bounds, np.linalg.norm(map_, 2, axis=(1, 2)) ** 2 * np.sqrt(size))
+    area, volume = 3**0.5 / 4, 2**0.5 / 12
+    return np.asarray(BESIDE_LINEAR * np.sqrt(t.area[faces] / area * volume / t.volume[cell]) * bounds)

@@ -17,7 +17,7 @@ nodes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -53,7 +53,7 @@ def least_withdrawal(
         free: of vertices and of edges what ``Bounded._free_at`` returns: sizes and directions of what holds them.
     """
     d, vertices = t.dimension, len(t.x)
-    edges = np.unique(np.concatenate([t.edges_of_facets[surface.facets].ravel() for surface in surfaces]))
+    edges = np.unique(np.concatenate([t.edges_of_facets[faces].ravel() for faces in _facets_of(surfaces)]))
     count = vertices + len(edges)
     (size, turn), (size_of_edges, turn_of_edges) = free
     fixed = np.concatenate((size, size_of_edges[edges])) > SAME_LENGTH
@@ -90,6 +90,14 @@ def least_withdrawal(
     bubbles = np.zeros((len(t.edges), d))
     bubbles[edges] = components[vertices:]
     return components[:vertices], bubbles
+
+
+def _facets_of(surfaces: Sequence[FacetsInContact]) -> Iterator[Ints]:
+    """Those of foundations, and of both sides of bodies that do not match."""
+    for surface in surfaces:
+        yield surface.facets
+        if surface.opposite is not None:
+            yield surface.opposite.facets
 
 
 def _with_bubbles(t: Simplices, edges: Ints) -> sp.csr_matrix:
@@ -129,26 +137,32 @@ def _with_bubbles(t: Simplices, edges: Ints) -> sp.csr_matrix:
 
 
 def _coefficients(t: Simplices, surface: FacetsInContact, edges: Ints) -> sp.csr_matrix:
-    """Coefficients of Bernstein on the facets, (m, 3 or 6, d) flat, from displacements at vertices and bubbles."""
-    d, facets = t.dimension, t.facets[surface.facets]
-    bubble = len(t.x) + np.searchsorted(edges, t.edges_of_facets[surface.facets])
-    per_facet = d + len(EDGES_OF_FACET[d])
-    rows, columns, values = [], [], []
+    """Coefficients of Bernstein on the facets, (m, 3 or 6, d) flat, from displacements at vertices and bubbles; between
+    two bodies those of the jump.
+    """
+    d = t.dimension
+    pairs = EDGES_OF_FACET[d]
+    own = np.diag(np.repeat([1.0, 2.0], [d, len(pairs)]))
+    own[d + np.arange(len(pairs))[:, None], pairs] = 0.5
+    if surface.refined is None:
+        return _from_unknowns(t, surface.facets, edges, np.broadcast_to(own, (len(surface.facets), *own.shape)))
+    first, second = (
+        _from_unknowns(t, surface.refined.facet(side), edges, surface.refined.coefficients_from(side) @ own)
+        for side in (0, 1)
+    )
+    return first - second
 
-    def add(coefficient: int, unknown: Ints, factor: float) -> None:
-        base = (np.arange(len(facets)) * per_facet + coefficient)[:, None] * d + np.arange(d)
-        rows.append(base.ravel())
-        columns.append((unknown[:, None] * d + np.arange(d)).ravel())
-        values.append(np.full(base.size, factor))
 
-    for corner in range(d):
-        add(corner, facets[:, corner], 1.0)
-    for k, (first, second) in enumerate(zip(*EDGES_OF_FACET[d].T, strict=True)):
-        add(d + k, facets[:, first], 0.5)
-        add(d + k, facets[:, second], 0.5)
-        add(d + k, bubble[:, k], 2.0)
-    shape = (len(facets) * per_facet * d, d * (len(t.x) + len(edges)))
-    return sp.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+def _from_unknowns(t: Simplices, facets: Ints, edges: Ints, local: Array) -> sp.csr_matrix:
+    """A matrix for each facet, shape (m, c, vertices and bubbles), as one for all unknowns, for each component."""
+    d, (m, count, _) = t.dimension, local.shape
+    unknown = np.concatenate((t.facets[facets], len(t.x) + np.searchsorted(edges, t.edges_of_facets[facets])), axis=1)
+    rows = np.broadcast_to(np.arange(m * count).reshape(m, count, 1), local.shape)
+    columns = np.broadcast_to(unknown[:, None], local.shape)
+    shape = (m * count, len(t.x) + len(edges))
+    matrix = sp.csr_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+    matrix.eliminate_zeros()
+    return sp.csr_matrix(sp.kron(matrix, sp.eye(d)))
 
 
 def _directions_of(surface: FacetsInContact) -> sp.csr_matrix:
@@ -176,4 +190,4 @@ def _work(t: Simplices, surface: FacetsInContact) -> Array:
     d = t.dimension
     pressure, direction = surface.pressure @ POINTS[d].T, POINTS[d] @ surface.directions
     moments = np.einsum("q,fq,fqd,qc->fcd", WEIGHTS[d], pressure, direction, bernstein(POINTS[d]))
-    return np.asarray((t.area[surface.facets][:, None, None] * moments).ravel())
+    return np.asarray((surface.area(t.area)[:, None, None] * moments).ravel())

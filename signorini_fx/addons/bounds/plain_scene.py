@@ -17,6 +17,7 @@ from signorini_fx.addons.bounds.balanced_tractions import onto_disc
 from signorini_fx.addons.bounds.biquadratic_cells import StrainBeyond, on_triangles
 from signorini_fx.addons.bounds.bounded_scene import (
     APART,
+    CLOSED_NO_MATCH,
     NO_MATCH,
     PARTLY_CLOSED,
     REFUSES_OF_PAIRS,
@@ -26,6 +27,7 @@ from signorini_fx.addons.bounds.bounded_scene import (
     moduli_of,
     refuse_unknown,
 )
+from signorini_fx.addons.bounds.common_refinement import CommonRefinement, Tractions
 from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, TRIPLE, bernstein, coefficients, times_linear
 from signorini_fx.addons.bounds.graded_moduli import graded_moduli
 from signorini_fx.addons.bounds.initial_stress import free_strain, initial_stress
@@ -110,6 +112,10 @@ class FacetsInContact:
         round: what the foundation is where its distance is no polynomial: then ``normal`` is that of the middle,
             ``gap``, ``below``, pressure and shear are those of ``round_foundations``, the latter at vertices p and
             mu T, and ``least`` is a bound of |mu| |m|; None: ``normal`` is the same on all of a facet.
+        refined: the triangles that the facets of both sides share where they do not match: then all that is of facets
+            is of these, and ``facets``, and those of ``opposite``, are the ones that each triangle is on; None: they
+            match.
+        given: then the tractions on whole facets.
     """
 
     facets: Ints
@@ -125,6 +131,20 @@ class FacetsInContact:
     opposite: OtherSide | None = None
     bonded: bool = False
     round: RoundFacets | None = None
+    refined: CommonRefinement | None = None
+    given: Tractions | None = None
+
+    def area(self, of_facets: Array) -> Array:
+        """Of the facets, or of the triangles on them, shape (m,); ``of_facets``: of all of the cells, shape (f,)."""
+        return of_facets[self.facets] if self.refined is None else self.refined.area
+
+    def press(self, pressure: Array, shear: Array) -> None:
+        """Exchange the tractions, of facets at k vertices, shapes (f, k) and (f, k, d)."""
+        if self.refined is not None and self.given is not None:
+            self.given = replace(self.given, pressure=pressure, shear=shear)
+            pressure, shear = (self.refined.on_triangles(values) for values in (pressure, shear))
+        self.pressure = np.broadcast_to(pressure, self.pressure.shape)
+        self.shear = np.broadcast_to(shear, self.shear.shape)
 
     @property
     def traction(self) -> Array:
@@ -193,9 +213,9 @@ class FacetsInContact:
 
         Args:
             area: of all facets, shape (f,).
-            motions: at their vertices, relative to the other side, length, shape (m, d, d, k).
+            motions: at the vertices, relative to the other side, length, shape (m, d, d, k).
         """
-        d, areas = self.normal.shape[1], area[self.facets]
+        d, areas = self.normal.shape[1], self.area(area)
         if self.round is None:
             moments = areas[:, None, None, None] / (d * (d + 1)) * (motions + motions.sum(axis=1, keepdims=True))
             normal = -np.einsum("fadk,fd->fak", moments, self.normal)
@@ -344,6 +364,7 @@ class PlainProblem:
         self.moved_nodes, self.placed, self.given_x, self.flat = 0.0, cells, cells.x, True
         self._on_quadrilaterals = 0.0
         self._matching = dict[int, MatchingFacets]()
+        self._refined = dict[int, CommonRefinement]()
         if not pairs:
             return
         if self._dimension == 3:
@@ -373,16 +394,22 @@ class PlainProblem:
         self.y, self.middle = self._split.carried(self.y, self.middle)
 
     def _match_in_space(self) -> None:
-        """The facets over each other, which have to be all that meet."""
+        """The facets over each other, or else the triangles that those of flat parallel sides share: all that meet."""
         tiny = SAME_LENGTH * self._model.tagged.size
         for number, pair in sorted(self._model.pairs.items()):
             slave, master = (self._undivided_facets(side.facets) for side in (pair.slave, pair.master))
             matching = MatchingFacets.of(self.t, slave, master, tiny)
             area = float(self.t.area[matching.slave].sum())
             covered = pair.coupling.covered + float(pair.coupling.still.weight.sum())
-            if abs(area - covered) > SAME_LENGTH * covered or not covered > 0:
+            if abs(area - covered) <= SAME_LENGTH * covered and covered > 0:
+                self._matching[number] = matching
+                continue
+            if not self._statement.contact[number].opens:
+                raise Refused(REFUSES_OF_PAIRS[CLOSED_NO_MATCH])
+            refined = CommonRefinement.of(self.t, slave, master, tiny)
+            if refined is None or abs(float(refined.area.sum()) - covered) > SAME_LENGTH * covered or not covered > 0:
                 raise Refused(REFUSES_OF_PAIRS[NO_MATCH])
-            self._matching[number] = matching
+            self._refined[number] = refined
 
     def _grade(self) -> None:
         """Moduli in the centres of the cells where they vary inside; then no parts of a cell have the same matrices.
@@ -511,9 +538,10 @@ class PlainProblem:
         facets = self._whole_facets(name)
         return facets if self._split is None else self._split.parts_of(facets)[0]
 
-    def on(self, facets: Ints, local: Array) -> BoundPoints:
-        """Points on facets at barycentric places, with their normals."""
-        x = np.einsum("qc,fcd->fqd", local, self.t.x[self.t.facets[facets]])
+    def on(self, facets: Ints, local: Array, refined: CommonRefinement | None = None) -> BoundPoints:
+        """Points on facets, or on the triangles of a refinement of them, at barycentric places, with their normals."""
+        corners = self.t.x[self.t.facets[facets]]
+        x = np.einsum("qc,fcd->fqd", local, corners if refined is None else refined.local[SLAVE] @ corners)
         return BoundPoints(x, np.broadcast_to(self.t.normal[facets][:, None], x.shape))
 
     def on_facets(self, y: Array, middle: Array, facets: Ints) -> Array:
@@ -523,6 +551,12 @@ class PlainProblem:
 
     def relative(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
         """Coefficients of Bernstein of a displacement of degree 2 relative to the other body, see ``on_facets``."""
+        if (refined := surface.refined) is not None:
+            of_sides = [
+                refined.coefficients_from(side) @ self.on_facets(y, middle, refined.facet(side))
+                for side in (SLAVE, MASTER)
+            ]
+            return np.asarray(of_sides[SLAVE] - of_sides[MASTER])
         of_slave, opposite = self.on_facets(y, middle, surface.facets), surface.opposite
         if opposite is None:
             return of_slave
@@ -572,11 +606,14 @@ class PlainProblem:
     def _contact(self, number: int, effect: Contact, contact: ContactState) -> FacetsInContact:
         """The facets of a contact, with admissible tractions near the nodal ones."""
         d, boundary, parts = self._dimension, contact.boundary, dict(self._sides).get(number)
-        opposite, bonded = None, effect.bonded
+        opposite, bonded, refined = None, effect.bonded, self._refined.get(number)
         apart: Array
         if (matching := self._matching.get(number)) is not None:
             whole_facets, whole_of = self._undivided_facets(self._model.pairs[number].slave.facets), matching.slave
             facets, normal, apart, opposite = self._facing(number, effect, whole_of, matching.master, matching.order)
+        elif refined is not None:
+            whole_facets = whole_of = refined.facets[SLAVE]
+            facets, normal, apart, opposite = self._refined_sides(number, effect, refined)
         elif parts is None:
             whole_facets = self._whole_facets(effect.boundary)
             whole_of = whole_facets if self._split is None else self._split.parts_of(whole_facets)[1]
@@ -587,15 +624,16 @@ class PlainProblem:
             whole_facets, whole_of = self._parts[self._undivided_facets(slave)].ravel(), parts.facets[:, SLAVE]
             facets, normal, apart, opposite = self._paired(number, effect, parts)
         given_gap = 0.0 if bonded else effect.gap_in(d)
-        fine = self.on(facets, SEEN[d]).value(given_gap) + apart @ SEEN[d].T
+        fine = self.on(facets, SEEN[d], refined).value(given_gap) + apart @ SEEN[d].T
         below = coefficients(fine[:, NODES[d]])
         above = below @ bernstein(SEEN[d]).T - fine
         if effect.opens:
             below -= above.max(axis=1, initial=0.0)[:, None]
         elif np.abs(above).max(initial=0.0) > ZERO_IN_SOLUTION * np.abs(fine).max(initial=0.0):
             raise Refused(f"the gap of {effect.boundary!r}, which cannot open, is no polynomial of degree 2")
-        linear = _OnFacets(self, boundary, number, whole_facets, facets, whole_of)
-        points = self.on(facets, POINTS[d])
+        with_tractions = facets if refined is None else whole_of
+        linear = _OnFacets(self, boundary, number, whole_facets, with_tractions, whole_of)
+        points = self.on(facets, POINTS[d], refined)
         pressure = linear(contact.pressure, positive=effect.opens)
         gap = points.value(given_gap) + apart @ POINTS[d].T
         if effect.opens:
@@ -607,25 +645,29 @@ class PlainProblem:
             bounds = np.zeros_like(gap)
         elif effect.coulomb:
             least = linear(contact.bound).clip(min=0.0)
-            bounds = least @ POINTS[d].T
+            bounds = (least if refined is None else refined.on_triangles(least)) @ POINTS[d].T
         else:
             given = effect.friction.given_bound if effect.friction.acts else 0.0
-            bounds, seen = points.value(given), self.on(facets, SEEN[d]).value(given)
+            bounds, seen = points.value(given), self.on(with_tractions, SEEN[d]).value(given)
             least = seen[:, NODES[d][:d]]
             least = (least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)
-        before = np.zeros((*below.shape, d))
-        none = np.zeros((*pressure.shape, d))
-        surface = FacetsInContact(
-            facets, normal, gap, below, bounds, pressure, none, least, before, not effect.opens, opposite, bonded
-        )
-        if self._before is not None:
-            surface.before = self.relative(surface, *self._before)
         if d == 2:
-            shear = linear(contact.shear) * surface.tangents[0][:, None]
+            shear = linear(contact.shear) * turn(normal)[:, None]
         else:
             shear = linear(np.einsum("nij,nj->ni", boundary.tangents, contact.shear))
-            shear -= np.einsum("fad,fd,fe->fae", shear, normal, normal)
-        surface.shear = onto_disc(shear, least)
+            of_facets = normal if refined is None else np.broadcast_to(normal[0], (len(whole_of), d))
+            shear -= np.einsum("fad,fd,fe->fae", shear, of_facets, of_facets)
+        shear, tractions = onto_disc(shear, least), None
+        if refined is not None:
+            tractions = Tractions(pressure, shear, least)
+            pressure, shear, least = (refined.on_triangles(values) for values in (pressure, shear, least))
+        before = np.zeros((*below.shape, d))
+        surface = FacetsInContact(
+            facets, normal, gap, below, bounds, pressure, shear, least, before, not effect.opens, opposite, bonded
+        )
+        surface.refined, surface.given = refined, tractions
+        if self._before is not None:
+            surface.before = self.relative(surface, *self._before)
         return surface if not is_round(effect.foundation) else self._on_round(surface, effect, linear(contact.shear))
 
     def _on_round(self, surface: FacetsInContact, effect: Contact, shear: Array) -> FacetsInContact:
@@ -707,9 +749,8 @@ class PlainProblem:
         if pair.by_geometry:
             normal = normal - t.normal[opposite_facets]
             normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-        soft = [t.moduli.softest[t.sides[side, 0]] for side in (facets, opposite_facets)]
         opposite = OtherSide(
-            opposite_facets, order, t.area[facets] / t.area[opposite_facets], soft[1] / (soft[0] + soft[1])
+            opposite_facets, order, t.area[facets] / t.area[opposite_facets], self._share(facets, opposite_facets)
         )
         away = t.x[opposite.vertices(t)] - t.x[t.facets[facets]]
         apart, tiny = np.einsum("fad,fd->fa", away, normal), SAME_LENGTH * self._model.tagged.size
@@ -719,12 +760,36 @@ class PlainProblem:
         along = effect.bonded or effect.friction.acts
         if along and (flat or pair.by_geometry) and np.abs(away).max() > tiny:
             raise Refused(REFUSES_OF_PAIRS[APART])
-        if not pair.by_geometry:
-            return facets, normal, np.zeros_like(apart), opposite
+        return facets, normal, self._left_apart(number, effect, apart), opposite
+
+    def _refined_sides(
+        self, number: int, effect: Contact, refined: CommonRefinement
+    ) -> tuple[Ints, Array, Array, OtherSide]:
+        """See ``_paired``: of flat parallel sides the facets that each triangle is on."""
+        t, facets, opposite_facets = self.t, refined.facet(SLAVE), refined.facet(MASTER)
+        normal = np.tile(t.normal[facets[0]], (len(facets), 1))
+        corners = [refined.local[side] @ t.x[t.facets[refined.facet(side)]] for side in (SLAVE, MASTER)]
+        apart = np.einsum("fad,fd->fa", corners[MASTER] - corners[SLAVE], normal)
+        if effect.friction.acts and np.abs(apart).max() > SAME_LENGTH * self._model.tagged.size:
+            raise Refused(REFUSES_OF_PAIRS[APART])
+        share, order = self._share(facets, opposite_facets), np.tile(np.arange(3), (len(facets), 1))
+        opposite = OtherSide(opposite_facets, order, np.ones(len(facets)), share)
+        return facets, normal, self._left_apart(number, effect, apart), opposite
+
+    def _share(self, facets: Ints, opposite_facets: Ints) -> Array:
+        """See ``OtherSide``."""
+        t = self.t
+        soft = [t.moduli.softest[t.sides[side, 0]] for side in (facets, opposite_facets)]
+        return np.asarray(soft[1] / (soft[0] + soft[1]))
+
+    def _left_apart(self, number: int, effect: Contact, apart: Array) -> Array:
+        """The distance of both sides that counts as a gap, of the one that they have."""
+        if not self._model.pairs[number].by_geometry:
+            return np.zeros_like(apart)
         closed = closed_within(apart, effect.adjust)
         if (closed != apart).any() and closed.any():
             raise Refused(REFUSES_OF_PAIRS[PARTLY_CLOSED])
-        return facets, normal, closed, opposite
+        return closed
 
 
 class _OnFacets:

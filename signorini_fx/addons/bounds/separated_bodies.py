@@ -15,6 +15,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_error import out
+from signorini_fx.addons.bounds.common_refinement import CommonRefinement
 from signorini_fx.addons.bounds.plain_scene import FacetsInContact
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices
 from signorini_fx.quantities.proved_statements import Refused
@@ -101,6 +102,47 @@ def separate(
             # Twice the middle of an edge is what its coefficient of Bernstein has of it.
             middle[edge] -= share * ways[0] @ step / 2
             middle[across] += (1 - share) * ways[1] @ step / 2
+
+
+def separate_unmatched(
+    t: Simplices,
+    pairs: list[tuple[FacetsInContact, CommonRefinement]],
+    relative: Relative,
+    y: Array,
+    middle: Array,
+    free: Array,
+    tiny: float,
+) -> None:
+    """Move both sides of contacts apart, in place, where facets do not match: each vertex by its share of the largest
+    excess on the facets around, so that the change is as large everywhere on these.  What supports keep of this the
+    other side does.
+
+    Args:
+        t: the cells.
+        pairs: the contacts, and the triangles that facets share.
+        relative: see ``separate``.
+        y: at vertices, length, shape (v, 3).
+        middle: at middles of edges, length, shape (e, 3).
+        free: projectors onto the directions in which supports let vertices move, shape (v, 3, 3).
+        tiny: a length of the size of round-off.
+    """
+    for surface, refined in pairs:
+        assert surface.opposite is not None
+        normal, first = surface.normal[0], float(surface.opposite.share.mean())
+        along = np.einsum("vij,j->vi", free, normal)
+        part = along @ normal
+        movable = part > 0.25  # half of a unit vector along the normal is left
+        steps = np.where(movable[:, None], along / np.where(movable, part, 1.0)[:, None], 0.0)
+        for share in (first, 0.0, 1.0):
+            excess, unmoved = surface.excess(relative(surface, y, middle)), y.copy()
+            if excess.max(initial=-np.inf) <= -tiny:
+                break
+            for side, of_side in enumerate((-share, 1 - share)):
+                most, faces = np.full(len(y), 0.0), refined.facets[side]
+                depth = (refined.largest(excess, side) + tiny).clip(min=0.0)
+                np.maximum.at(most, t.facets[faces], depth[:, None])
+                y += of_side * most[:, None] * steps
+            middle += (y - unmoved)[t.edges].mean(axis=1)
 
 
 def _over_each_other(slave: Ints, master: Ints) -> dict[tuple[int, int], list[tuple[int, int]]]:

@@ -212,7 +212,7 @@ def with_moved_nodes(
     for cell in cells:
         beside = cells[np.isin(cells_given.corners[cells], cells_given.corners[cell]).any(axis=1)]
         for moved_cell in beside:
-            polygon = _clipped(cells_given.x[cells_given.corners[cell]], placed.x[placed.corners[moved_cell]])
+            polygon = clipped(cells_given.x[cells_given.corners[cell]], placed.x[placed.corners[moved_cell]])
             for k in range(1, len(polygon) - 1):
                 triangle = polygon[[0, k, k + 1]]
                 strain_of = [
@@ -228,7 +228,7 @@ def with_moved_nodes(
     return y_after, middle_after, float(energy(pieces, np.array(differences)).clip(min=0.0).sum()), touched
 
 
-def _clipped(polygon: Array, triangle: Array) -> Array:
+def clipped(polygon: Array, triangle: Array) -> Array:
     """The part of a convex polygon inside a triangle, both counterclockwise, shape (k, 2)."""
     for corner in range(3):
         first, last = triangle[corner], triangle[(corner + 1) % 3]
