@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from signorini_fx.addons.bounds.korn import BESIDE_LINEAR, REGULAR, work_beside_linear
-from signorini_fx.addons.bounds.lifted_tractions import Liftings, divided_face, finest
+from signorini_fx.addons.bounds.lifted_tractions import Liftings, _forms, _rounded, divided_face, finest
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, Simplices
 
 # A tetrahedron without any symmetry, in units of its own.
@@ -142,6 +142,23 @@ def projections_of(exact, parts, face, levels, corners):
         values = np.einsum("ak,jkd->jad", face.mean, values.reshape(-1, 3 * count, 3))
     kept = np.einsum("q,pqd,pqd->", weights / len(values), local @ values, local @ values)
     return values, max(float(squares - kept), 0.0)
+
+
+@pytest.mark.parametrize("moduli", [UNIT, IsotropicModuli(np.full(1, 50.0), np.ones(1), 3)], ids=["soft", "stiff"])
+@pytest.mark.parametrize("thin", [1.0, 0.1, 0.01, 0.001])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_round_off_of_forms(moduli, thin, axis):
+    """Forms of turned tetrahedra are the same; round-off grows with the fourth power of the aspect and is counted."""
+    chance = np.random.default_rng(5)
+    turn, tip = (np.linalg.qr(chance.normal(size=(3, 3)))[0] for _ in range(2))
+    corners = REGULAR @ tip * np.where(np.arange(3) == axis, thin, 1.0)
+    share = _rounded(corners[None], moduli)[0]
+    form, turned = (_forms(divided_face(2), x[None], moduli)[0] for x in (corners, corners @ turn.T))
+    unit = np.kron(np.eye(12), turn)
+    counted = Liftings.of(corners[None], moduli, 2).forms[0, 0]
+    assert np.linalg.norm(unit.T @ turned @ unit - form, 2) < share * np.linalg.norm(form, 2) / 3
+    least = np.linalg.eigvalsh(counted - form)[0]
+    assert least == pytest.approx(share * np.linalg.norm(form, 2), rel=1e-3)
 
 
 def test_parts_of_a_face():

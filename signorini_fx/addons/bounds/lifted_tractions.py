@@ -29,10 +29,16 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
-from signorini_fx.addons.bounds.simplices import Moduli, Simplices
+from signorini_fx.addons.bounds.korn import REGULAR
+from signorini_fx.addons.bounds.simplices import TWICE, Moduli, Simplices
 
 # Tetrahedra whose systems are solved at the same time.
 _CHUNK = 16
+_EPS = float(np.finfo(float).eps)
+# Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the condition of a
+# tetrahedron: those of turned ones, which are the same, differ by a third of this at most, see
+# tests/bounds/test_lifted_tractions.py.
+_ROUNDED = 1e3
 
 
 @dataclass(frozen=True)
@@ -125,6 +131,9 @@ class Liftings:
             for first in range(0, 2 * n, _CHUNK)
         ]
         form = np.concatenate(forms)
+        form += (_rounded(both, moduli.of(owner)) * np.linalg.norm(form, 2, axis=(1, 2)))[:, None, None] * np.eye(
+            9 * m * m
+        )
         area = np.linalg.norm(np.cross(both[:, 1] - both[:, 0], both[:, 2] - both[:, 0]), axis=1) / 2
         # Orthonormal functions on the face of area 1 that are orthogonal to linear ones.
         root = np.kron(np.eye(m * m), np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / (12 * m * m)).T)
@@ -158,6 +167,15 @@ class Liftings:
                 squares += np.einsum("njk,nkl,njl->n", own, self.forms[:, kind], own, optimize=True)
             total = total + np.sqrt(squares.clip(min=0.0) / m ** (3 * level))
         return total
+
+
+def _rounded(corners: Array, moduli: Moduli) -> Array:
+    """Round-off of forms as a share of their norm, see ``_ROUNDED``, shape (n,)."""
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ np.linalg.inv((REGULAR[1:] - REGULAR[0]).T)
+    root = np.sqrt(TWICE[3])
+    stiffness = moduli.stress(np.tile(np.eye(6), (len(corners), 1, 1))).transpose(0, 2, 1) * root[:, None] / root
+    sizes = np.linalg.eigvalsh(stiffness)
+    return np.asarray(_ROUNDED * _EPS * sizes[:, -1] / sizes[:, 0] * np.linalg.cond(edges) ** 4)
 
 
 def _forms(face: DividedFace, corners: Array, moduli: Moduli) -> Array:
