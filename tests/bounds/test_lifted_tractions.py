@@ -76,6 +76,23 @@ def test_the_constant_of_the_regular_tetrahedron():
     assert proved < BESIDE_LINEAR < 1.01 * proved
 
 
+def test_the_scale_of_the_cheap_bound():
+    """Of tetrahedra that are like the regular one the bound is the constant times the square root of the edges, also
+    where these are in another order; of one that is not it is above that of its own shape."""
+    turn = np.linalg.qr(np.random.default_rng(6).normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    for size in (0.1, 3.0):
+        for order in ([0, 1, 2, 3], [1, 2, 0, 3]):
+            t = Simplices(size * REGULAR[order] @ turn.T, np.array([[0, 1, 2, 3]]), UNIT)
+            face = np.flatnonzero((t.facets == [0, 1, 2]).all(axis=1))
+            unit = np.outer(turn[:, 0], turn[:, 0])
+            assert work_beside_linear(t, face, unit[None])[0] == pytest.approx(BESIDE_LINEAR * size**0.5)
+    t = Simplices(SKEW, np.array([[0, 1, 2, 3]]), UNIT)
+    face = np.flatnonzero((t.facets == [0, 1, 2]).all(axis=1))
+    bounds = work_beside_linear(t, np.repeat(face, 3), np.einsum("ki,kj->kij", np.eye(3), np.eye(3)))
+    assert np.linalg.norm(bounds) > least_constant(SKEW, UNIT, 4)
+
+
 def random_traction(seed):
     """Values of a traction that jumps inside a face, at points, and the parts that it is integrated on exactly."""
     chance = np.random.default_rng(seed)

@@ -24,7 +24,7 @@ _NODES: Array = np.concatenate((np.eye(3), (np.ones((3, 3)) - np.eye(3)) / 2))
 
 
 @dataclass(frozen=True)
-class Tractions:
+class FacetTractions:
     """Linear on each facet of the side with the contact points, f of them.
 
     Attributes:
@@ -75,8 +75,8 @@ class CommonRefinement:
         corners, number = _shared(flat[0][pairs[:, 0]], flat[1][pairs[:, 1]])
         of = pairs[number]
         area = np.abs(_doubled(corners)) / 2
-        kept = area > _EPS * t.area[slave[of[:, 0]]]
-        corners, of, area = corners[kept], of[kept], area[kept]
+        positive = area > _EPS * t.area[slave[of[:, 0]]]
+        corners, of, area = corners[positive], of[positive], area[positive]
         numbers = [np.unique(of[:, side], return_inverse=True) for side in (0, 1)]
         local = [_barycentric(flat[side][of[:, side]], corners) for side in (0, 1)]
         return cls(
@@ -121,16 +121,16 @@ class CommonRefinement:
             side: 0 or 1.
             area: of all facets, shape (n,).
         """
-        whole = area[self.facets[side]]
+        areas = area[self.facets[side]]
         integrals = self.moments(_with_hats(traction, self.area), side)
-        closest = (12 * integrals - 3 * integrals.sum(axis=1, keepdims=True)) / whole[:, None, None]
-        own = self.on_triangles(closest, side)
-        rest = traction - own
+        closest = (12 * integrals - 3 * integrals.sum(axis=1, keepdims=True)) / areas[:, None, None]
+        linear = self.on_triangles(closest, side)
+        missed = traction - linear
         # Where there is no triangle the difference is minus the linear function.
-        uncovered = np.einsum("mki,mkj->mij", _with_hats(rest, self.area), rest) - np.einsum(
-            "mki,mkj->mij", _with_hats(own, self.area), own
+        uncovered = np.einsum("mki,mkj->mij", _with_hats(missed, self.area), missed) - np.einsum(
+            "mki,mkj->mij", _with_hats(linear, self.area), linear
         )
-        everywhere = np.einsum("fai,faj->fij", _with_hats(closest, whole), closest)
+        everywhere = np.einsum("fai,faj->fij", _with_hats(closest, areas), closest)
         total = everywhere.copy()
         np.add.at(total, self.row[side], uncovered)
         size = np.trace(everywhere, axis1=1, axis2=2)
@@ -138,7 +138,7 @@ class CommonRefinement:
         return closest, total + 64 * _EPS * size[:, None, None] * np.eye(3)
 
     def projected_on_parts(
-        self, traction: Array, side: int, rows: Ints, parts: Array, whole: Array
+        self, traction: Array, side: int, rows: Ints, parts: Array, areas: Array
     ) -> tuple[Array, Array]:
         """As ``projected`` on parts of some facets, at the vertices of these, shape (n, p, 3, 3), and the integrals of
         the squares of the difference over each facet, shape (n,).
@@ -148,7 +148,7 @@ class CommonRefinement:
             side: 0 or 1.
             rows: of the facets, shape (n,).
             parts: barycentric coordinates of the vertices of the parts, which are of one size, shape (p, 3, 3).
-            whole: the areas of these facets, shape (n,).
+            areas: of these facets, shape (n,).
         """
         count, flat = len(parts), parts[:, :, 1:]
         order = np.full(len(self.facets[side]), -1)
@@ -160,17 +160,17 @@ class CommonRefinement:
         corners, number = _shared(at[first], flat[part])
         triangle, first, part = triangle[first[number]], first[number], part[number]
         owner = order[self.row[side][triangle]]
-        area = np.abs(_doubled(corners)) * whole[owner]
+        area = np.abs(_doubled(corners)) * areas[owner]
         values = _barycentric(at[first], corners) @ traction[triangle]
         local = _barycentric(flat[part], corners)
         integrals, squares = np.zeros((len(rows), count, 3, 3)), np.zeros(len(rows))
         hats = _with_hats(values, area)
         np.add.at(integrals, (owner, part), local.transpose(0, 2, 1) @ hats)
         np.add.at(squares, owner, np.einsum("mki,mki->m", hats, values))
-        unit = (whole / count)[:, None, None, None]
+        unit = (areas / count)[:, None, None, None]
         closest = (12 * integrals - 3 * integrals.sum(axis=2, keepdims=True)) / unit
-        rest = squares - np.einsum("npai,npai->n", integrals, closest)
-        return closest, rest.clip(min=0.0) + 64 * _EPS * squares
+        missed = squares - np.einsum("npai,npai->n", integrals, closest)
+        return closest, missed.clip(min=0.0) + 64 * _EPS * squares
 
     def largest(self, excess: Array, side: int) -> Array:
         """The largest coefficient on the triangles of each facet of a side, shape (m, c) to (f,)."""
@@ -189,7 +189,9 @@ def _shared(first: Array, second: Array) -> tuple[Array, Ints]:
     """The triangles that polygons shared by triangles of the plane are divided into, shapes (p, 3, 2) to (m, 3, 2), and
     the number of the pair that each one is of, shape (m,).
     """
-    first, second = (np.where((_doubled(one) < 0)[:, None, None], one[:, ::-1], one) for one in (first, second))
+    first, second = (
+        np.where((_doubled(corners) < 0)[:, None, None], corners[:, ::-1], corners) for corners in (first, second)
+    )
     triangles: list[Array] = [np.zeros((0, 3, 2))]
     numbers = list[int]()
     for number in range(len(first)):
@@ -222,7 +224,9 @@ def _near(first: Array, second: Array) -> Ints:
         for corners, at in zip((first, second), centres, strict=True)
     ]
     around = cKDTree(centres[1]).query_ball_point(centres[0], radii[0] + radii[1].max())
-    pairs = np.array([(k, other) for k, found in enumerate(around) for other in found], dtype=np.int64).reshape(-1, 2)
+    pairs = np.array([(k, number) for k, numbers in enumerate(around) for number in numbers], dtype=np.int64).reshape(
+        -1, 2
+    )
     lowest, highest = (
         np.stack([function(corners, axis=1)[pairs[:, side]] for side, corners in enumerate((first, second))])
         for function in (np.min, np.max)

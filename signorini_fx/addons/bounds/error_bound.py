@@ -397,10 +397,10 @@ class Bounded(PlainProblem):
                     corners = np.concatenate((t.x[t.facets[faces]], self._apexes(faces)[:, None]), axis=1)[rows]
                     liftings = Liftings.of(corners, t.moduli.of(cells[rows]), PARTS_OF_EDGE)
                     parts = finest(liftings.face, DIVISIONS)
-                    found = liftings.norms(
+                    lifted = liftings.norms(
                         *refined.projected_on_parts(surface.traction, side, rows, parts, t.area[faces[rows]])
                     )
-                    bounds[rows] = np.minimum(bounds[rows], found)
+                    bounds[rows] = np.minimum(bounds[rows], lifted)
                 np.add.at(norms, cells, bounds)
         return norms if self.grading is None else norms / np.sqrt(self.grading.least)
 
@@ -518,15 +518,15 @@ class Bounded(PlainProblem):
             x = t.x[t.facets[surface.facets]]  # what it has of a tool's motion, it has not of the body's
             of_each = (-float(number in tool.parts) * tool.modes(x)[..., tool.free] for tool in self.tools)
             normal, across = surface.work(t.area, np.concatenate((motions, *of_each), axis=3))
-            given, area = surface.given or surface, surface.area(t.area)
+            linear, area = surface.on_whole or surface, surface.area(t.area)
             if refined is not None:
                 normal, across, area = refined.moments(normal), refined.moments(across), refined.covered()
             count = normal.shape[1]  # of vertices with tractions of their own
             contacts.append(
                 AdmissibleTractions(
-                    given.pressure[:, :count],
-                    given.shear[:, :count],
-                    given.least[:, :count],
+                    linear.pressure[:, :count],
+                    linear.shear[:, :count],
+                    linear.least[:, :count],
                     -np.inf if surface.bilateral else 0.0,
                     normal,
                     across,
@@ -647,7 +647,10 @@ class Bounded(PlainProblem):
         for attempt in range(_ATTEMPTS):
             self._leave_foundations(y, middle)
             if self._pairs:
-                kind, matched = Shut.NOTHING if attempt else shut, [one for one in self._pairs if one.refined is None]
+                kind, matched = (
+                    Shut.NOTHING if attempt else shut,
+                    [pair for pair in self._pairs if pair.refined is None],
+                )
                 separate(t, matched, self.relative, y, middle, (projectors[0], projectors[1]), tiny, kind)
                 separate_unmatched(t, self._unmatched, self.relative, y, middle, projectors[0], tiny)
             if all(self._admits(surface, y, middle, 2 * tiny) for surface in self.contacts):

@@ -142,12 +142,14 @@ def _coefficients(t: Simplices, surface: FacetsInContact, edges: Ints) -> sp.csr
     """
     d = t.dimension
     pairs = EDGES_OF_FACET[d]
-    own = np.diag(np.repeat([1.0, 2.0], [d, len(pairs)]))
-    own[d + np.arange(len(pairs))[:, None], pairs] = 0.5
+    of_facet = np.diag(np.repeat([1.0, 2.0], [d, len(pairs)]))
+    of_facet[d + np.arange(len(pairs))[:, None], pairs] = 0.5
     if surface.refined is None:
-        return _from_unknowns(t, surface.facets, edges, np.broadcast_to(own, (len(surface.facets), *own.shape)))
+        return _from_unknowns(
+            t, surface.facets, edges, np.broadcast_to(of_facet, (len(surface.facets), *of_facet.shape))
+        )
     first, second = (
-        _from_unknowns(t, surface.refined.facet(side), edges, surface.refined.coefficients_from(side) @ own)
+        _from_unknowns(t, surface.refined.facet(side), edges, surface.refined.coefficients_from(side) @ of_facet)
         for side in (0, 1)
     )
     return first - second

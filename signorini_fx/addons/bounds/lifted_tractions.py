@@ -124,17 +124,17 @@ class Liftings:
         face, n = divided_face(m), len(corners)
         turned = corners.copy()
         turned[:, :3] = 2 * corners[:, :3].mean(axis=1, keepdims=True) - corners[:, :3]
-        both = np.stack((corners, turned), axis=1).reshape(-1, 4, 3)
+        pairs = np.stack((corners, turned), axis=1).reshape(-1, 4, 3)
         owner = np.repeat(np.arange(n), 2)
         forms = [
-            _forms(face, both[first : first + _CHUNK], moduli.of(owner[first : first + _CHUNK]))
+            _forms(face, pairs[first : first + _CHUNK], moduli.of(owner[first : first + _CHUNK]))
             for first in range(0, 2 * n, _CHUNK)
         ]
         form = np.concatenate(forms)
-        form += (_rounded(both, moduli.of(owner)) * np.linalg.norm(form, 2, axis=(1, 2)))[:, None, None] * np.eye(
+        form += (_rounded(pairs, moduli.of(owner)) * np.linalg.norm(form, 2, axis=(1, 2)))[:, None, None] * np.eye(
             9 * m * m
         )
-        area = np.linalg.norm(np.cross(both[:, 1] - both[:, 0], both[:, 2] - both[:, 0]), axis=1) / 2
+        area = np.linalg.norm(np.cross(pairs[:, 1] - pairs[:, 0], pairs[:, 2] - pairs[:, 0]), axis=1) / 2
         # Orthonormal functions on the face of area 1 that are orthogonal to linear ones.
         root = np.kron(np.eye(m * m), np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / (12 * m * m)).T)
         linear = np.linalg.qr(root @ face.parts.reshape(-1, 3), mode="complete")[0][:, 3:]
@@ -143,28 +143,28 @@ class Liftings:
         constant = np.sqrt(largest.reshape(n, 2).max(axis=1) / (1 - 1 / m))
         return cls(face, form.reshape(n, 2, *form.shape[1:]), constant)
 
-    def norms(self, values: Array, rest: Array) -> Array:
+    def norms(self, values: Array, missed: Array) -> Array:
         """Bounds of the norms of liftings, shape (n,).
 
         Args:
             values: the projections of the tractions after some divisions, at the vertices of the ``finest`` parts,
                 shape (n, m^2 ..., 3, 3).
-            rest: integrals of the squares of what they are not, shape (n,).
+            missed: integrals of the squares of what they are not, shape (n,).
         """
         face, n, m = self.face, len(self.constant), self.face.times
         levels = round(np.log(values.shape[1]) / np.log(m * m))
         kinds: list[Ints] = [np.zeros(1, dtype=np.int64)]
         for _ in range(levels):
             kinds.append((kinds[-1][:, None] ^ face.turned).ravel())
-        total = self.constant * np.sqrt(rest / m**levels)
+        total = self.constant * np.sqrt(missed / m**levels)
         for level in reversed(range(levels)):
             parts = values.reshape(n, -1, 3 * m * m, 3)
             values = np.einsum("ak,njkd->njad", face.mean, parts)
             difference = (parts - face.parts.reshape(-1, 3) @ values).reshape(n, len(kinds[level]), -1)
             squares = np.zeros(n)
             for kind in (0, 1):
-                own = difference[:, kinds[level] == kind]
-                squares += np.einsum("njk,nkl,njl->n", own, self.forms[:, kind], own, optimize=True)
+                selected = difference[:, kinds[level] == kind]
+                squares += np.einsum("njk,nkl,njl->n", selected, self.forms[:, kind], selected, optimize=True)
             total = total + np.sqrt(squares.clip(min=0.0) / m ** (3 * level))
         return total
 
@@ -184,8 +184,8 @@ def _forms(face: DividedFace, corners: Array, moduli: Moduli) -> Array:
     x = face.x @ corners
     at_corners = x[:, face.corners]
     negative = np.linalg.det(at_corners[:, :, 1:] - at_corners[:, :, :1]) < 0
-    own = np.where(negative[:, :, None], face.corners[:, [0, 1, 3, 2]], face.corners)
-    numbers = (own + vertices * np.arange(n)[:, None, None]).reshape(-1, 4)
+    ordered = np.where(negative[:, :, None], face.corners[:, [0, 1, 3, 2]], face.corners)
+    numbers = (ordered + vertices * np.arange(n)[:, None, None]).reshape(-1, 4)
     t = Simplices(x.reshape(-1, 3), numbers, moduli.of(np.repeat(np.arange(n), cells)))
     local = LocalStress(t)
     count = len(t.facets) // n  # those of each tetrahedron together, in the same order

@@ -27,7 +27,7 @@ from signorini_fx.addons.bounds.bounded_scene import (
     moduli_of,
     refuse_unknown,
 )
-from signorini_fx.addons.bounds.common_refinement import CommonRefinement, Tractions
+from signorini_fx.addons.bounds.common_refinement import CommonRefinement, FacetTractions
 from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, TRIPLE, bernstein, coefficients, times_linear
 from signorini_fx.addons.bounds.graded_moduli import graded_moduli
 from signorini_fx.addons.bounds.initial_stress import free_strain, initial_stress
@@ -115,7 +115,7 @@ class FacetsInContact:
         refined: the triangles that the facets of both sides share where they do not match: then all that is of facets
             is of these, and ``facets``, and those of ``opposite``, are the ones that each triangle is on; None: they
             match.
-        given: then the tractions on whole facets.
+        on_whole: then the tractions on whole facets.
     """
 
     facets: Ints
@@ -132,7 +132,7 @@ class FacetsInContact:
     bonded: bool = False
     round: RoundFacets | None = None
     refined: CommonRefinement | None = None
-    given: Tractions | None = None
+    on_whole: FacetTractions | None = None
 
     def area(self, of_facets: Array) -> Array:
         """Of the facets, or of the triangles on them, shape (m,); ``of_facets``: of all of the cells, shape (f,)."""
@@ -140,8 +140,8 @@ class FacetsInContact:
 
     def press(self, pressure: Array, shear: Array) -> None:
         """Exchange the tractions, of facets at k vertices, shapes (f, k) and (f, k, d)."""
-        if self.refined is not None and self.given is not None:
-            self.given = replace(self.given, pressure=pressure, shear=shear)
+        if self.refined is not None and self.on_whole is not None:
+            self.on_whole = replace(self.on_whole, pressure=pressure, shear=shear)
             pressure, shear = (self.refined.on_triangles(values) for values in (pressure, shear))
         self.pressure = np.broadcast_to(pressure, self.pressure.shape)
         self.shear = np.broadcast_to(shear, self.shear.shape)
@@ -659,13 +659,13 @@ class PlainProblem:
             shear -= np.einsum("fad,fd,fe->fae", shear, of_facets, of_facets)
         shear, tractions = onto_disc(shear, least), None
         if refined is not None:
-            tractions = Tractions(pressure, shear, least)
+            tractions = FacetTractions(pressure, shear, least)
             pressure, shear, least = (refined.on_triangles(values) for values in (pressure, shear, least))
         before = np.zeros((*below.shape, d))
         surface = FacetsInContact(
             facets, normal, gap, below, bounds, pressure, shear, least, before, not effect.opens, opposite, bonded
         )
-        surface.refined, surface.given = refined, tractions
+        surface.refined, surface.on_whole = refined, tractions
         if self._before is not None:
             surface.before = self.relative(surface, *self._before)
         return surface if not is_round(effect.foundation) else self._on_round(surface, effect, linear(contact.shear))

@@ -138,10 +138,10 @@ def separate_unmatched(
             if excess.max(initial=-np.inf) <= -tiny:
                 break
             for side, of_side in enumerate((-share, 1 - share)):
-                most, faces = np.full(len(y), 0.0), refined.facets[side]
+                depths, faces = np.zeros(len(y)), refined.facets[side]
                 depth = (refined.largest(excess, side) + tiny).clip(min=0.0)
-                np.maximum.at(most, t.facets[faces], depth[:, None])
-                y += of_side * most[:, None] * steps
+                np.maximum.at(depths, t.facets[faces], depth[:, None])
+                y += of_side * depths[:, None] * steps
             middle += (y - unmoved)[t.edges].mean(axis=1)
 
 
