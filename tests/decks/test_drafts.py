@@ -130,7 +130,7 @@ def test_the_certificate_closes_gaps_itself(tmp_path, capsys, monkeypatch):
 
     lines = stacked([], 0.008, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.005")
     scene, _, _ = drafted(tmp_path, lines, capsys)
-    monkeypatch.setattr(Coupling, "adjusted", lambda self, limit: 0.0 * self.gap)
+    monkeypatch.setattr(Coupling, "adjusted", lambda self, limit, sides: 0.0 * self.gap)
     assert not solve(read_scene(scene), MPI.COMM_SELF, check=False).certificate.holds
 
 

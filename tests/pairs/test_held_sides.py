@@ -270,6 +270,41 @@ def test_a_side_that_is_held_everywhere_over_such_a_region(cells):
     assert forces[1:] == pytest.approx(forces[0], rel=0.15)
 
 
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize(
+    ("region", "beside", "moves"),
+    [(0.004, 0.0, False), (0.0029, 0.006, True)],
+)
+def test_adjusted_sides_beside_such_a_region(region, beside, moves, slave):
+    """Which points ``adjust`` closes is said by their own distance, not by that of what supports hold apart: sides that
+    touch beside stay without forces, and those that are too far apart there are as without.
+    """
+
+    def height(x):
+        return np.where(x[0] <= 0.5 + 1e-9, region, beside) + 1e-6
+
+    def bent(x):
+        return np.column_stack((x[:, 0], x[:, 1] + height(x.T) * (0.3 - x[:, 1]) / 0.3))
+
+    bodies = (
+        grid("quadrilateral", (8, 2), [0.0, -1.0], [1.0, 0.0]),
+        grid("quadrilateral", (8, 2), [0, 0], [1, 0.3], bent),
+    )
+    touching = [lambda x: np.isclose(x[1], 0.0, atol=1e-9), lambda x: np.isclose(x[1], height(x), atol=1e-9)]
+    held = [
+        lambda x: (x[1] < 5e-7) & (np.isclose(x[1], -1.0) | (x[0] <= 0.5 + 1e-9)),
+        lambda x: (x[1] > 5e-7) & (x[0] <= 0.5 + 1e-9),
+    ]
+    scene, solved = SlidingBodies("quadrilateral", bodies, touching, held, slave=slave, reach=0.5), []
+    scene.drive.value[-1] = -DEPTH if moves else 0.0
+    for adjust in (0.003, None):
+        scene.pair = Pair(scene.sides[slave], scene.sides[1 - slave], reach=0.5, adjust=adjust)
+        solved.append(as_linear_bodies(scene))
+        assert solved[-1].certificate.holds
+    assert solved[0].state.pressure.any() == moves
+    assert solved[0].u.x.array == pytest.approx(solved[1].u.x.array if moves else 0.0, abs=1e-9 * DEPTH)
+
+
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_certificate_misses_overlap_beside_such_a_region(monkeypatch, dim):
     """A solver that counts what supports fix at the points beside is refused."""

@@ -127,14 +127,17 @@ class Coupling:
         return np.einsum("nd,nd->n", self.normal, self.distance)
 
     def adjusted(self, limit: float | None, sides: tuple[PairSurface, PairSurface]) -> Array:
-        """The gap of both sides without what supports fix, see ``closed_within``."""
-        gap = closed_within(self.gap, limit)
+        """The gap of both sides without what supports fix, zero where it is at most a limit, see ``closed_within``: of
+        sides that are parallel a point then counts this share of their distance, and of the limit as much.
+        """
         if self.fixed is None or self.fixed_shares is None:
-            return gap
-        return gap - self.fixed_shares @ closed_within(self.fixed.distance(*(side.x for side in sides)), limit)
+            return closed_within(self.gap, limit)
+        gap = self.gap - self.fixed_shares @ self.fixed.distance(*(side.x for side in sides))
+        counted = 1.0 - np.asarray(self.fixed_shares.sum(axis=1)).ravel()
+        return closed_within(gap, None if limit is None else counted * limit)
 
 
-def closed_within(gap: Array, limit: float | None) -> Array:
+def closed_within(gap: Array, limit: float | Array | None) -> Array:
     """A gap, zero where it is at most a limit; None: there is no such limit."""
     return gap if limit is None else np.where(gap <= (1.0 + SAME_PLACE_IN_CELL) * limit, 0.0, gap)
 

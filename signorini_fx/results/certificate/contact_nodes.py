@@ -147,11 +147,11 @@ class ContactNodes:
                 closed = (
                     np.zeros(nodes.size, bool)
                     if side.adjust is None
-                    else apart - side.adjust <= SAME_PLACE_IN_CELL * side.adjust
+                    else apart - side.claim.counted * side.adjust <= SAME_PLACE_IN_CELL * side.adjust
                 )
                 gap = gap + (1.0 - closed) * apart
             if side.claim is not None:
-                gap = gap - side.claim.fixed_gap(side.gap, side.adjust, by_geometry=side.by_geometry)
+                gap = gap - side.claim.fixed_gap(side.gap)
             bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
             if side.claim is not None and not unmatched:
                 bound = np.where(side.claim.facing, bound, 0.0)

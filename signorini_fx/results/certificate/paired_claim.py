@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.body.averages import from_owners, to_owners
 from signorini_fx.mechanics.body.paired_points import PairedSides
-from signorini_fx.tuned import SAME_PLACE_IN_CELL, SLIVER
+from signorini_fx.tuned import SLIVER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -101,30 +101,29 @@ class Claim:
         return np.asarray(mean_normals / np.linalg.norm(mean_normals, axis=1, keepdims=True))
 
     def gap(self, normal: Array) -> Array:
-        """The distance of both sides along normals at the points, length, shape (n,)."""
-        return np.asarray(np.sum(normal * self.distance, axis=1))
+        """The distance of both sides along normals at the points, without what supports fix, length, shape (n,)."""
+        apart, fixed = np.sum(normal * self.distance, axis=1), self.pair.coupling.fixed
+        if fixed is None:
+            return np.asarray(apart)
+        slave, master = self.pair.slave.surface.x, self.pair.master.surface.x
+        uncounted = np.sum(fixed.direction * (fixed.master @ master - fixed.slave @ slave), axis=1)
+        return np.asarray(apart - self.pair.coupling.fixed_shares @ uncounted)
 
-    def fixed_gap(self, allowance_at: Callable[[Any], Array], adjust: float | None, *, by_geometry: bool) -> Array:
-        """What the points do not count of the gap where supports fix it, length, shape (n,); collective.
+    @property
+    def counted(self) -> Array:
+        """What share the points count of a distance that is the same all over, shape (n,)."""
+        shares = self.pair.coupling.fixed_shares
+        return np.ones(self.points.size) if shares is None else 1.0 - shares @ np.ones(shares.shape[1])
 
-        Args:
-            allowance_at: what the problem gives of the gap at nodes, local numbers, length.
-            adjust: up to which distance sides count as closed, length; None: nowhere.
-            by_geometry: whether the distance of both sides is added.
+    def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
+        """What the points do not count, as supports fix it, of a gap that the problem gives at nodes by their local
+        numbers, length, shape (n,); collective.
         """
         fixed = self.pair.coupling.fixed
         if fixed is None:
             return np.zeros(self.points.size)
-        added = self.pair.coupling.fixed_shares @ (
-            fixed.slave @ nodal_allowance(allowance_at, self.pair.slave.nodes, self.space)
-        )
-        if not by_geometry:
-            return np.asarray(added)
-        slave, master = self.pair.slave.surface.x, self.pair.master.surface.x
-        apart = np.sum(fixed.direction * (fixed.master @ master - fixed.slave @ slave), axis=1)
-        if adjust is not None:
-            apart[apart - adjust <= SAME_PLACE_IN_CELL * adjust] = 0.0
-        return np.asarray(added + self.pair.coupling.fixed_shares @ apart)
+        at_nodes = nodal_allowance(allowance_at, self.pair.slave.nodes, self.space)
+        return np.asarray(self.pair.coupling.fixed_shares @ (fixed.slave @ at_nodes))
 
     def relative(self, owned: Array) -> Array:
         """The relative displacement at the points from that of the owned nodes, shape (owned nodes, d), without what

@@ -443,7 +443,12 @@ class SlidingClaim:
         """Zero: ``relative`` has it."""
         return np.zeros(self._mine.size)
 
-    def fixed_gap(self, allowance_at: Callable[[Any], Array], adjust: float | None, *, by_geometry: bool) -> Array:
+    @property
+    def counted(self) -> Array:
+        """See ``Claim``; no sides that slide are adjusted, which alone asks for this."""
+        return np.ones(self._mine.size)
+
+    def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
         """See ``Claim``; the distance of both sides, without what supports fix, is in ``relative``."""
         return np.asarray(self.present.uncounted @ nodal_allowance(allowance_at, self.chains[0].nodes, self.space))[
             self._mine
