@@ -177,6 +177,7 @@ def sides_of(
     masters: Mapping[int, Facets],
     space: fem.FunctionSpace,
     claims: Mapping[int, SlidingClaim] | None = None,
+    moved: Nodal | None = None,
 ) -> list[ContactSide]:
     """The parts of the boundary with contact.
 
@@ -187,10 +188,12 @@ def sides_of(
         masters: of the other side of each pair, by its number.
         space: the displacements.
         claims: the second opinions on pairs that slide, by their numbers; None: there are none.
+        moved: displacements of the nodes of this rank, that normals of other pairs follow, length, shape (nodes, d);
+            None: they are those of the undeformed sides.
     """
     sliding = claims or {}
     return [
-        _side(contact_data, entry, of_entry, masters.get(k), space, sliding.get(k))
+        _side(contact_data, entry, of_entry, masters.get(k), space, sliding.get(k), moved)
         for k, (contact_data, entry, of_entry) in enumerate(zip(data, contact, facets, strict=True))
     ]
 
@@ -202,6 +205,7 @@ def _side(
     master: Facets | None,
     space: fem.FunctionSpace,
     sliding: SlidingClaim | None,
+    moved: Nodal | None,
 ) -> ContactSide:
     """One foundation or pair; what the user named decides which facets meet, and up to which distance."""
 
@@ -217,7 +221,9 @@ def _side(
 
         assert data.pair is not None
         assert master is not None
-        claim = claim_of(data.pair, space, (facets, master), entry.reach, nominal=not entry.by_geometry, factor=factor)
+        sides, nominal = (facets, master), not entry.by_geometry
+        followed = None if entry.bonded else moved
+        claim = claim_of(data.pair, space, sides, entry.reach, nominal=nominal, factor=factor, followed=followed)
     return ContactSide(
         facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],

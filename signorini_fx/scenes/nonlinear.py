@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import mpi4py.MPI
@@ -32,6 +33,7 @@ from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
@@ -123,15 +125,15 @@ class ProblemOfScene(NonlinearContactProblem):
         Raises:
             SceneError: a setting or a shape does not fit.
         """
-        space, tagged = model.space, model.tagged
+        space, tagged, statement = model.space, model.tagged, _with_sides_of(statement, model.statement)
         facets = boundary_facets(statement, tagged)
         on = [facets[entry.boundary] for entry in statement.contact]
+        masters = {k: facets[entry.against] for k, entry in enumerate(statement.contact) if entry.against is not None}
         _refuse_turning(statement, tagged.dimension)
         drives = _drives_at(statement, tagged.dimension, -1.0)
         contact = [
             replace(entry, shape=drives[k]) if k in drives else entry
-            for k, entry in enumerate(foundations_of(statement.placed(0), on, {}))
-            if entry.against is None
+            for k, entry in enumerate(foundations_of(statement.placed(0), on, masters))
         ]
         u = fem.Function(space, name="displacement")
         body = body_residual(statement, tagged, u)
@@ -234,7 +236,11 @@ class ProblemOfScene(NonlinearContactProblem):
             moving.settled = moving.shape
 
     def _move(self, statement: Statement) -> None:
-        """Put the foundations where they are in a statement."""
+        """Put the foundations where they are in a statement, and take its gaps."""
+        for number, entry in enumerate(statement.contact):
+            if self.statement.contact[number].gap_timed:
+                gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
+                self.linear.foundations.give_gap(number, gap)
         dimension = self.model.tagged.dimension
         placed = {number: moving for number, moving in self.shapes.items() if not moving.driven}
         for number, moving in placed.items():
@@ -304,6 +310,13 @@ class OpinionOfScene(SecondOpinion):
             return NonlinearStresses.of(model, self.states, path)
 
         return replace(mechanics, loads=loads, displaced=self._finite, stresses=stresses)
+
+
+def _with_sides_of(statement: Statement, body: Statement) -> Statement:
+    """The statement with the contact points of pairs on those sides that have been chosen for a body."""
+    sides = [{"boundary": entry.boundary, "against": entry.against} for entry in body.contact]
+    contact = [entry.model_copy(update=side) for entry, side in zip(statement.contact, sides, strict=True)]
+    return statement.changed(contact=tuple(contact))
 
 
 def _refuse_turning(statement: Statement, dimension: int) -> None:

@@ -97,16 +97,36 @@ def test_a_side_of_removed_elements_alone(tmp_path):
     assert (made.lost, "contact" in data) == ([], False)
 
 
-@pytest.mark.parametrize(("second", "lost"), [("", False), ("ADD", True), ("REMOVE", False)])
-def test_a_contact_pair_that_the_first_step_removes(tmp_path, second, lost):
-    """It is not there, unless a later step adds it again."""
+@pytest.mark.parametrize(("second", "there"), [("", False), ("ADD", True), ("REMOVE", False)])
+def test_a_contact_pair_that_the_first_step_removes(tmp_path, second, there):
+    """It is not there, unless a later step adds it again, and then from that one on."""
     change = "*MODEL CHANGE, TYPE=CONTACT PAIR, "
     lines = [*stacked([])[:-1], change + "REMOVE", "UP_BOTTOM, LOW_TOP", "*END STEP"]
     if second:
         lines += ["*STEP", "*STATIC", change + second, "UP_BOTTOM, LOW_TOP", "*END STEP"]
     made, data = drafted(tmp_path, lines)
-    assert any("come or go" in remark for remark in made.lost) == lost
-    assert ("contact" in data) == lost
+    assert made.lost == ([] if there else made.lost)
+    assert ("contact" in data) == there
+    if there:
+        assert data["contact"][0]["gap"].endswith("if t < 1.5 else 0.0")
+
+
+def test_contact_pairs_that_come_and_go(tmp_path):
+    """A block whose head is pushed down by a depth in each of four steps touches the one below in the second and third:
+    by formula, its pressure is that of the depth, and the last step ends without any.
+    """
+    lines, change = stacked([])[:-2], "*MODEL CHANGE, TYPE=CONTACT PAIR, "
+    lines[-1:] = ["*BOUNDARY", "UP_HEAD, 2, 2, -.01", change + "REMOVE", "UP_BOTTOM, LOW_TOP", "*END STEP"]
+    for depth, word in ((0.02, "ADD"), (0.03, ""), (0.04, "REMOVE")):
+        lines += ["*STEP", "*STATIC", "*BOUNDARY", f"UP_HEAD, 2, 2, -{depth}"]
+        lines += [*([change + word, "UP_BOTTOM, LOW_TOP"] if word else []), "*END STEP"]
+    made, data = drafted(tmp_path, lines)
+    assert made.lost == []
+    assert data["contact"][0]["gap"].count(" if t < ") == 2
+    solution = solved(tmp_path)
+    stiffness = YOUNG / (1 - POISSON**2) / 2  # of two blocks of height 1, free to the side
+    for step, depth in zip(solution.steps, (0.0, 0.02, 0.03, 0.0), strict=True):
+        np.testing.assert_allclose(solution.at(step).contact.pressure, stiffness * depth, rtol=1e-4, atol=1e-9)
 
 
 @pytest.mark.parametrize("clearance", [0.004, -0.004])

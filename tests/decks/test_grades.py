@@ -76,9 +76,9 @@ SAID = {
     ("FRICTION", ""): (["*SURFACE INTERACTION, NAME=I", "*FRICTION", ".3"], []),
     ("PRE-TENSIONSECTION", ""): ELSEWHERE,
     ("MODELCHANGE", ""): ([], ["*MODEL CHANGE, TYPE=CONTACT PAIR, ADD", "UP_BOTTOM, LOW_TOP"]),
-    ("MODELCHANGE", "in a later step, or what another one adds again"): (
+    ("MODELCHANGE", "of elements in a later step, or of rigid surfaces"): (
         [],
-        ["*END STEP", "*STEP", "*STATIC", "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE", "UP_BOTTOM, LOW_TOP"],
+        ["*END STEP", "*STEP", "*STATIC", "*MODEL CHANGE, TYPE=ELEMENT, REMOVE", "UP"],
     ),
     ("CLEARANCE", ""): (["*CLEARANCE, MASTER=LOW_TOP, SLAVE=UP_BOTTOM, VALUE=0.001"], []),
     ("CLEARANCE", "of single nodes, or of no contact pair"): (
@@ -113,6 +113,9 @@ SAID = {
     ("STEP", "within another one"): ELSEWHERE,
     ("STEP", "NLGEOM; small rotations"): ("*STEP, NLGEOM", []),
     ("STEP", "NLGEOM; run finds rotations that matter"): ELSEWHERE,
+    ("STEP", "NLGEOM; with what finite strains are not possible yet"): ELSEWHERE,
+    ("STEP", "NLGEOM; solids of degree 2, ties; run finds that it matters little"): ELSEWHERE,
+    ("STEP", "NLGEOM; run finds that it matters"): ELSEWHERE,
     ("STEP", "PERTURBATION"): ("*STEP, PERTURBATION", []),
     ("AMPLITUDE", "DEFINITION other than TABULAR, SMOOTH STEP"): (
         ["*AMPLITUDE, NAME=A, DEFINITION=PERIODIC", "1, 2., 0., 1."],

@@ -149,6 +149,26 @@ BELOW = [
 ]
 
 
+LINKED = ["*EQUATION", "2", "7, 2, 1., 9, 2, -1."]
+ROLLING = [line for line in BELOW if line not in ("21, 1, 2", "22, 1, 2")] + ["21, 1", "24, 1", "21, 2", "22, 2"]
+
+
+@pytest.mark.parametrize("law", ["NEO HOOKE", "MOONEY-RIVLIN"])
+def test_two_bodies_of_rubber(tmp_path, law):
+    """A block on another one of the same rubber, both on rollers: each is compressed by half of the way, in closed
+    form, as its sides slide on each other.
+    """
+    rows, shape = LAWS[law]
+    material = ["*MATERIAL, NAME=M", f"*HYPERELASTIC, {law}", *rows]
+    scene, data = converted(tmp_path, [*SQUARE, *TWO, *material, *ROLLING, *pushed(0.4)[:2], *pushed(0.4)[3:]])
+    assert "incomplete" not in data
+    assert "sliding" not in data["contact"][0]
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    assert solution.certificate.holds
+    taken = np.sum(solution.contact.forces, axis=0)[1]
+    assert abs(taken) == pytest.approx(abs(nominal(of_abaqus(shape, 0.02), 0.8)), rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("material", "others", "says"),
     [
@@ -159,7 +179,7 @@ BELOW = [
         (["*HYPERELASTIC, OGDEN, N=1", "1., 0., .1"], GROUND, "no exponent alpha zero"),
         (["*HYPERELASTIC, OGDEN, N=1", "-1., 2., .1"], GROUND, "mu must be above 0 here"),
         (["*HYPERELASTIC, POLYNOMIAL, N=2", "1., 1., 1., 1., 1., .1, .1"], GROUND, "only NEO HOOKE"),
-        (["*HYPERELASTIC, NEO HOOKE", "1., .1"], [*TWO, *BELOW], "not possible yet with another deformable body"),
+        (["*HYPERELASTIC, NEO HOOKE", "1., .1"], [*TWO, *BELOW, *LINKED], "not possible yet with links between nodes"),
         (["*ELASTIC", "1000., .3", "*PLASTIC", "5., .1"], GROUND, "the first plastic strain must be 0"),
         (["*ELASTIC", "1000., .3", "*PLASTIC", "5.", "6., 0."], GROUND, "plastic strains must increase"),
         (["*ELASTIC", "1000., .3", "*PLASTIC", "5.", "4., .1"], GROUND, "yield stresses not decrease"),
@@ -178,7 +198,7 @@ def test_what_is_refused(tmp_path, capsys, material, others, says):
     ("plastic", "others", "says"),
     [
         (["*PLASTIC, HARDENING=COMBINED", "5., 0."], GROUND, "hardening that is not isotropic: elastic here"),
-        (["*PLASTIC", "5., 0."], [*TWO, *BELOW], "not possible yet with another deformable body: elastic here"),
+        (["*PLASTIC", "5., 0."], [*TWO, *BELOW, *LINKED], "not possible yet with links between nodes: elastic here"),
     ],
 )
 def test_what_does_not_yield(tmp_path, plastic, others, says):

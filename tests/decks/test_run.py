@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from deck_lines import stacked
+from deck_lines import STEEL, squares, stacked
 
 from signorini_fx.scenes import cli
 
@@ -65,3 +65,51 @@ def test_decks_that_cannot_be_read(tmp_path, capsys):
     assert "line 1" in said
     assert sorted(file.name for file in tmp_path.iterdir()) == ["deck.inp"]
     assert cli.main(["run", str(tmp_path / "deck.txt"), "--out", str(tmp_path / "out")]) == 2
+
+
+def beams(load, pair="*CONTACT PAIR, INTERACTION=I"):
+    """A slender cantilever on another one, under a pressure."""
+    lines = [*squares(16, 1, name="LOW", size=(20.0, 1.0))]
+    lines += squares(16, 1, 201, corner=(0.0, 1.0), size=(20.0, 1.0), name="UP")
+    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in ("LOW", "UP")]
+    lines += [*STEEL, "*SURFACE INTERACTION, NAME=I", pair, "UP_BOTTOM, LOW_TOP", "*BOUNDARY"]
+    lines += ["LOW_WALL, 1, 2", "UP_WALL, 1, 2", "*STEP, NLGEOM", "*STATIC", "*DSLOAD", f"UP_TOP, P, {load}"]
+    return [*lines, "*END STEP"]
+
+
+def test_finite_strains(tmp_path, capsys):
+    """Where small displacements are not enough for NLGEOM the deck is drafted anew, with sides that slide; the draft is
+    what later runs begin with.
+    """
+    code, said = run(tmp_path, beams(0.02), capsys)
+    assert code == 0
+    assert "small displacements are not enough for its NLGEOM: solved once more" in " ".join(said.split())
+    draft = (tmp_path / "out.toml").read_text()
+    assert 'law = "saint-venant-kirchhoff"' in draft
+    assert "sliding" not in draft.partition("[mesh]")[2]
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["converged"]
+    assert summary["incomplete"] == []
+    code, said = run(tmp_path, beams(0.02), capsys)
+    assert code == 0
+    assert "once more" not in said
+
+
+def test_small_displacements_are_enough(tmp_path, capsys):
+    """Then the scene is linear."""
+    code, said = run(tmp_path, beams(1e-5), capsys)
+    assert code == 0
+    assert "once more" not in said
+    assert "law" not in (tmp_path / "out.toml").read_text()
+
+
+@pytest.mark.parametrize(("load", "code"), [(0.002, 0), (0.08, 4)])
+def test_sides_that_keep_their_partners(tmp_path, capsys, load, code):
+    """With ADJUST sides do not slide: that is said with how far they do, and changes the answer where it is far."""
+    lines = beams(load, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.01")
+    ended, said = run(tmp_path, lines, capsys)
+    assert ended == code
+    assert 'sliding = "small"' in (tmp_path / "out.toml").read_text()
+    graded = "changes the answer: " if code else "does not change it: "
+    at = lines.index("*STEP, NLGEOM") + 1
+    assert f"{graded}line {at}, *STEP: points in contact keep their partners, and slide by" in " ".join(said.split())

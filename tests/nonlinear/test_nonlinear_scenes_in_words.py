@@ -97,10 +97,11 @@ def test_what_is_refused(message):
         assert len(str(refused.value).splitlines()) == 1
 
 
-def test_two_bodies_are_refused():
-    """Contact against another boundary, and bodies with meshes of their own."""
-    with pytest.raises(SceneError, match=r"contact.against: two nonlinear bodies"):
-        indented(RUBBER, contact={"boundary": "top", "against": "bottom"}, load_steps={})
+def test_gaps_of_shapes_do_not_depend_on_time():
+    """The distance of a shape is evaluated where it is."""
+    timed = {"boundary": "top", "foundation": CIRCLE, "gap": "0.1 * t"}
+    with pytest.raises(SceneError, match=r"contact.gap: that depends on the time, beside a foundation with a shape"):
+        indented(RUBBER, contact=timed, load_steps={})
 
 
 def test_kinematics_of_another_package_are_refused(monkeypatch):

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from signorini_fx.addons.aster.study import AsterStudy
 from signorini_fx.addons.decks.draft import Draft
+from signorini_fx.addons.decks.kept_partners import judged_partners
 from signorini_fx.addons.decks.rotations import judged_rotations
 from signorini_fx.machine import parallel
 from signorini_fx.results.solution import Solution
@@ -25,6 +26,7 @@ def graded_solution(solution: Solution, draft: Draft | None) -> Solution:
         draft: on the first rank; None on the others.
     """
     solution = judged_rotations(solution, None if draft is None else draft.deck)
+    solution = judged_partners(solution, draft)
     promise = parallel.on_root(solution.comm, lambda: _ContactPromise.of(getattr(draft, "study", None)))
     if not solution.converged or promise is None:
         return solution

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, plain_name
+from signorini_fx.addons.decks.keywords import COMING_AND_GOING
 from signorini_fx.addons.decks.nodal import follow
 from signorini_fx.addons.decks.ties import distances, tie_nodes
 from signorini_fx.addons.decks.tools import of_time, tool_keys
@@ -85,6 +86,7 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
                 else _clearance(deck, (slave, master)) or _adjust(deck, label, (slave, master, interaction or ""))
             )
             lines += _untouched(deck, label, interaction or "", between=not names)
+            lines = _in_steps(deck, block, (slave, master), lines, steps, rigid=bool(names))
             if names and (slave, master, interaction) in deck.adjusted:
                 deck.lose(None, f"{label}: ADJUST, which scenes know between two bodies")
             tables.append([*lines, *_friction(deck, label, interaction or "")])
@@ -223,8 +225,28 @@ def _untouched(deck: Deck, label: str, interaction: str, *, between: bool) -> li
     if not between:
         deck.lose(None, f"{label}: {len(nodes)} nodes without contact have it with a rigid surface")
         return []
-    far = float(f"{_FAR * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0))):.3g}")
-    return [f"gap = {quoted(f'{far!r} if {_at_nodes(deck, nodes)} else 0.0')}"]
+    return [f"gap = {quoted(f'{_far(deck)!r} if {_at_nodes(deck, nodes)} else 0.0')}"]
+
+
+def _in_steps(
+    deck: Deck, block: DeckBlock, pair: tuple[str, str], lines: list[str], steps: int, *, rigid: bool
+) -> list[str]:
+    """The lines of a contact with a distance that nothing closes in the steps that are without it."""
+    course = deck.touching_in(frozenset(name.upper() for name in pair), steps)
+    if all(course):
+        return lines
+    gaps = [line.partition(" = ")[2] for line in lines if line.startswith("gap = ")]
+    if rigid or (gaps and real_or_none(gaps[0]) is None):
+        deck.lose(block, COMING_AND_GOING)
+        return lines
+    near, far = (real(gaps[0]) if gaps else 0.0), _far(deck)
+    others = [line for line in lines if not line.startswith("gap = ")]
+    return [*others, f"gap = {of_time([near if there else far for there in course])}"]
+
+
+def _far(deck: Deck) -> float:
+    """A distance that nothing closes, length."""
+    return float(f"{_FAR * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0))):.3g}")
 
 
 def _at_nodes(deck: Deck, nodes: Ints) -> str:

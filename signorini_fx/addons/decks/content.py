@@ -152,7 +152,9 @@ class Deck:
     interactions.
     ``shells`` has the elements of sets of shells in space, and ``areas`` those that only carry a pressure to a side of
     the body (``load_areas.LoadArea``).
-    ``nonlinear`` is the last step with NLGEOM.  ``at_nodes`` says that forces at nodes stay there, even if they are
+    ``nonlinear`` is the last step with NLGEOM, and ``finite`` says that the scene has finite strains because of it.
+    ``paired`` has, for contact pairs that a later step removes or adds, whether they are there from a step on.
+    ``at_nodes`` says that forces at nodes stay there, even if they are
     nearly those of an even traction.  ``slaves`` says that contact points are those of slave surfaces, whose
     pressure is wanted, and not those that the scene would choose.
     ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
@@ -209,6 +211,8 @@ class Deck:
     shells: dict[str, list[int]] = field(default_factory=dict)
     areas: dict[int, Any] = field(default_factory=dict)
     nonlinear: DeckBlock | None = None
+    finite: bool = False
+    paired: dict[frozenset[str], dict[int, bool]] = field(default_factory=dict)
     apart: bool = False
     slaves: bool = False
     at_nodes: bool = False
@@ -252,6 +256,14 @@ class Deck:
         """Whether the first step removes a contact pair, or all elements of one of its sides."""
         pair = frozenset((slave.upper(), master.upper()))
         return pair in self.vanished or not pair.isdisjoint(self.model.emptied)
+
+    def touching_in(self, pair: frozenset[str], steps: int) -> list[bool]:
+        """Whether the surfaces of a contact pair may touch, step by step."""
+        changes, there, course = self.paired.get(pair, {}), True, list[bool]()
+        for step in range(steps):
+            there = changes.get(step, there)
+            course.append(there)
+        return course
 
     def facing(self, pair: tuple[str, str, str]) -> tuple[str, str, str]:
         """A contact pair as the scene has it: that of both sides of a sector is one with the next sector."""

@@ -21,6 +21,7 @@ from signorini_fx.addons.decks.keywords import (
     AS_BEFORE,
     CHANGED_WITHIN,
     COMING_AND_GOING,
+    FINITE,
     NO_CLEARANCE,
     NO_PROCEDURE,
     NO_SECTORS,
@@ -57,12 +58,13 @@ _KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "
 _PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
 
 
-def read_deck(file: Path, *, at_nodes: bool = False) -> Deck:
+def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> Deck:
     """An input file: its mesh, and what acts on the body.
 
     Args:
         file: the input file.
         at_nodes: whether equal forces at the nodes of a side stay there, and do not become an even traction.
+        finite: whether NLGEOM means finite strains, and not that displacements are taken as small.
 
     Raises:
         MeshError: there is no such file, or it is no mesh, see ``read_file``; a number is none, or a line has too few;
@@ -71,7 +73,7 @@ def read_deck(file: Path, *, at_nodes: bool = False) -> Deck:
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
     model = read_model(file)
-    deck = Deck(from_raw(model.raw, str(file)), model, at_nodes=at_nodes)
+    deck = Deck(from_raw(model.raw, str(file)), model, at_nodes=at_nodes, finite=finite)
     for name, missing in deck.model.undefined.items():
         say = deck.lose if name in deck.model.surfaces else deck.note
         say(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")
@@ -223,7 +225,7 @@ def _read(deck: Deck, block: DeckBlock) -> None:
             deck.time += deck.period if deck.step else 0.0
             deck.period = 1.0
             if not has_rubber(deck) and "NLGEOM" in parameters and parameters["NLGEOM"].upper() in ("", "YES"):
-                deck.note(block, SMALL)
+                deck.note(block, FINITE if deck.finite else SMALL)
                 deck.nonlinear = block
         case "STATIC":
             deck.period = (real(rows[0][1]) if rows and len(rows[0]) > 1 else 0.0) or 1.0  # as both programs take it
@@ -283,12 +285,14 @@ def _change_model(deck: Deck, block: DeckBlock) -> None:
         return
     for row in block.rows:
         pair = frozenset((row[0].upper(), row[-1].upper()))
-        removed = pair in deck.vanished
-        if "REMOVE" in block.parameters and not deck.step:
+        added = "ADD" in block.parameters
+        if not added and not deck.step:
             deck.vanished.add(pair)
-        elif removed == ("ADD" in block.parameters):
-            deck.lose(block, COMING_AND_GOING)
-            deck.vanished.discard(pair)
+        elif added != (pair not in deck.vanished and all(deck.touching_in(pair, deck.step)[-1:])):
+            if pair in deck.vanished:  # the first step has removed it
+                deck.paired.setdefault(pair, {})[0] = False
+                deck.vanished.discard(pair)
+            deck.paired.setdefault(pair, {})[deck.step] = added
 
 
 def _clearance(deck: Deck, block: DeckBlock) -> None:

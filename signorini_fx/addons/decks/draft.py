@@ -19,6 +19,7 @@ from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.deck import read_deck
 from signorini_fx.addons.decks.material import material_tables
 from signorini_fx.addons.decks.nodal import nodal_tables
+from signorini_fx.addons.decks.nonlinear_material import obstacle_of, sliding_lines
 from signorini_fx.addons.decks.temperatures import TemperatureField, temperature_fields
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted
@@ -60,6 +61,25 @@ def draft(file: Path, target: Path) -> Draft:
         MeshError: see ``read_deck``; there is no material.
     """
     return draft_of(read_deck(file), file, target, file.name)
+
+
+def finite_draft(file: Path, target: Path) -> Draft | None:
+    """The same with finite strains where the input file asks for NLGEOM; None: it does not, or they are not possible
+    with what else it has.
+
+    Args:
+        file: the input file.
+        target: where the scene will be, from which it refers to the file.
+
+    Raises:
+        MeshError: see ``draft``.
+    """
+    deck = read_deck(file, finite=True)
+    if deck.nonlinear is None:
+        return None
+    drafted = draft_of(deck, file, target, file.name)
+    laws = [line for line in drafted.text.splitlines() if line.startswith("law = ")]
+    return drafted if any("saint-venant-kirchhoff" in line for line in laws) else None
 
 
 def draft_of(deck: Deck, file: Path, target: Path, source: str) -> Draft:
@@ -109,6 +129,7 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
     tables = [("[element]", element)] if element else []
     heat = _heat(deck, steps, target, files)
     contacts, stiffness = contact_tables(deck, steps)
+    contacts = sliding_lines(deck, contacts, obstacle_of(deck, contacts, heated=bool(heat)))
     tables += [
         *material_tables(deck, contacts, heated=bool(heat)),
         *_loads(deck, steps, releases=bool(contacts)),
@@ -121,7 +142,7 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
         deck.apart = True
     tables += [("[[contact]]", lines) for lines in contacts]
     all_lines = [line for _, lines in tables for line in lines]
-    timed = any(line.startswith(("foundation", "friction")) and " if t < " in line for line in all_lines)
+    timed = any(line.startswith(("foundation", "friction", "gap")) and " if t < " in line for line in all_lines)
     if timed or any(line.startswith(("factors", "holds")) for line in all_lines):  # else all steps are the same
         times = [f"times = {[float(step) for step in range(1, steps + 1)]}"] if timed else []
         tables.append(("[load_steps]", [f"names = [{', '.join(map(quoted, deck.steps))}]", *times]))
@@ -130,7 +151,9 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
 
 def _heat(deck: Deck, steps: int, target: Path, files: dict[Path, str]) -> list[tuple[str, list[str]]]:
     """Changes of the temperature; one that is not the same everywhere becomes a file beside the scene."""
-    tables = []
+    tables = list[tuple[str, list[str]]]()
+    if not any(properties.get("expansion") for properties in deck.materials.values()):
+        return tables  # nothing expands
     for field in temperature_fields(deck, steps):
         lines = [f"change = {field.uniform!r}"]
         if field.uniform is None:

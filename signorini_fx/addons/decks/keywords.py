@@ -48,6 +48,8 @@ CONSTRAINT = "a constraint between nodes"
 PARTLY = "a coupling of some components of a surface"
 WITHOUT_EFFECT = "without effect in static steps"
 SMALL = "NLGEOM: displacements and rotations are taken as small"
+FINITE = "NLGEOM: finite strains, law = 'saint-venant-kirchhoff', linear in the strain of Green"
+PARTNERS = "points in contact keep their partners"
 PERTURBATION = "PERTURBATION: contact may open and close here, and does not in such a step"
 TURNED = "axes are rectangular, R, or cylindrical, C; those of space are taken"
 NO_SECTORS = "cyclic symmetry without *CYCLIC SYMMETRY MODEL"
@@ -58,7 +60,7 @@ STATIC = "STATIC"
 NO_PROCEDURE = "the step does not say of what kind it is: write *STATIC into it; CalculiX solves nothing in such a step"
 AS_BEFORE = "as the step before it: this one does not say of what kind it is"
 CHANGED_WITHIN = "a change within a step: what holds at the beginning is taken"
-COMING_AND_GOING = "parts and contacts that come or go with a later step: they are there throughout"
+COMING_AND_GOING = "parts that come or go with a later step, or contacts of rigid ones: they are there throughout"
 NO_CLEARANCE = "a clearance that a file gives node by node, or that a later step changes"
 OTHER_BEHAVIOUR = "another stiffness, or a bond, from a step on: the first one is taken"
 GENERAL_CONTACT = "general contact: name the pairs of surfaces, in [[contact]]"
@@ -101,11 +103,11 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.TAKEN, "the lines of another file of the folder", "INCLUDE"),
     *_rules(Grade.TAKEN, "title", "HEADING"),
     *_rules(Grade.TAKEN, "material", "MATERIAL", "ELASTIC", "EXPANSION", "DENSITY", "ORIENTATION", "SOLID SECTION"),
-    *_rules(Grade.TAKEN, "material of one body on rigid surfaces", "HYPERELASTIC", "PLASTIC"),
+    *_rules(Grade.TAKEN, "material of bodies in contact", "HYPERELASTIC", "PLASTIC"),
     *_rules(Grade.REFUSED, OTHER_RUBBER, "HYPERELASTIC", case="another energy, or incompressible"),
-    *_rules(Grade.REFUSED, f"{NOT_YET_NONLINEAR} with another body and more", "HYPERELASTIC", case="elsewhere"),
+    *_rules(Grade.REFUSED, f"{NOT_YET_NONLINEAR} with links and more", "HYPERELASTIC", case="elsewhere"),
     *_rules(Grade.LOST, OTHER_HARDENING, "PLASTIC", case="HARDENING other than ISOTROPIC"),
-    *_rules(Grade.LOST, f"{NOT_YET_NONLINEAR} with another body and more: elastic here", "PLASTIC", case="elsewhere"),
+    *_rules(Grade.LOST, f"{NOT_YET_NONLINEAR} with links and more: elastic here", "PLASTIC", case="elsewhere"),
     *_rules(Grade.LOST, YIELDING_RUBBER, "PLASTIC", case="of rubber"),
     *_rules(Grade.NOTED, BESIDE_RUBBER, "SOLID SECTION", case="beside rubber"),
     *_rules(Grade.LOST, FIRST_LINE, "ELASTIC", "EXPANSION", case="several temperatures"),
@@ -131,7 +133,10 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.REFUSED, NO_PROCEDURE, "STEP", case="the first one without *STATIC"),
     *_rules(Grade.REFUSED, "the step before it has no *END STEP", "STEP", case="within another one"),
     *_rules(Grade.NOTED, SMALL, "STEP", case="NLGEOM; small rotations"),
-    *_rules(Grade.LOST, SMALL, "STEP", case="NLGEOM; run finds rotations that matter"),
+    *_rules(Grade.TAKEN, FINITE, "STEP", case="NLGEOM; run finds rotations that matter"),
+    *_rules(Grade.LOST, SMALL, "STEP", case="NLGEOM; with what finite strains are not possible yet"),
+    *_rules(Grade.NOTED, PARTNERS, "STEP", case="NLGEOM; solids of degree 2, ties; run finds that it matters little"),
+    *_rules(Grade.LOST, PARTNERS, "STEP", case="NLGEOM; run finds that it matters"),
     *_rules(Grade.LOST, PERTURBATION, "STEP", case="PERTURBATION"),
     *_rules(Grade.LOST, OTHER_PROCEDURE, *PROCEDURES),
     *_rules(Grade.TAKEN, "factors of load steps", "AMPLITUDE"),
@@ -151,8 +156,10 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.TAKEN, "preload", "PRE-TENSION SECTION"),
     *_rules(Grade.TAKEN, "contact", "CONTACT PAIR", "SURFACE INTERACTION", "FRICTION", "SURFACE BEHAVIOR"),
     *_rules(Grade.TAKEN, "friction that changes with the load step", "CHANGE FRICTION"),
-    *_rules(Grade.TAKEN, "elements and contact pairs that the first step removes are not there", "MODEL CHANGE"),
-    *_rules(Grade.LOST, COMING_AND_GOING, "MODEL CHANGE", case="in a later step, or what another one adds again"),
+    *_rules(
+        Grade.TAKEN, "contact pairs in the steps that have them; no elements that the first one removes", "MODEL CHANGE"
+    ),
+    *_rules(Grade.LOST, COMING_AND_GOING, "MODEL CHANGE", case="of elements in a later step, or of rigid surfaces"),
     *_rules(Grade.TAKEN, "distance of both surfaces, in place of that of the mesh", "CLEARANCE"),
     *_rules(Grade.LOST, NO_CLEARANCE, "CLEARANCE", case="of single nodes, or of no contact pair"),
     *_rules(Grade.LOST, OTHER_BEHAVIOUR, "CHANGE SURFACE BEHAVIOR"),

@@ -113,7 +113,7 @@ def nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str] 
         obstacle = obstacle or ("beside rubber" if beside_rubber else "")
         if obstacle:
             deck.lose(yielding, f"{NOT_YET_NONLINEAR} {obstacle}: elastic here")
-    if "young" not in properties or (yielding is None and not beside_rubber):
+    if "young" not in properties or (yielding is None and not beside_rubber and not deck.finite):
         return None
     constants = {"law": "j2", "young": properties["young"], "poisson": properties["poisson"]}
     if beside_rubber:
@@ -121,6 +121,8 @@ def nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str] 
         return _written(constants | {"law": "saint-venant-kirchhoff"})
     if obstacle:
         return None
+    if yielding is None:
+        return _written(constants | {"law": "saint-venant-kirchhoff"})
     curve, _ = properties["plastic"]
     hardening = {"hardening": [list(row) for row in curve[1:]]} if len(curve) > 1 else {}
     return _written(constants | {"yield_stress": curve[0][1]} | hardening)
@@ -135,8 +137,7 @@ def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) 
     """What of a scene does not go together with nonlinear materials, in words after "not possible yet"; "": nothing."""
     lines = [line for contact in contacts for line in contact]
     for wrong, words in (
-        (any(line.startswith("against") for line in lines) or bool(deck.ties), "with another deformable body"),
-        (any(line.startswith("kind") and "bonded" in line for line in lines), "with a bond"),
+        (any(_bonded(contact) and not _between(contact) for contact in contacts), "with a rigid body that is tied"),
         (any(line.startswith("overclosure") for line in lines), "with soft contact"),
         (deck.hypothesis == "plane stress", "in plane stress"),
         (heated, "with temperature"),
@@ -147,6 +148,38 @@ def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) 
         if wrong:
             return words
     return ""
+
+
+def sliding_lines(deck: Deck, contacts: Sequence[list[str]], obstacle: str) -> list[list[str]]:
+    """The lines of contacts with what they say of sliding where bodies are nonlinear: what is tied, nominal or adjusted
+    keeps its partners, and so do sides of degree 2 in space.
+
+    Args:
+        deck: the input file.
+        contacts: the lines of each.
+        obstacle: what of the scene does not go together with nonlinear materials; "": nothing.
+    """
+    if obstacle or not (deck.finite or any({"rubber", "plastic"} & made.keys() for made in deck.materials.values())):
+        return list(contacts)
+    in_space = deck.mesh.dim == 3 and deck.mesh.degree == 2
+    return [
+        [*lines, 'sliding = "small"'] if _between(lines) and (in_space or _keeps_partners(lines)) else lines
+        for lines in contacts
+    ]
+
+
+def _between(lines: Sequence[str]) -> bool:
+    """Whether a contact is one of two bodies."""
+    return any(line.startswith("against") for line in lines)
+
+
+def _bonded(lines: Sequence[str]) -> bool:
+    return any(line.startswith("kind") and "bonded" in line for line in lines)
+
+
+def _keeps_partners(lines: Sequence[str]) -> bool:
+    """Whether a contact of two bodies is one that sides which slide cannot have."""
+    return _bonded(lines) or any(line.startswith(("distance", "adjust")) for line in lines)
 
 
 def _written(constants: dict[str, Any]) -> list[str]:

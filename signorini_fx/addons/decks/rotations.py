@@ -24,10 +24,10 @@ def judged_rotations(solution: Solution, deck: Deck | None) -> Solution:
         deck: on the first rank what was read from it.
 
     Returns:
-        The same, if the deck does not ask for NLGEOM or there is no solution.
+        The same, if the deck does not ask for NLGEOM, the scene has finite strains, or there is no solution.
     """
     origin = parallel.on_root(
-        solution.comm, lambda: "" if deck is None or deck.nonlinear is None else deck.nonlinear.origin
+        solution.comm, lambda: "" if deck is None or deck.nonlinear is None or deck.finite else deck.nonlinear.origin
     )
     if not origin or not solution.converged:
         return solution
@@ -42,3 +42,8 @@ def judged_rotations(solution: Solution, deck: Deck | None) -> Solution:
         return replace(solution, model=model)
     note = Finding("note", "displacement", f"{told}: it {Grade.NOTED}")
     return replace(solution, found=lambda: (*solution.found(), note))
+
+
+def lacks_finite_strains(solution: Solution) -> bool:
+    """Whether a graded solution lacks the large rotations that its deck asks for."""
+    return any(SMALL in remark for remark in solution.statement.incomplete)

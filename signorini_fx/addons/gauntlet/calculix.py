@@ -75,7 +75,7 @@ class DeckRun:
         lost = list(drafted.lost)
         if not drafted.deck.apart:
             self.tell(replace(case, state=LOST if lost else WHOLE, why=in_short(lost)))
-        solved = solved_draft(case, drafted, target, self._without_folder)
+        solved = solved_draft(case, drafted, target, self._without_folder, self.deck)
         if isinstance(solved, GauntletCase):
             return solved
         scene, solution, lost = solved

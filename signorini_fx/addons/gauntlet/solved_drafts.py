@@ -10,7 +10,8 @@ import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the l
 from mpi4py import MPI
 
 from signorini_fx.addons.aster.grades import graded_solution
-from signorini_fx.addons.decks.draft import Draft
+from signorini_fx.addons.decks.draft import Draft, finite_draft
+from signorini_fx.addons.decks.rotations import lacks_finite_strains
 from signorini_fx.addons.gauntlet.outcomes import LOST, UNSOLVED, GauntletCase, in_short
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.results.solution import ConvergenceError, Solution
@@ -20,19 +21,36 @@ from signorini_fx.scenes.solver import solve
 
 
 def solved_draft(
-    case: GauntletCase, drafted: Draft, file: Path, plainly: Callable[[str], str]
+    case: GauntletCase, drafted: Draft, file: Path, plainly: Callable[[str], str], deck: Path | None = None
 ) -> tuple[Scene, Solution, list[str]] | GauntletCase:
     """The scene, its solution on this rank and what that has lost of the draft; or the row of a case that has none.
+
+    Where small displacements are not enough for a deck with NLGEOM, it is drafted and solved with finite strains.
 
     Args:
         case: refused, without a reason.
         drafted: the draft; its files are written.
         file: of the scene.
         plainly: takes what differs between machines out of a message.
+        deck: the input file that it is from, which may be drafted anew; None: it is from another kind of file.
     """
-    lost = list(drafted.lost)
     if drafted.deck.apart:
         return replace(case, state=LOST, why=in_short(drafted.lost))
+    solved = _solved(case, drafted, file, plainly)
+    if deck is None or isinstance(solved, GauntletCase) or not lacks_finite_strains(solved[1]):
+        return solved
+    finite = finite_draft(deck, file)
+    if finite is None:
+        return solved
+    with_finite = _solved(case, finite, file, plainly)
+    return solved if isinstance(with_finite, GauntletCase) else with_finite
+
+
+def _solved(
+    case: GauntletCase, drafted: Draft, file: Path, plainly: Callable[[str], str]
+) -> tuple[Scene, Solution, list[str]] | GauntletCase:
+    """See ``solved_draft``; of one draft."""
+    lost = list(drafted.lost)
     for path, text in drafted.files.items():
         path.write_text(text, encoding="utf-8")
     try:

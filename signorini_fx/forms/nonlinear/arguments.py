@@ -48,7 +48,7 @@ def checked(
         for name, function in (("update", update), ("commit", commit))
         if function is not None and not callable(function)
     ]
-    problems += [fault for k, entry in enumerate(contact) if entry.against is not None for fault in _faults(k, entry)]
+    problems += [fault for k, entry in enumerate(contact) if slides(entry) for fault in _faults(k, entry)]
     problems += [
         (f"contact[{k}].bonded", "is not possible yet: nonlinear bodies are not tied to tools")
         for k, entry in enumerate(contact)
@@ -78,11 +78,19 @@ def checked(
             if entry.shape is not None and not _flat(entry.shape)
         ]
     if space.mesh.geometry.dim != 2 and space.element.basix_element.degree > 1:
-        reason = "in space two bodies slide on each other with degree 1 only: curved facets are not worked out there"
-        problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if entry.against is not None]
+        reason = (
+            "in space two bodies slide on each other with degree 1 only, as curved facets are not worked out there: "
+            "take degree 1, or, where sides slide by little of a facet, sliding = False"
+        )
+        problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if slides(entry)]
     if problems:
         raise FormError(problems)
     return tuple(contact)
+
+
+def slides(entry: Any) -> bool:
+    """Whether a contact is one of two sides that slide on each other."""
+    return entry.against is not None and entry.sliding
 
 
 def _faults(number: int, pair: Any) -> list[tuple[str, str]]:
@@ -92,7 +100,7 @@ def _faults(number: int, pair: Any) -> list[tuple[str, str]]:
         (f"{path}.{key}", reason)
         for key, wrong, reason in (
             ("gap", pair.gap != "geometry", 'must be "geometry": sides that slide do not stay opposite each other'),
-            ("bonded", pair.bonded, "is not possible yet: nonlinear bodies that are tied need one mesh"),
+            ("bonded", pair.bonded, "is not possible where sides slide: give sliding = False"),
             ("bilateral", pair.bilateral, "is not possible yet: give a contact that can open"),
             ("adjust", pair.adjust is not None, "is not possible yet: move the meshes to where they touch"),
         )

@@ -71,7 +71,10 @@ def mechanics_at(
         SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known, with_loads=True
     )
     return ResidualMechanics(
-        balance, sides_of(data, linear.stated, linear.forms.facets, {}, space, claims), linear.forms.boundaries, fixed
+        balance,
+        sides_of(data, linear.stated, linear.forms.facets, linear.forms.masters, space, claims, places),
+        linear.forms.boundaries,
+        fixed,
     )
 
 

@@ -27,6 +27,7 @@ from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.forms.given_forms import given_forms
+from signorini_fx.forms.nonlinear.arguments import slides
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness, spins_of
 from signorini_fx.forms.nonlinear.moving_shapes import (
     MovingShape,
@@ -40,6 +41,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
+from signorini_fx.forms.nonlinear.undeformed_pairs import held_between
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.averages import averaging
@@ -49,6 +51,7 @@ from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.foundations_on_points import Foundations, NodalFriction, ShapeDistances
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.body.paired_points import PairedSides
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.body.supports import prescribed
@@ -74,6 +77,7 @@ class MovingFoundations(Foundations):
     sliding: Mapping[int, MovingPair]
     shapes_of_tools: Mapping[int, MovingShape] = MappingProxyType({})
     at: fem.Function
+    _undeformed: dict[int, tuple[list[bytes], PairedSides]]
 
     @property
     def driven(self) -> list[Any]:
@@ -116,8 +120,22 @@ class MovingFoundations(Foundations):
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_] | None,
     ) -> ContactBoundary:
-        """See ``Foundations``: where both sides are now."""
-        return self.sliding[number].boundary()
+        """See ``Foundations``: where both sides are now, if they slide; else as they are paired where they are
+        undeformed, and, unless they are tied, with the normals of now.
+        """
+        if number in self.sliding:
+            return self.sliding[number].boundary()
+        facts = [values.tobytes() for values in (fixed, at_rest, factor) if values is not None]
+        last = self._undeformed.get(number)
+        if parallel.any_rank(self._space.mesh.comm, last is None or facts != last[0]):
+            super()._paired(number, factor, fixed, turned, at_rest)
+            last = self._undeformed[number] = facts, self._pairs[number]
+        assert last is not None
+        paired, flags = last[1], fixed.reshape(-1, self._dimension)
+        if not self._contact[number].bonded:
+            paired = paired.deformed(self._space, self.at.x.array.reshape(-1, self._dimension)[: len(flags)])
+        self._pairs[number] = paired
+        return paired.boundary(self._space, self.facets[number], number, flags)
 
     def law(
         self, boundary: ContactBoundary, modulus: float, friction: Sequence[NodalFriction] | None = None
@@ -223,6 +241,7 @@ class LinearisedProblem(FormSolver):
         foundations = self.foundations
         self.shapes |= {k: self._shape_of(k, entry) for k, entry in enumerate(contact) if entry.shape is not None}
         foundations.at, foundations.sliding, foundations.shapes_of_tools = at, {}, self.shapes
+        foundations._undeformed = {}
         foundations.check_driven(self.settings.algorithm)
 
     def _seen(self, number: int, entry: Any) -> Any:
@@ -260,6 +279,11 @@ class LinearisedProblem(FormSolver):
         return self.foundations.sliding
 
     @property
+    def _one_body(self) -> bool:
+        """Whether no contact is one of two bodies."""
+        return all(entry.against is None for entry in self.contact)
+
+    @property
     def reached(self) -> Array:
         """The coordinates of tools in the last outcome, lengths, shape (t, m), see ``MovingTools``."""
         length, now = self.rigid.length, self.moving_tools.coordinates
@@ -279,7 +303,7 @@ class LinearisedProblem(FormSolver):
             PairingError: a facet sees two sheets of the other side.
             FormError: two sides do not fit together.
         """
-        numbers = [k for k, entry in enumerate(self.contact) if entry.against is not None]
+        numbers = [k for k, entry in enumerate(self.contact) if slides(entry)]
         if numbers and not self.pairs:
             fixed, values = prescribed(self.space, conditions_of(self.bcs, self.space))
             at_rest, owned = self.foundations.at_rest(fixed, values), self.space.dofmap.index_map.size_local
@@ -354,7 +378,7 @@ class LinearisedProblem(FormSolver):
             beside["of_body"] = last.of_supports
         if self.relative is not None and len(self.relative.blocks) == boundary.size:
             beside["relative"] = self.relative.blocks
-        if not self.pairs and definite:
+        if self._one_body and definite:
             beside["far"] = self._retained.far_points(boundary, self._state, self.shapes, self.prescribed)
         try:
             return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, settings, **beside)
@@ -404,6 +428,8 @@ class LinearisedProblem(FormSolver):
         tools = [] if self.relative is None else [self.relative.blocks]
         if self.rigid.bodies:  # arms change with both
             tools += [self.moving_tools.coordinates, self._at.x.array]
+        elif not self._one_body and len(self.pairs) < sum(entry.against is not None for entry in self.contact):
+            tools += [self._at.x.array]  # which normals follow
         return self._added.nodes, self._added.blocks, np.asarray(self._evaluated.loads), *pairs, *joint, *tools
 
     def _size(self) -> float:
@@ -597,7 +623,7 @@ class LinearisedProblem(FormSolver):
         """
         assert self.outcome is not None
         boundary = self.state.boundary
-        alone = ~np.isin(boundary.part, list(self.pairs))
+        alone = ~np.isin(boundary.part, [k for k, entry in enumerate(self.contact) if entry.against is not None])
         normal = boundary.normal[:, None, :] * (self.state.in_contact & alone)[:, None, None]
         tangents = boundary.tangents.transpose(0, 2, 1) * (self._sticks & alone)[:, None, None]
         return np.concatenate((normal, tangents), axis=1)
@@ -606,7 +632,9 @@ class LinearisedProblem(FormSolver):
     def holding(self) -> list[JointStiffness]:
         """What contact holds between the sides of pairs, see ``SlidingSides``; collective."""
         sticks = self._sticks
-        return [pair.holding(self.state, sticks) for pair in self.pairs.values()]
+        sliding = [pair.holding(self.state, sticks) for pair in self.pairs.values()]
+        paired = [k for k, entry in enumerate(self.contact) if entry.against is not None and k not in self.pairs]
+        return [*sliding, held_between(self.state, paired, sticks)] if paired else sliding
 
     @property
     def factor_fits(self) -> bool:

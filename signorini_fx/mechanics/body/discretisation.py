@@ -238,7 +238,7 @@ def placed(model: Model, step: float) -> Model:
         return model
     if statement.displacement is not model.statement.displacement:
         return _with_supports(model, statement)
-    if not any(effect.moves for effect in statement.contact):
+    if not any(effect.moves or effect.gap_timed for effect in statement.contact):
         return replace(model, statement=statement, law=law_of(model, statement))
     aligned = statement.solver.algorithm == "exact"  # whose unknowns are along the normals
     of_body = {} if aligned else model.of_body

@@ -231,6 +231,13 @@ class Foundations:
         """Names of the foundations that are things, their shapes where they are, and what is added to the distance."""
         return [(f"contact[{k}].shape", at.shape, at.added) for k, at in self._distances.items()]
 
+    def give_gap(self, number: int, value: Any) -> None:
+        """Another gap of a contact, or of a pair by geometry another allowance: a number or a callable."""
+        contact = list(self._contact)
+        key = "allowance" if contact[number].by_geometry else "gap"
+        contact[number] = replace(contact[number], **{key: value})
+        self._contact = contact
+
     def settle(self) -> None:
         """Count the motion of shapes from where they are."""
         self.settled = dict(self._distances)

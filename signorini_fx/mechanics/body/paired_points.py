@@ -187,6 +187,8 @@ class PairedSides:
         by_geometry: whether the gap is the distance of both sides.
         axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
         held: where supports hold both sides, on this rank; None: nowhere.
+        followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
+            coupling that tells how distances turn.
     """
 
     slave: PairedSide
@@ -195,6 +197,7 @@ class PairedSides:
     by_geometry: bool
     axes: Array | None = None
     held: HeldPairs | None = None
+    followed: bool = False
 
     @classmethod
     def of(
@@ -250,6 +253,22 @@ class PairedSides:
             held = HeldPairs.of(sides, names, alone, (axes, reached), coupling, pair.adjust)
         return cls(slave, master, coupling, pair.by_geometry, turns, held)
 
+    def deformed(self, space: fem.FunctionSpace, displacement: Array) -> PairedSides:
+        """The same points and partners, with normals that turn as those of the master do at the partners; collective.
+
+        Args:
+            space: the displacements.
+            displacement: of the owned nodes, length, shape (owned nodes, d).
+        """
+        coupling, start = self.coupling, self.master.surface
+        master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
+        before, now = (coupling.master @ side.directions for side in (start, master))
+        before, now = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (before, now))
+        between, share = before + now, 1.0 + np.sum(before * now, axis=1, keepdims=True)
+        along, start_part = (np.sum(vectors * coupling.normal, axis=1, keepdims=True) for vectors in (between, before))
+        normal = coupling.normal - along / share * between + 2.0 * start_part * now
+        return replace(self, coupling=replace(coupling, normal=normal), followed=True)
+
     @property
     def across(self) -> Array:
         """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
@@ -289,6 +308,8 @@ class PairedSides:
         turning = coupling.slave_turning @ sp.kron(slave_columns, identity) + coupling.master_turning @ sp.kron(
             master_columns, identity
         )
+        if self.followed:
+            turning = 0.0 * turning
         if self.across.any():
             at = np.arange(len(self.across) + 1)
             across = sp.bsr_array((self.across, at[:-1], at))

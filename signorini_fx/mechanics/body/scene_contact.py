@@ -38,6 +38,7 @@ def foundations_of(
                     bilateral=bilateral,
                     bonded=bonded,
                     measure=around,
+                    sliding=effect.sliding == "finite",
                     **choice,
                 )
             )

@@ -15,7 +15,14 @@ from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Feat
 from signorini_fx.mechanics.statement.overclosure import OneOverclosure
 from signorini_fx.mechanics.statement.rigid_motion import driven_twice
 from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
-from signorini_fx.mechanics.statement.values import Direction, NonNegative, Positive, SampledValue, not_at_points, shown
+from signorini_fx.mechanics.statement.values import (
+    Direction,
+    NonNegative,
+    Positive,
+    TimedSampledValue,
+    not_at_points,
+    shown,
+)
 
 
 class Contact(Effect):
@@ -26,7 +33,8 @@ class Contact(Effect):
     points: Literal["auto", "boundary", "against"] = "auto"
     distance: Literal["geometry", "nominal"] = "geometry"
     adjust: NonNegative | None = None
-    gap: SampledValue = 0.0
+    sliding: Literal["finite", "small"] = "finite"
+    gap: TimedSampledValue = 0.0
     direction: Direction | None = None
     foundation: OneShape = None
     friction: OneLaw = NoFriction()
@@ -90,7 +98,11 @@ class Contact(Effect):
         if self.tool is not None:
             yield from _not_with_tools(statement, number)
         if self.against is None:
-            between = {"distance": self.distance == "nominal", "points": self.points != "auto"}
+            between = {
+                "distance": self.distance == "nominal",
+                "points": self.points != "auto",
+                "sliding": self.sliding != "finite",
+            }
             for word, is_set in {**between, "adjust": self.adjust is not None}.items():
                 if is_set:
                     yield ("contact", number, word), "is for contact against another boundary"
@@ -121,17 +133,23 @@ class Contact(Effect):
         """Whether its foundation moves with the time."""
         return self.foundation is not None and self.foundation.timed
 
+    @property
+    def gap_timed(self) -> bool:
+        """Whether its gap depends on the time."""
+        return bool(getattr(self.gap, "timed", False))
+
     @cached_property
     def timed(self) -> bool:
-        """Whether its foundation or its friction depends on the time."""
-        return self.moves or self.friction.timed
+        """Whether its foundation, its gap or its friction depends on the time."""
+        return self.moves or self.gap_timed or self.friction.timed
 
     def at_time(self, time: float) -> Self:
         """See ``Effect``."""
         if not self.timed:
             return self
         foundation = self.foundation.at_time(time) if self.moves else self.foundation
-        return self.model_copy(update={"foundation": foundation, "friction": self.friction.at_time(time)})
+        gap = self.gap.at(time) if self.gap_timed else self.gap
+        return self.model_copy(update={"foundation": foundation, "gap": gap, "friction": self.friction.at_time(time)})
 
     @property
     def vectors(self) -> tuple[str, ...]:
@@ -155,6 +173,8 @@ class UnilateralContact(Contact):
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
         adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
             overlaps included; None: none does.
+        sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is; ``small``: they keep
+            their partners, which is right as long as sides slide by less than a facet.
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
             the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the body.
@@ -206,6 +226,7 @@ class BondedContact(Contact):
         points: which of both carries the contact points, as in ``UnilateralContact``.
         distance: without effect.
         adjust: without effect.
+        sliding: as in ``UnilateralContact``; of nonlinear bodies that are tied ``small``.
         gap: without effect.
         direction: without effect.
         foundation: what drives the rigid body, see ``statement.rigid_motion``; where its surface is does not matter.
@@ -245,6 +266,8 @@ class BilateralContact(Contact):
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
         adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
             overlaps included; None: none does.
+        sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is; ``small``: they keep
+            their partners, which is right as long as sides slide by less than a facet.
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
             the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the body.

@@ -29,6 +29,9 @@ class Pair:
         friction: a law of ``laws``, such as ``Coulomb`` or ``Tresca``, or one of your own; None: there is none.
         bilateral: whether the contact cannot open; the pressure then has any sign.
         bonded: whether both sides are tied as they lie, whatever gap and friction are.
+        sliding: whether points of a nonlinear body see the other side at displaced places, wherever it is; otherwise
+            they keep the partners of the undeformed bodies, which is right as long as sides slide by little of a facet,
+            and normals turn with the other side.  Without effect on linear bodies, which never slide that far.
         reach: distance beyond which facets are no partners, length; None: a default from the sizes of both sides.
         shape, direction: those of a ``Foundation``: there is none.
     """
@@ -41,6 +44,7 @@ class Pair:
     bilateral: bool = False
     bonded: bool = False
     reach: float | None = None
+    sliding: bool = True
     adjust: float | None = None
     measure: Any = None
     shape: ClassVar[None] = None

@@ -44,7 +44,6 @@ from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import Array, Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
 
-_ANOTHER_BODY = "two nonlinear bodies, or a nonlinear one and another, are not possible yet: give a foundation"
 _MOVED = "changes as the body moves, which is not possible yet with a nonlinear material"
 _NOT_YET = "is not possible yet with a nonlinear material"
 
@@ -63,8 +62,6 @@ class NonlinearMaterial(Material):
             "requested accuracy": "a nonlinear body has no estimate of its error: compare solutions on two meshes",
             "statement of uniqueness": "a nonlinear body may have several solutions: nothing proves that it has one",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
-            "two bodies": _ANOTHER_BODY,
-            "contact of two bodies": _ANOTHER_BODY,
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
             "friction in time": "friction that depends on the time is not possible yet with a nonlinear material",
             "fluid": _MOVED,
@@ -116,6 +113,9 @@ class NonlinearMaterial(Material):
         for other, beside in enumerate(statement.material):
             if beside.linear and (beside.varies or not beside.isotropic):
                 yield ("material", other), "is not possible yet beside a nonlinear one: give regions of isotropic ones"
+        for row, contact in enumerate(statement.contact):
+            if contact.gap_timed and contact.foundation is not None:
+                yield ("contact", row, "gap"), f"that depends on the time, beside a foundation with a shape, {_NOT_YET}"
         for key, entries in statement.effects.items():
             for row, effect in enumerate(entries):
                 foreign = not is_of_package(type(effect))

@@ -322,7 +322,7 @@ class Expression:
         try:
             _check(self._tree)
             if self.timed and not self.allows_time:
-                raise ValueError("t, the time, is for loads, prescribed displacements and friction")
+                raise ValueError("t, the time, is for loads, prescribed displacements, gaps and friction")
         except SyntaxError as error:
             raise ValueError(f"{self.text!r}: syntax error at column {error.offset}: {error.msg}. {_ALLOWED}") from None
         except (ValueError, MemoryError, RecursionError) as error:

@@ -403,9 +403,11 @@ def _normals_of(forces: SurfaceQuadrature, claim: Claim | SlidingClaim, nodes: n
     def directed(nodes: npt.NDArray[np.int32], vectors: Nodal) -> Nodal:
         return claim.in_planes(first + nodes.astype(np.int64), vectors)
 
-    if claim.nominal:
-        return forces.normals(claim.slave, directed)[nodes]
-    return claim.normal(*(forces.normals(side, directed) for side in (claim.slave, claim.master)))
+    slave, master = (forces.normals(side, directed) for side in (claim.slave, claim.master))
+    normals = slave[nodes] if claim.nominal else claim.normal(slave, master)
+    if claim.followed is None:
+        return normals
+    return claim.turned(normals, master, forces.normals(claim.master, directed, claim.followed))
 
 
 def _sums(forces: SurfaceQuadrature, values: Any) -> Nodal:

@@ -41,6 +41,8 @@ class Claim:
         planes: the same by the global numbers of all nodes of both sides on such planes.
         nominal: whether the problem says that the sides are nominally in contact, or tied.
         measure: by what the problem says that areas are multiplied, at the nodes of the slave, shape (N,); None: 1.
+        followed: displacements of the nodes of this rank, which turn the normals as the master turns, length, shape
+            (nodes, d); None: the normals are those of the undeformed sides.
     """
 
     space: fem.FunctionSpace
@@ -57,6 +59,7 @@ class Claim:
     planes: Mapping[int, Array]
     nominal: bool
     measure: Array | None = None
+    followed: Array | None = None
     fixed_part: Any = None
 
     @property
@@ -99,6 +102,14 @@ class Claim:
         mean_normals = self.own @ normals - self.others @ master_normals
         mean_normals = mean_normals - np.einsum("nij,nj->ni", self.across, mean_normals)
         return np.asarray(mean_normals / np.linalg.norm(mean_normals, axis=1, keepdims=True))
+
+    def turned(self, normal: Array, before: Array, now: Array) -> Array:
+        """Vectors at the points, shape (n, d), turned as the normals of the master turn at the partners, from unit
+        normals of the master at the owned nodes before and now, shape (owned nodes, d): by two reflections.
+        """
+        first, last = (self.others @ from_owners(normals, self.reached, self.comm) for normals in (before, now))
+        first, last = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (first, last))
+        return _reflected(_reflected(normal, first), first + last)
 
     def gap(self, normal: Array) -> Array:
         """The distance of both sides along normals at the points, without what supports fix, length, shape (n,)."""
@@ -191,6 +202,12 @@ def nodal_allowance(
     return from_owners(owned, nodes, space.mesh.comm)[:, 0]
 
 
+def _reflected(vectors: Array, across: Array) -> Array:
+    """Mirror images across planes with normals of any length, shape (n, d)."""
+    share = np.sum(vectors * across, axis=1) / np.sum(across * across, axis=1)
+    return np.asarray(vectors - 2.0 * share[:, None] * across)
+
+
 def claim_of(
     pair: PairedSides,
     space: fem.FunctionSpace,
@@ -199,11 +216,12 @@ def claim_of(
     *,
     nominal: bool,
     factor: Array | None = None,
+    followed: Array | None = None,
 ) -> Claim:
     """What the solver says of a pair on this rank, whose sides are these facets according to the problem, nominally in
     contact or not, with partners up to this distance; None: up to the usual one.
 
-    The measure has a ``factor`` at all nodes of this rank, shape (nodes,); None: 1.
+    The measure has a ``factor`` at all nodes of this rank, shape (nodes,); None: 1.  For ``followed`` see ``Claim``.
     """
     owned, measure = space.dofmap.index_map.size_local, None
     if factor is not None:
@@ -227,4 +245,5 @@ def claim_of(
         nominal=nominal,
         measure=measure,
         fixed_part=pair.fixed_rows,
+        followed=followed,
     )

@@ -4,7 +4,8 @@ What the solver claims of a pair are weights, distances, and shares of the nodes
 
     D 1 = M 1 = 1,   D x - M x + d = 0,   B R = 0 for every joint rigid motion R,
 
-and forces and moments balance because of the latter.  Where areas are multiplied by a measure, as 2 pi r, those of the
+and forces and moments balance because of the latter.  Where normals are those of deformed sides, a rotation R leaves
+B R = - R d, as the distance turns with the sides.  Where areas are multiplied by a measure, as 2 pi r, those of the
 pieces that weights are made of are tried, too, by how far the points of a piece spread.  Both sides consist of
 the facets that the problem names, no fewer and no others.  The integrals that D and M are made of are not computed
 again here; tests do that.
@@ -114,8 +115,10 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     errors += [abs(overlapping / coupling.covered - 1.0), _error_of_pieces(claim)]
     errors += [largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]
     errors.append(largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
-    for motion in _rigid((x - middle) / size):
-        errors.append(largest(claim.relative(motion)))
+    turned, nothing = _rigid(np.asarray(claim.distance / size)), np.zeros_like(claim.distance)
+    for number, motion in enumerate(_rigid((x - middle) / size)):
+        left = turned[number] if number >= dim and claim.followed is not None else nothing
+        errors.append(largest(claim.relative(motion) + left))
     named, paired = (claim.slave, claim.master), (claim.pair.slave.facets, claim.pair.master.facets)
     errors.append(float(any(np.setxor1d(*facets).size for facets in zip(paired, named, strict=True))))
     reach = _usual_reach(space, named) if claim.allowed is None else claim.allowed

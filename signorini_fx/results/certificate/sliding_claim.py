@@ -383,6 +383,7 @@ class SlidingClaim:
     master: npt.NDArray[np.int32]
     ends: tuple[Array, Array]
     nominal: bool = False
+    followed: None = None
 
     @property
     def comm(self) -> MPI.Comm:

@@ -120,8 +120,8 @@ class SurfaceQuadrature:
             self._moments[boundary].setflags(write=False)
         return self._moments[boundary]
 
-    def _integrated(self, boundary: Any, factor: Array | None) -> Array:
-        """See ``moments``."""
+    def _integrated(self, boundary: Any, factor: Array | None, moved: Array | None = None) -> Array:
+        """See ``moments`` and ``_facets``."""
         total, degree = self.zero(), self._shapes.degree
         rule = basix.make_quadrature(self._facet, forms.lumped_degree(degree, self._geometry.degree))
         if self.across == 2 and (factor is None or degree > 1):  # the nodal rule, which has the same integrals
@@ -130,21 +130,23 @@ class SurfaceQuadrature:
                 2: ([0.0, 1.0, 0.5], [1 / 6, 1 / 6, 2 / 3]),  # Simpson's rule
             }[degree]
             rule = np.array(places)[:, None], np.array(weights)
-        for facets in self._facets(boundary, rule[0], rule[1], factor):
+        for facets in self._facets(boundary, rule[0], rule[1], factor, moved):
             of_nodes = _clean(facets.table.test).T @ facets.moment
             np.add.at(total[:, : self.across], self.cell_nodes[facets.cells], of_nodes)
         return self.over_ranks(total)
 
-    def normals(self, boundary: Any, directed: Callable[[Indices, Array], Array]) -> Array:
+    def normals(self, boundary: Any, directed: Callable[[Indices, Array], Array], moved: Array | None = None) -> Array:
         """Outward unit normals at the nodes of a boundary, means of those of the facets around them, between the
         vertices of quadratic triangles the means of those at both; zero elsewhere, shape (owned nodes, d).
 
         Args:
             boundary: see ``facets``.
             directed: makes unit vectors, where they may be, of vectors at the owned nodes, by their local numbers.
+            moved: see ``_facets``.
         """
         owned = np.arange(self.owned, dtype=np.int32)
-        normals = directed(owned, self.moments(boundary))
+        moments = self.moments(boundary) if moved is None else self._integrated(boundary, None, moved)
+        normals = directed(owned, moments)
         if self._hats is None:
             return normals
         layout, vertices, edge_sums = self.space.dofmap.dof_layout, self.with_ghosts(normals), self.zero()

@@ -154,10 +154,11 @@ def run(options: argparse.Namespace) -> int:
     out = options.out = options.out or Path("results") / options.deck.stem
     options.scene = out.parent / f"{out.name}.toml"
     draft: Any = None  # on the first rank
+    finite: Any = None  # the same with finite strains, once small displacements are known not to be enough
 
     def drafted() -> tuple[int, list[terminal.TerminalLine], dict[str, str], bool]:
-        nonlocal draft
-        draft = _draft_of_run(options.deck, options.scene)
+        nonlocal draft, finite
+        draft, finite = _drafts_of_run(options.deck, options.scene)
         graded = [("changes the answer: ", remark, "error") for remark in draft.lost]
         graded += [("does not change it: ", remark, "") for remark in draft.noted]
         return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins, draft.deck.apart
@@ -168,6 +169,8 @@ def run(options: argparse.Namespace) -> int:
     def judged(solution: Solution) -> Solution:
         nonlocal lost
         graded = add_on("draft_grades")(solution, draft)
+        if parallel.on_root(MPI.COMM_WORLD, lambda: finite is not None) and add_on("lacks_finite_strains")(graded):
+            raise _SmallDisplacements
         larger = graded.statement.incomplete[len(solution.statement.incomplete) :]
         small = [finding.message for finding in graded.findings[len(solution.findings) :]]
         lost += len(larger)
@@ -183,7 +186,19 @@ def run(options: argparse.Namespace) -> int:
             told = terminal.TerminalLine("signorini-fx: ", why, "error")
             parallel.log_on_root(MPI.COMM_WORLD, [told], error=True)
             return EXIT_INCOMPLETE
-        solution, code = _solved(options, judged)
+        try:
+            solution, code = _solved(options, judged)
+        except _SmallDisplacements:
+
+            def drafted_anew() -> tuple[int, list[terminal.TerminalLine], dict[str, str], bool]:
+                _write_draft(finite.files, replaces=draft.files)
+                return drafted()
+
+            lost, lines, origins, apart = parallel.on_root(MPI.COMM_WORLD, drafted_anew)
+            if not options.quiet:
+                words = "small displacements are not enough for its NLGEOM: solved once more with finite strains"
+                parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine("", words), *lines])
+            solution, code = _solved(options, judged)
     except SceneError as error:
         problems = [(path, _with_origin(path, message, options.deck, origins)) for path, message in error.problems]
         raise SceneError(problems, str(options.scene)) from None
@@ -208,11 +223,23 @@ def _with_origin(path: str, message: str, deck: Path, origins: Mapping[str, str]
     return message if origin is None else f"{message} (from {deck.name}, {origin})"
 
 
-def _draft_of_run(deck: Path, target: Path) -> Any:
-    """The draft of a deck, which is written unless it is there already."""
-    drafted = add_on("draft_commands")(deck, target) if deck.suffix.lower() == _COMMANDS else _drafted(deck, target)
+class _SmallDisplacements(Exception):
+    """A scene takes displacements as small where its deck needs finite strains, which are possible."""
+
+
+def _drafts_of_run(deck: Path, target: Path) -> tuple[Any, Any]:
+    """The draft of a deck, which is written unless it is there already, and that with finite strains, if the deck may
+    need them; None: it does not, or the draft is that one, as an earlier run has found that it does.
+    """
+    if deck.suffix.lower() == _COMMANDS:
+        drafted, finite = add_on("draft_commands")(deck, target), None
+    else:
+        drafted = _drafted(deck, target)
+        finite = None if drafted.deck.nonlinear is None else add_on("finite_draft")(deck, target)
+    if finite is not None and target.is_file() and target.read_text(encoding="utf-8") == finite.text:
+        drafted, finite = finite, None
     _write_draft(drafted.files, keep=True)
-    return drafted
+    return drafted, finite
 
 
 class _SolveProgress:
@@ -484,19 +511,24 @@ def _drafted(source: Path, target: Path, size: float | None = None) -> Any:
     return add_on("draft")(source, target)
 
 
-def _write_draft(files: Mapping[Path, str], *, keep: bool = False) -> None:
+def _write_draft(files: Mapping[Path, str], *, keep: bool = False, replaces: Mapping[Path, str] | None = None) -> None:
     """Write the files of a draft.
 
     Args:
         files: path -> text.
         keep: whether those that are there already with the same text may stay.
+        replaces: the files of an earlier draft, which these may replace.
 
     Raises:
         OutputError: a file is there already, or cannot be written.
     """
     for file, content in files.items():
         try:
-            if keep and file.is_file() and file.read_text(encoding="utf-8") == content:
+            there = file.read_text(encoding="utf-8") if (keep or replaces) and file.is_file() else None
+            if keep and there == content:
+                continue
+            if replaces is not None and there is not None and there in (replaces.get(file), content):
+                file.write_text(content, encoding="utf-8")
                 continue
             if os.path.lexists(file):
                 changed = ", and is not what is drafted now: solve it, " if keep else ": give another name, "

@@ -273,6 +273,9 @@ def _moving(statement: Statement) -> list[Finding]:
                 "it moves with the time t: gap and normals are those of each load step, and slip is relative to it"
             )
             findings.append(Finding("note", f"contact[{index}].foundation", message))
+        if effect.gap_timed:
+            message = "it depends on the time t: distances are those of each load step"
+            findings.append(Finding("note", f"contact[{index}].gap", message))
         if effect.friction.timed:
             message = "it depends on the time t: the bound of the shear is that of each load step"
             findings.append(Finding("note", f"contact[{index}].friction", message))

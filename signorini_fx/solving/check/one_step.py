@@ -49,7 +49,7 @@ def tilted_frames(body: Model, moved: float, contact: ContactState | None = None
         approach, touch = sums[:dim] / sums[-1], sums[dim:-1] / sums[-1]
         if np.linalg.norm(approach) < ONE_DIRECTION:
             continue
-        reach = np.inf if effect.moves or getattr(effect.surface, "driven", False) else moved
+        reach = np.inf if effect.moves or effect.gap_timed or getattr(effect.surface, "driven", False) else moved
         near = (farther <= reach if contact is None else contact.pressure[on_part] > 0) & (coefficient > 0)
         tilt = np.arccos(np.clip(normal @ approach / np.linalg.norm(approach), -1.0, 1.0))
         share = np.where(near & ~first, SHEAR_OF_TILT * tilt / np.where(near, coefficient, 1.0), 0.0)

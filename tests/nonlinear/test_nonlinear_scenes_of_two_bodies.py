@@ -1,0 +1,77 @@
+"""Scenes of two nonlinear bodies: a closed form, gaps that depend on the time, and what is refused."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from support.nonlinear_bodies import LAME, MU, stress_of_block
+
+from signorini_fx import Scene, SceneError, solve
+from signorini_fx.scenes.checks import check_scene
+
+POISSON = LAME / (2 * (LAME + MU))
+LINEAR = {"young": 2 * MU * (1 + POISSON), "poisson": POISSON}
+MODULI = {"law": "neo-hooke", **LINEAR}
+
+
+def two_blocks(contact, depths=(0.4,), **settings):
+    """A unit square on another one, both free to the right, pressed by these depths one after the other."""
+    counts = {"lower": 3, "upper": 2}
+    body = [
+        {
+            "name": name,
+            "mesh": {"generator": "rectangle", "parameters": {"nx": count, "ny": count}},
+            "shift": [0.0, float(number)],
+        }
+        for number, (name, count) in enumerate(counts.items())
+    ]
+    largest = max(depths)
+    displacement = [
+        {"boundary": "lower.bottom", "y": 0.0},
+        {"boundary": "upper.top", "y": -largest, "factors": [depth / largest for depth in depths]},
+        {"boundary": "lower.left", "x": 0.0},
+        {"boundary": "upper.left", "x": 0.0},
+    ]
+    entry = {"boundary": "upper.bottom", "against": "lower.top"} | contact
+    return Scene(body=body, material=MODULI, displacement=displacement, contact=entry, **settings)
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [{}, {"sliding": "small"}, {"sliding": "small", "distance": "nominal"}, {"sliding": "small", "adjust": 0.1}],
+)
+def test_blocks(contact):
+    """Each is compressed by a fifth: the pressure of a block in plane strain, in closed form."""
+    solution = solve(two_blocks(contact), MPI.COMM_SELF)
+    assert solution.certificate.holds
+    assert solution.contact.pressure == pytest.approx(-stress_of_block(0.8, 1), rel=1e-4)
+
+
+def test_bonds():
+    """Tied sides of the same blocks, which pull, too."""
+    solution = solve(two_blocks({"kind": "bonded", "sliding": "small"}, depths=(-0.4,)), MPI.COMM_SELF)
+    assert solution.certificate.holds
+    assert solution.contact.pressure == pytest.approx(-stress_of_block(1.2, 1), rel=1e-4)
+
+
+@pytest.mark.parametrize("material", ["neo-hooke", "linear"])
+def test_contact_in_some_steps(material):
+    """Where a gap is too large in a step nothing touches, and where it is zero all does."""
+    scene = two_blocks({"sliding": "small", "gap": "9.0 if t < 1.5 else 0.0"}, depths=(0.01, 0.01, 0.01))
+    if material == "linear":
+        scene = Scene(**{key: getattr(scene, key) for key in scene.model_fields_set} | {"material": LINEAR})
+    solution = solve(scene, MPI.COMM_SELF)
+    pressures = [solution.at(step).contact.pressure for step in solution.steps]
+    assert np.abs(pressures[0]).max() == 0.0
+    for pressure in pressures[1:]:
+        assert pressure == pytest.approx(-stress_of_block(0.995, 1), rel=0.02)
+    assert any(
+        "distances are those of each load step" in finding.message for finding in check_scene(scene).findings
+    ) == (material == "linear")
+
+
+def test_what_is_refused():
+    """By the key; between linear bodies nothing slides."""
+    with pytest.raises(SceneError, match="sliding: is for contact against another boundary"):
+        two_blocks({"against": None, "sliding": "small"})
+    with pytest.raises(SceneError, match=r"contact\[0\].kind: is not possible where sides slide"):
+        solve(two_blocks({"kind": "bonded"}), MPI.COMM_SELF)

@@ -1,0 +1,186 @@
+"""Two nonlinear bodies whose points keep their partners: invariances, limits, ties, stability and the certificate."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from mpi4py import MPI
+from support.sliding_bodies import blocks, stacked, turn_of
+from two_bodies import assembled, facets, facets_of_cells, grid
+
+from signorini_fx import Coulomb, FormError, Foundation, NonlinearContactProblem, Pair
+from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.forms.nonlinear.undeformed_pairs import held_between
+from signorini_fx.results.certificate.promised_law import Tractions
+
+KEPT = {"pair": {"sliding": False}}
+
+
+def turned_as_a_whole(scene, way, angle, steps=4):
+    """Both ends of a scene moved, the second one pressed by a way and both turned by an angle; the force on the slave
+    in axes that turn with them.
+    """
+    space, dim = scene.u.function_space, len(way)
+    values = [fem.Function(space), fem.Function(space)]
+    bcs = [fem.dirichletbc(value, nodes) for value, nodes in zip(values, scene.nodes, strict=True)]
+    problem = NonlinearContactProblem(scene.form, scene.u, bcs=bcs, contact=scene.pair)
+    x = space.tabulate_dof_coordinates()[:, :dim]
+
+    def apply(load):
+        turn = turn_of(load * angle, dim)
+        for value, press in zip(values, (0.0, load), strict=True):
+            value.x.array[:] = ((x + press * np.array(way)) @ turn.T - x).ravel()
+
+    problem.ramp(apply, first=1 / steps, largest=1 / steps)
+    assert problem.certificate.holds
+    return turn_of(angle, dim).T @ sum(problem.state.forces), problem
+
+
+@pytest.mark.parametrize(
+    ("make", "way"),
+    [
+        (lambda: blocks(lower=(6, 3), upper=(3, 2), **KEPT), (0.0, -0.1)),
+        (lambda: blocks(lower=(4, 2), upper=(3, 2), degree=2, slave=1, **KEPT), (0.0, -0.1)),
+        pytest.param(
+            lambda: stacked("hexahedron", lower=(2, 2, 1), upper=(1, 1, 1), degree=2, **KEPT),
+            (0.0, 0.0, -0.1),
+            marks=pytest.mark.slow,
+        ),
+    ],
+    ids=["plane", "quadratic", "space"],
+)
+def test_joint_rotations_do_not_matter(make, way):
+    """Blocks that are pressed, and pressed and turned by half a right angle together: the same force, turned, to what
+    Newton's method leaves, whose tangent does not know that normals turn.
+    """
+    still, _ = turned_as_a_whole(make(), way, 0.0)
+    turned, problem = turned_as_a_whole(make(), way, np.pi / 4)
+    assert np.linalg.norm(still) > 0.01
+    assert turned == pytest.approx(still, abs=3e-6 * np.linalg.norm(still))
+    assert not problem.linear.pairs  # none slides
+
+
+def test_near_sides_that_slide():
+    """A block pressed onto another one: the difference from sides that slide decreases with the depth, as how far
+    points move along the other side does.
+    """
+
+    def pressed(depth, **settings):
+        return blocks(lower=(6, 3), upper=(3, 2), **settings).move(0.0, -depth)
+
+    depths = (0.02, 0.08)
+    kept, slid = (np.array([pressed(depth, **settings)[1] for depth in depths]) for settings in (KEPT, {}))
+    away = np.abs(kept / slid - 1.0)
+    assert away[1] < 0.005
+    assert away[0] < away[1] / 2
+
+
+def test_ties():
+    """A beam of two halves that are tied, bent to a right angle: the same as of one piece."""
+    ends = [lambda x: np.isclose(x[0], 0.0), lambda x: np.isclose(x[0], 4.0)]
+    pieces = [grid("quadrilateral", (4, 2), [2.0 * k, 0.0], [2.0 * k + 2, 0.5]) for k in (0, 1)]
+    middle = [lambda x: np.isclose(x[0], 2.0)] * 2
+    scene_of_two = stacked_along(pieces, middle, ends)
+    whole = grid("quadrilateral", (8, 2), [0.0, 0.0], [4.0, 0.5])
+    mesh = assembled("quadrilateral", whole)
+    below = facets(mesh, lambda x: np.isclose(x[1], 0.0))
+    far = Foundation(below, gap=100.0)
+    alone = bent(mesh, far, ends)
+    tied = bent(scene_of_two[0], Pair(*scene_of_two[1], bonded=True, sliding=False), ends)
+    assert np.abs(alone[1]).max() > 1.5
+    for place, way in zip(*tied, strict=True):
+        same = np.linalg.norm(alone[0] - place, axis=1).argmin()
+        assert way == pytest.approx(alone[1][same], abs=1e-7)
+
+
+def stacked_along(pieces, touching, held):
+    """The mesh of two pieces and their sides."""
+    count = len(pieces[0][0])
+    mesh = assembled("quadrilateral", *pieces)
+    numbers = np.arange(count), np.arange(count, count + len(pieces[1][0]))
+    sides = [facets_of_cells(mesh, marker, cells) for marker, cells in zip(touching, numbers, strict=True)]
+    return mesh, sides
+
+
+def bent(mesh, contact, ends):
+    """Places of nodes and their displacements, one end held and the other one turned by a right angle."""
+    import ufl
+    from support.nonlinear_bodies import neo_hooke
+
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u = fem.Function(space)
+    energy = neo_hooke(u, None) * ufl.dx(metadata={"quadrature_degree": 2})
+    form = ufl.derivative(energy, u, ufl.TestFunction(space))
+    nodes = [fem.locate_dofs_topological(space, 1, facets(mesh, marker)) for marker in ends]
+    turned = fem.Function(space)
+    x = space.tabulate_dof_coordinates()[:, :2]
+    bcs = [fem.dirichletbc(np.zeros(2), nodes[0], space), fem.dirichletbc(turned, nodes[1])]
+    problem = NonlinearContactProblem(form, u, bcs=bcs, contact=contact, algorithm="alm")
+
+    def apply(load):
+        angle = load * np.pi / 2
+        centre = np.array([2.0, 0.25])
+        middle = np.array([4.0, 0.25]) - centre
+        along = 2.0 * np.array([np.sinc(angle / np.pi), 0.0]) + np.array(
+            [0.0, 2.0 * (1 - np.cos(angle)) / max(angle, 1e-9)]
+        )
+        way = (x - centre - middle) @ turn_of(angle, 2).T + along + centre - x
+        turned.x.array[:] = way.ravel()
+
+    problem.ramp(apply, first=0.1, largest=0.1)
+    assert problem.certificate.holds
+    return x, u.x.array.reshape(-1, 2).copy()
+
+
+def test_certificate_sees_wrong_directions():
+    """Pressures along the normals of the undeformed sides are no solution once both have turned."""
+    scene = blocks(lower=(6, 3), upper=(3, 2), **KEPT)
+    _, problem = turned_as_a_whole(scene, (0.0, -0.1), 0.5)
+    linear, state, u = problem.linear, problem.state, scene.u
+    law, previous = linear.law, linear.previous_step
+    residual = problem._solver.residual.at(u.x.array.copy())
+    mechanics = mechanics_at(u, residual, linear)
+    right = certified(u, mechanics, linear.shapes, Tractions.of(state), law, previous)
+    assert right.holds
+    (side,) = mechanics.contact_sides
+    still = replace(side, claim=replace(side.claim, followed=np.zeros_like(side.claim.followed)))
+    wrong = replace(mechanics, contact_sides=[still])
+    assert not certified(u, wrong, linear.shapes, Tractions.of(state), law, previous).holds
+
+
+def test_what_is_held_between():
+    """The stiffness that stands for contact between sides: none for joint motions, that of the points for others."""
+    scene = blocks(lower=(6, 3), upper=(3, 2), **KEPT)
+    scene.move(0.0, -0.05)
+    state = scene.problem.state
+    held = held_between(state, [0], np.zeros(state.boundary.size, dtype=bool))
+    moved = fem.Function(scene.u.function_space)
+    moved.x.array[:] = 1.0
+    assert np.abs(held.times(moved)).max() < 1e-12
+    moved.x.array[:] = 0.0
+    moved.x.array.reshape(-1, 2)[state.boundary.nodes] = state.boundary.normal
+    assert np.abs(held.times(moved)).max() > 0.1
+
+
+def test_what_a_pair_may_be():
+    """Ties, nominal distances and quadratic bodies in space are for pairs that keep partners."""
+    for options, words in (({"bonded": True}, "sliding = False"), ({"gap": 0.0}, "geometry")):
+        with pytest.raises(FormError, match=words):
+            blocks(lower=(4, 2), upper=(2, 2), pair=options)
+        blocks(lower=(4, 2), upper=(2, 2), pair={**options, "sliding": False})
+    with pytest.raises(FormError, match="sliding = False"):
+        stacked("hexahedron", lower=(1, 1, 1), upper=(1, 1, 1), degree=2)
+
+
+@pytest.mark.mpi
+def test_ranks():
+    """Forces with friction do not depend on the ranks."""
+    comm = MPI.COMM_WORLD
+    settings = {"lower": (6, 3), "upper": (4, 2), "friction": Coulomb(0.3), "algorithm": "alm", **KEPT}
+    alone, shared = blocks(**settings), blocks(comm=comm, **settings)
+    for way in ((0.0, -0.03), (0.02, -0.03)):
+        force, of_ranks = alone.move(*way), shared.move(*way)
+        assert of_ranks == pytest.approx(force, abs=1e-8 * np.linalg.norm(force))
+    assert shared.problem.certificate.holds
+    assert abs(force[0]) > 0.01 * abs(force[1])
