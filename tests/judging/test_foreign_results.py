@@ -43,7 +43,7 @@ def replaced(old, new):
 def test_there_are_results_of_each_kind():
     """Of plane strain and stress, revolution and space, with linear and quadratic elements."""
     assert len(NAMES) >= 15
-    assert {name.partition("_")[0] for name in NAMES} == {"shelf", "press", "stack"}
+    assert {name.partition("_")[0] for name in NAMES} == {"press", "rings", "shelf", "stack"}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -220,6 +220,41 @@ def test_what_cannot_be_judged(tmp_path):
     judgement = judge(tmp_path / "mixed.inp", DATA / "shelf_CPE4.dat")
     assert (judgement.word, judgement.exit_code) == ("cannot be judged", 7)
     assert "quad, triangle" in str(judgement)
+
+
+def test_sections_of_thin_rings(tmp_path):
+    """CalculiX prints mean radial displacements over its sector, of corners other ones than of nodes between them: to
+    the digits of the file they are in equilibrium by full integration once that is undone.  What is in no file of
+    CalculiX moves as it says.
+    """
+    judgement = judge(DATA / "rings_CAX8.inp", DATA / "rings_CAX8.dat", compare=False)
+    assert judgement.word == "agrees"
+    assert "full" in judgement.theirs["formulation"]
+    assert judgement.figures["equilibrium"]["value"] < 3 * judgement.figures["printed"]["value"]
+    numbers, v = displacements(DATA / "rings_CAX8.dat")
+    as_printed = judge(DATA / "rings_CAX8.inp", dict(zip(numbers, v.tolist(), strict=True)), compare=False)
+    assert as_printed.word == "not in equilibrium"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda row: row.replace("17", "1x", 1), "the number of a node is expected, not '1x'"),
+        (lambda row: row.replace("        17", "     seven", 1), "the number of a node is expected, not 'seven'"),
+        (lambda row: row.replace("        17", "       -17", 1), "the number of a node is expected, not '-17'"),
+        (lambda row: "garbage", "the number of a node is expected, not 'garbage'"),
+        (lambda row: row[:26], "three components are expected, not 2"),
+        (lambda row: row[:14] + "x" + row[15:], "a number is expected"),
+    ],
+)
+def test_rows_that_are_none(tmp_path, spoil, says):
+    """One error with the line; no row ends a table without a word."""
+    lines = (DATA / "shelf_CPE4.dat").read_text().splitlines()
+    at = next(k for k, line in enumerate(lines) if line.startswith("        17"))
+    lines[at] = spoil(lines[at])
+    (tmp_path / "spoiled.dat").write_text("\n".join(lines) + "\n")
+    with pytest.raises(MeshError, match=f"line {at + 1}: {says}"):
+        judge(DATA / "shelf_CPE4.inp", tmp_path / "spoiled.dat", compare=False)
 
 
 # The width of the first component in both files of CalculiX.

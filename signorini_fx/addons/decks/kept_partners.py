@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import Draft
 from signorini_fx.addons.decks.keywords import PARTNERS, Grade
-from signorini_fx.addons.judging.tagged_arrays import tagged
+from signorini_fx.addons.decks.tagged_arrays import tagged
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.halving import halved

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.node_results import contact_by_node, stress_by_node
-from signorini_fx.addons.judging.tagged_arrays import tagged
+from signorini_fx.addons.decks.tagged_arrays import tagged
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.arrays import plain

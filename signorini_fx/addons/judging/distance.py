@@ -19,6 +19,7 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.addons.bounds.error_bound import Bounded
+from signorini_fx.addons.decks.tagged_arrays import tagged
 from signorini_fx.addons.judging.contact_figures import JudgedContactFigures
 from signorini_fx.addons.judging.formulations import EXACT, FULL, elastic_stiffness, stiffness_by_material
 from signorini_fx.addons.judging.own_solution import (
@@ -33,7 +34,6 @@ from signorini_fx.addons.judging.own_solution import (
 )
 from signorini_fx.addons.judging.problem_data import JudgedProblem
 from signorini_fx.addons.judging.reference_elements import gauss, reference_element
-from signorini_fx.addons.judging.tagged_arrays import tagged
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.solution import Solution

@@ -16,6 +16,7 @@ import numpy as np
 from signorini_fx.addons.judging.contact_figures import JudgedContactFigures, contact_figures
 from signorini_fx.addons.judging.contact_findings import contact_findings, contact_lines, figures_of_contact, reactions
 from signorini_fx.addons.judging.distance import measured_distance
+from signorini_fx.addons.judging.expanded_sections import as_they_move
 from signorini_fx.addons.judging.factors import FoundFactors, force_factor, found_factors
 from signorini_fx.addons.judging.foreign_equilibrium import BestFit, Equilibrium, best_fit, hourglass
 from signorini_fx.addons.judging.foreign_result import ForeignResult, read_result
@@ -107,11 +108,13 @@ class _Judging:
 
     def judgement(self, *, compare: bool) -> Judgement:
         """See ``judge``."""
-        problem = self.problem
-        v = np.where(np.isnan(self.theirs.displacement), np.nan_to_num(problem.prescribed), self.theirs.displacement)
-        largest = float(np.linalg.norm(v[problem.deformable], axis=1).max())
-        problem = self.problem = problem.linked_in(v, JUDGED_SUPPORTS * largest)
-        equilibrium = Equilibrium(problem, v, self.theirs.half_units)
+        v, largest, equilibrium = self._equilibrium(self.theirs)
+        best = best_fit(equilibrium)
+        if (meant := as_they_move(self.theirs, self.problem)) is not None:
+            moved = self._equilibrium(meant)
+            if (fits := best_fit(moved[2])).fit.rho < best.fit.rho:  # it is no file of ours, which has what moves
+                self.theirs, (v, largest, equilibrium), best = meant, moved, fits
+        problem = self.problem = equilibrium.problem
         findings: list[JudgedFinding] = []
         lines: dict[str, str] = {}
         figures: dict[str, dict[str, Any]] = {}
@@ -123,7 +126,6 @@ class _Judging:
         if finding is not None:
             findings.append(finding)
             lines["supports"] = finding.text
-        best = best_fit(equilibrium)
         residual = best.fit.residual
         self.about["formulation"] = best.fit.formulation.words
         unit = self._unit_factor(equilibrium, best, v)
@@ -178,6 +180,13 @@ class _Judging:
             problem.lost,
             lines,
         )
+
+    def _equilibrium(self, theirs: ForeignResult) -> tuple[Floats, float, Equilibrium]:
+        """The displacement of a result, completed by what is prescribed, its largest one, and its equilibrium."""
+        v = np.where(np.isnan(theirs.displacement), np.nan_to_num(self.problem.prescribed), theirs.displacement)
+        largest = float(np.linalg.norm(v[self.problem.deformable], axis=1).max())
+        linked = self.problem.linked_in(v, JUDGED_SUPPORTS * largest)
+        return v, largest, Equilibrium(linked, v, theirs.half_units)
 
     def _head(self, best: BestFit, equilibrium: Equilibrium) -> str:
         words = [self.theirs.program, self.problem.element]

@@ -16,9 +16,9 @@ from dolfinx import fem
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
+from signorini_fx.addons.decks.tagged_arrays import tagged
 from signorini_fx.addons.judging.problem_data import JudgedProblem
 from signorini_fx.addons.judging.problems import rigid_planes
-from signorini_fx.addons.judging.tagged_arrays import tagged
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mechanics.mesh.files.cells import completed

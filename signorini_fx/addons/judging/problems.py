@@ -21,6 +21,7 @@ from scipy.sparse import csr_array
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.deck import read_deck
 from signorini_fx.addons.decks.draft import draft_of
+from signorini_fx.addons.decks.tagged_arrays import tagged
 from signorini_fx.addons.decks.ties import tie_nodes
 from signorini_fx.addons.judging.adjusted_nodes import adjusted_points
 from signorini_fx.addons.judging.linked_nodes import links_of
@@ -33,7 +34,6 @@ from signorini_fx.addons.judging.problem_data import (
 )
 from signorini_fx.addons.judging.soft_contact import law_of_deck, law_of_scene
 from signorini_fx.addons.judging.stated_loads import loads_of, prescribed_of
-from signorini_fx.addons.judging.tagged_arrays import tagged
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.materials.protocol import PAIRS
