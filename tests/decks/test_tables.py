@@ -65,6 +65,26 @@ def test_two_blocks(tmp_path):
     np.testing.assert_allclose(values[:, 1], -PRESSURE, rtol=1e-4)
 
 
+def test_steps_that_are_left_out(tmp_path):
+    """A step that is not static has no tables, and those of later ones are theirs, with their numbers."""
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{SLOPE}"])
+    lines[-1:] = ["*NODE PRINT, NSET=UP_HEAD", "U", "*END STEP"]
+    lines += ["*STEP", "*FREQUENCY", "3", "*NODE PRINT, NSET=LOW_HEAD", "U", "*END STEP"]
+    lines += ["*STEP", "*STATIC", "*DSLOAD", "UP_TOP, P, 10.0", "*NODE PRINT, NSET=UP_FEET", "U", "*END STEP"]
+    deck = tmp_path / "deck.inp"
+    deck.write_text("\n".join(lines) + "\n")
+    code = cli.main(["run", str(deck), "--out", str(tmp_path / "out"), "--no-pictures", "--no-fields", "--quiet"])
+    assert code == 4  # the step is lost
+    text = (tmp_path / "out" / "deck.dat").read_text()
+    assert re.findall(r"S T E P +(\d+)", text) == ["1", "3"]
+    first, last = tables(text).items()
+    assert "UP_HEAD" in first[0]
+    assert "UP_FEET" in last[0]
+    sinks = (PRESSURE * (1 - POISSON**2) / YOUNG + PRESSURE / SLOPE) * 2
+    np.testing.assert_allclose([y[1] for y in last[1].values()], -sinks, rtol=1e-5)
+    assert re.findall(r"(?m)^    1PSTEP.* (\d+)$", (tmp_path / "out" / "deck.frd").read_text()) == ["1"] * 4 + ["3"] * 4
+
+
 def test_a_last_step_without_an_end(tmp_path):
     """The file ends it: its tables are the same."""
     lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{SLOPE}"])

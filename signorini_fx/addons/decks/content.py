@@ -153,6 +153,7 @@ class Deck:
     ``shells`` has the elements of sets of shells in space, and ``areas`` those that only carry a pressure to a side of
     the body (``load_areas.LoadArea``).
     ``nonlinear`` is the last step with NLGEOM, and ``finite`` says that the scene has finite strains because of it.
+    ``taken`` has the places of the steps of the scene among all of the file, which has others, too, from 0.
     ``paired`` has, for contact pairs that a later step removes or adds, whether they are there from a step on.
     ``at_nodes`` says that forces at nodes stay there, even if they are
     nearly those of an even traction.  ``slaves`` says that contact points are those of slave surfaces, whose
@@ -212,6 +213,7 @@ class Deck:
     areas: dict[int, Any] = field(default_factory=dict)
     nonlinear: DeckBlock | None = None
     finite: bool = False
+    taken: list[int] = field(default_factory=list)
     paired: dict[frozenset[str], dict[int, bool]] = field(default_factory=dict)
     apart: bool = False
     slaves: bool = False

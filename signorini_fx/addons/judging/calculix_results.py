@@ -14,6 +14,7 @@ from signorini_fx.tuned import JUDGED_SAME_TIME
 
 # The end of a number whose exponent lacks digits: CalculiX prints two at least.
 _CUT = re.compile(r"[eEdD][-+]?\d?$")
+_NUMERIC = re.compile(r"[-+.\d]")
 # Values by numbers of nodes, each with half a unit of its last digit.
 Table = dict[int, tuple[list[float], list[float]]]
 _HEADING = re.compile(
@@ -63,6 +64,7 @@ def read_dat(file: Path, begun: float | None = None) -> NodeTables:
     tables = NodeTables(program="CalculiX", begun=begun)
     of_sets: dict[tuple[str, str], Table] = {}
     rows: Table | None = None
+    apart = True  # whether the last line was empty
     for row, line in _lines(file):
         if match := _HEADING.match(line):
             time = _number(file, row, match[3])
@@ -72,16 +74,24 @@ def read_dat(file: Path, begun: float | None = None) -> NodeTables:
             tables.time = time
             # Increments that are nearer to each other than times are printed have the same: the last one counts.
             rows = of_sets[match[1].lower(), match[2].upper()] = {}
+            rows, apart = None if match[1].lower() == "total force" else rows, True  # which is of no node
             continue
         words = line.split()
-        if not words:
-            continue
-        if not words[0].isdecimal():
+        if rows is None or not words:
+            apart = True
+        elif apart and _begins_table(words):
             rows = None
-        elif rows is not None:
-            rows[int(words[0])] = _row(file, row, words[1:4])
+        else:
+            node = _node(file, row, words[0])
+            rows[node] = _row(file, row, words[1:4])
+            apart = False
     tables.displacement, tables.forces = (_joined(of_sets, kind) for kind in ("displacements", "forces"))
     return _with_displacements(file, tables)
+
+
+def _begins_table(words: list[str]) -> bool:
+    """Whether a line after an empty one is no row: it begins with a word, and has not only numbers after it."""
+    return words[0][0].isalpha() and not (len(words) > 2 and all(map(_NUMERIC.match, words[1:])))
 
 
 def read_frd(file: Path, begun: float | None = None) -> NodeTables:
