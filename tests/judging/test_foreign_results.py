@@ -257,6 +257,32 @@ def test_rows_that_are_none(tmp_path, spoil, says):
         judge(DATA / "shelf_CPE4.inp", tmp_path / "spoiled.dat", compare=False)
 
 
+@pytest.mark.parametrize("name", ["press_CPE4", "press_slender", "press_CPS8R", "press_capped"])
+def test_which_coefficients_fit(tmp_path, name):
+    """Between two limits another coefficient of friction is not seen, as the answer says: below, where no shear reaches
+    its bound, and above, where too little slips; outside it is seen.
+    """
+
+    def with_coefficient(factor):
+        def changed(text):
+            at = re.search(r"(?m)^\*FRICTION.*\n([^,\n]+)", text)
+            return f"{text[: at.start(1)]}{factor * float(at[1])!r}{text[at.end(1) :]}** changed\n"
+
+        return verdict(name, tmp_path, changed, compare=False)
+
+    said = with_coefficient(1.0)
+    low, high = (said.figures[f"coefficient_{end}"] for end in ("from", "to"))
+    assert 0.0 < low["value"] <= 1.0
+    fitting = [1.02 * low["value"], 4.0 if high["value"] is None else 0.98 * high["value"]]
+    for factor in fitting:
+        assert not {"cone", "slip"} & {finding.key for finding in with_coefficient(factor).findings}
+    assert "cone" in {finding.key for finding in with_coefficient(0.85 * low["value"]).findings}
+    if high["value"] is None:
+        assert "nearly all sticks: friction cannot be told" in str(said)
+    else:
+        assert "slip" in {finding.key for finding in with_coefficient(1.1 * high["value"]).findings}
+
+
 # The width of the first component in both files of CalculiX.
 FIRST_COLUMN = {".dat": 14, ".frd": 12}
 

@@ -49,6 +49,9 @@ class JudgedContactFigures:
         slips_below: share of the work of friction at its bound that is missing where nodes slip.
         slips_energy: the same over a(v, v).
         slack: the corner with most of it.
+        used: largest share of its bound that shear takes: with a coefficient that is smaller by it the result is the
+            same; 0 without friction.
+        slip_work: work of friction at its bound where nodes slip over a(v, v), by which another coefficient is seen.
         touching: how many corners are pressed.
         gives_way: work of forces on the length by which the law of soft contact gives way, over a(v, v); 0: it is hard.
         unlawful: share of force that is not that of the law.
@@ -75,6 +78,8 @@ class JudgedContactFigures:
     slips_below: float
     slips_energy: float
     slack: int
+    used: float
+    slip_work: float
     touching: int
     gives_way: float
     unlawful: float
@@ -196,8 +201,9 @@ def _friction(s: TouchingSurface, push: Floats, force: float, energy: float, lea
     along = np.einsum("cd,cd->c", shear, s.slip).clip(min=0.0)
     if s.rubbed:
         along = np.where(slip > JUDGED_ELASTIC_SLIP * elastic, along, 0.0)
-    missing = (s.straight * s.bound - size).clip(min=0.0) * (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0)
-    missing = np.where(carries & _same_way(s, slip), missing, 0.0)
+    beyond = (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0) * (carries & _same_way(s, slip))
+    missing = (s.straight * s.bound - size).clip(min=0.0) * beyond
+    rubbing = carries & (s.bound > 0) if s.contact.rubs else np.zeros_like(carries)
     work = float((s.bound * slip)[carries].sum())
     return {
         "cone": cone,
@@ -209,6 +215,8 @@ def _friction(s: TouchingSurface, push: Floats, force: float, energy: float, lea
         "slips_below": float(missing.sum() / work) if s.contact.rubs and work > 0 else 0.0,
         "slips_energy": float(missing.sum() / energy) if s.contact.rubs else 0.0,
         "slack": int(np.argmax(missing)),
+        "used": float((size[rubbing] / s.bound[rubbing]).max(initial=0.0)),
+        "slip_work": float((s.straight * s.bound * beyond)[rubbing].sum() / energy),
     }
 
 

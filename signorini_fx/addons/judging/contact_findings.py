@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,7 @@ from signorini_fx.tuned import (
     JUDGED_SLIP_BELOW,
     JUDGED_SOFTNESS,
     JUDGED_TENSION,
+    JUDGED_TOLD,
     JUDGED_WRONG_WAY,
 )
 
@@ -197,6 +198,7 @@ def figures_of_contact(
         name: {"value": max(getattr(figure, attributes.get(name, name)) for figure in contacts), "threshold": limit}
         for name, limit in limits.items()
     }
+    figures |= _coefficients(contacts, below)
     soft = [figure for figure in contacts if figure.is_soft]
     figures["gives_way"] = {"value": max(figure.gives_way for figure in contacts), "threshold": None}
     figures["unlawful"] = {"value": None, "reason": "contact is hard"}
@@ -215,8 +217,29 @@ def figures_of_contact(
     return figures
 
 
-def contact_lines(problem: JudgedProblem, contacts: Sequence[JudgedContactFigures], largest: float) -> dict[str, str]:
-    """Contact, penetration and friction in words."""
+def _coefficients(contacts: Sequence[JudgedContactFigures], below: float) -> dict[str, dict[str, Any]]:
+    """Between which times the problem's coefficient another one would fit as well, by the displacement.
+
+    From below where no shear exceeds its bound; up to where, at the slip there is, less of its work than thresholds say
+    would be missing.
+    """
+    rubbing = [figure for figure in contacts if figure.surface.contact.rubs]
+    if not rubbing:
+        return {name: {"value": None, "reason": "no friction"} for name in ("coefficient_from", "coefficient_to")}
+    work = max(figure.slip_work for figure in rubbing)
+    figures: dict[str, dict[str, Any]] = {
+        "coefficient_from": {"value": min(1.0, max(figure.used for figure in rubbing)), "threshold": None},
+        "coefficient_to": {"value": None, "reason": "nearly all sticks: friction cannot be told"},
+    }
+    if not all(figure.surface.slip_known for figure in rubbing):
+        figures["coefficient_to"]["reason"] = "slip counts from the load step before, which is not there"
+    elif work > 0 and (most := max(1.0 / (1.0 - below), 1.0 + JUDGED_BOUND_ENERGY / work)) <= JUDGED_TOLD:
+        figures["coefficient_to"] = {"value": most, "threshold": None}
+    return figures
+
+
+def contact_lines(contacts: Sequence[JudgedContactFigures], figures: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Contact, penetration and friction in words; ``figures``: see ``figures_of_contact``."""
     if not contacts:
         return {}
     nodes = sum(len(figure.surface.corners) for figure in contacts)
@@ -237,4 +260,9 @@ def contact_lines(problem: JudgedProblem, contacts: Sequence[JudgedContactFigure
         cone = max(figure.cone for figure in rubbing)
         wrong = max(figure.wrong_way for figure in rubbing)
         lines["friction"] = f"at most {cone:.3g} times its bound, {100 * wrong:.2g} % of the energy along the slip"
+        low, high = (figures[f"coefficient_{end}"] for end in ("from", "to"))
+        if high["value"] is None:
+            lines["friction"] += f"; any coefficient from {low['value']:.2g} times it on fits: {high['reason']}"
+        else:
+            lines["friction"] += f"; {low['value']:.2g} to {high['value']:.3g} times the coefficient fits"
     return lines

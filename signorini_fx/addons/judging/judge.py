@@ -159,7 +159,7 @@ class _Judging:
                     [finding] if (finding := side.finding(balanced=balanced, unknown=unknown)) is not None else []
                 )
         figures |= figures_of_contact(problem, contacts, named, unknown=unknown)
-        lines |= contact_lines(problem, contacts, largest)
+        lines |= contact_lines(contacts, figures)
         error: Mapping[str, Any] = {}
         beside: Mapping[str, Any] = {}
         if compare and unit is None:
