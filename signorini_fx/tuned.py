@@ -1076,7 +1076,7 @@ JUDGED_ENTERED, JUDGED_HARD_DEPTH = 5e-3, 5e-2
 JUDGED_FORCE_APART, JUDGED_REACTION = (2e-2, 0.1), (2e-3, 5e-2)
 # Work of friction along the slip (7e-5 is reached) and missing below its bound that matter, over the energy.
 JUDGED_WRONG_WAY, JUDGED_BOUND_ENERGY = 2e-3, 3e-4
-# Where not even a coefficient of friction that is larger by this factor would be seen, friction cannot be told.  Choice.
+# Where not even a coefficient of friction larger by this factor would be seen, friction cannot be told.  Choice.
 JUDGED_TOLD = 2.0
 # Contact is softer or harder than the problem's beyond this factor (.95 to 1.3 is reached), where its penalty has more
 # than this share of the energy.

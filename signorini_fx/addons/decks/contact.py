@@ -239,9 +239,9 @@ def _in_steps(
     if rigid or (gaps and real_or_none(gaps[0]) is None):
         deck.lose(block, COMING_AND_GOING)
         return lines
-    near, far = (real(gaps[0]) if gaps else 0.0), _far(deck)
-    others = [line for line in lines if not line.startswith("gap = ")]
-    return [*others, f"gap = {of_time([near if there else far for there in course])}"]
+    gap, open_gap = (real(gaps[0]) if gaps else 0.0), _far(deck)
+    without_gap = [line for line in lines if not line.startswith("gap = ")]
+    return [*without_gap, f"gap = {of_time([gap if touches else open_gap for touches in course])}"]
 
 
 def _far(deck: Deck) -> float:

@@ -261,10 +261,10 @@ class Deck:
 
     def touching_in(self, pair: frozenset[str], steps: int) -> list[bool]:
         """Whether the surfaces of a contact pair may touch, step by step."""
-        changes, there, course = self.paired.get(pair, {}), True, list[bool]()
+        changes, touches, course = self.paired.get(pair, {}), True, list[bool]()
         for step in range(steps):
-            there = changes.get(step, there)
-            course.append(there)
+            touches = changes.get(step, touches)
+            course.append(touches)
         return course
 
     def facing(self, pair: tuple[str, str, str]) -> tuple[str, str, str]:

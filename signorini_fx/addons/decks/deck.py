@@ -178,13 +178,13 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
         MeshError: the first step does not say of what kind it is, or one does not end before the next one.
     """
     step: list[DeckBlock] | None = None
-    steps, place, kind = 0, -1, ""
+    steps, file_step, kind = 0, -1, ""
     for block in deck.model.blocks:
         if block.keyword == "STEP":
             if step is not None:
                 raise MeshError(f"{file}: {block.origin}: the step of {step[0].place} has no *END STEP before this one")
             step = []
-            place += 1
+            file_step += 1
         if step is None:
             yield block
             continue
@@ -205,7 +205,7 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
             if "PERTURBATION" in step[0].parameters:
                 deck.lose(step[0], PERTURBATION)
             steps += 1
-            deck.taken.append(place)
+            deck.taken.append(file_step)
             yield from step
         step = None
 

@@ -38,17 +38,17 @@ def judged_partners(solution: Solution, draft: Draft | None) -> Solution:
     Returns:
         The same, if no contact keeps its partners, or there is no solution.
     """
-    kept = [entry for entry in solution.statement.contact if entry.sliding == "small" and not entry.bonded]
+    small_pairs = [entry for entry in solution.statement.contact if entry.sliding == "small" and not entry.bonded]
     origin = parallel.on_root(
         solution.comm, lambda: "" if draft is None or draft.deck.nonlinear is None else draft.deck.nonlinear.origin
     )
-    if not (kept and origin and solution.converged):
+    if not (small_pairs and origin and solution.converged):
         return solution
     slip = max(_largest_slip(solution.at(step)) for step in solution.shown_steps)
 
     def told() -> tuple[str, bool]:
         assert draft is not None
-        names = {name for entry in kept for name in (entry.boundary, entry.against) if name is not None}
+        names = {name for entry in small_pairs for name in (entry.boundary, entry.against) if name is not None}
         length = min(_extent(draft, name) for name in names)
         words = f"{PARTNERS}, and slide by {slip:.2g}, {100 * slip / length:.2g} % of the shortest side"
         if slip <= LINEAR_IN_DECK * length:
@@ -90,8 +90,8 @@ def _share_of_sliding(draft: Draft, unknowns: int) -> float | None:
     """
     mesh, target = draft.deck.mesh, next(path for path, text in draft.files.items() if text is draft.text)
     scene = read_scene(target)
-    beside = any(getattr(entry, "file", None) for _, entry in scene.statement.listed())
-    if beside or (2 / mesh.degree) ** mesh.dim * unknowns > FINER_AT_MOST:
+    has_files = any(getattr(entry, "file", None) for _, entry in scene.statement.listed())
+    if has_files or (2 / mesh.degree) ** mesh.dim * unknowns > FINER_AT_MOST:
         return None
     fields = {key: getattr(scene, key) for key in scene.model_fields_set}
     fields["element"] = scene.element.model_copy(update={"degree": 1})
@@ -109,5 +109,5 @@ def _share_of_sliding(draft: Draft, unknowns: int) -> float | None:
             ends.append([solution.at(step).displacement.x.array.copy() for step in solution.shown_steps])
     except (SignoriniError, ConvergenceError):
         return None
-    kept, slid = (np.array(values) for values in ends)
-    return float(np.abs(kept - slid).max() / np.abs(slid).max())
+    small, finite = (np.array(values) for values in ends)
+    return float(np.abs(small - finite).max() / np.abs(finite).max())

@@ -97,10 +97,10 @@ def dat(deck: Deck, moments: Sequence[NodeResults]) -> Iterator[str]:
                 requests[block.keyword].append(block)
             case "ENDSTEP":
                 by_step.append(list(chain(*requests.values())))
-    for step, (moment, place) in enumerate(zip(moments, deck.taken or range(len(by_step)), strict=False)):
+    for step, (moment, file_step) in enumerate(zip(moments, deck.taken or range(len(by_step)), strict=False)):
         time = deck.ends.get(step, step + 1.0)
-        yield f"\n{'':24}S T E P {place + 1:7d}\n\n\n{'':32}INCREMENT     1\n\n"
-        for block in by_step[place]:
+        yield f"\n{'':24}S T E P {file_step + 1:7d}\n\n\n{'':32}INCREMENT     1\n\n"
+        for block in by_step[file_step]:
             wanted = [word.upper()[:4] for row in block.rows for word in row]
             for word in wanted:
                 if block.keyword == "NODEPRINT" and word in _NODE_TABLES:
@@ -164,15 +164,15 @@ def frd(deck: Deck, moments: Sequence[NodeResults]) -> Iterator[str]:
                 yield f" -2{''.join(f'{node:10d}' for node in row[first : first + 10])}\n"
     yield " -3\n"
     block = 0
-    places = deck.taken or range(len(moments))
-    for step, (moment, place) in enumerate(zip(moments, places, strict=False)):
+    file_steps = deck.taken or range(len(moments))
+    for step, (moment, file_step) in enumerate(zip(moments, file_steps, strict=False)):
         stress = moment.stress[:, [0, 1, 2, 3, 5, 4]]
         values = (moment.displacement, stress, moment.forces, np.nan_to_num(moment.contact))
         for (title, components, kind_of_field), field in zip(_FIELDS, values, strict=True):
             block += 1
-            yield f"    1PSTEP{block:26d}{1:12d}{place + 1:12d}\n"
+            yield f"    1PSTEP{block:26d}{1:12d}{file_step + 1:12d}\n"
             yield f"  100CL{100 + block:5d}{deck.ends.get(step, step + 1.0):12.5E}{len(names):12d}{'':20}{0:2d}"
-            yield f"{place + 1:5d}{'':10}{1:2d}\n"
+            yield f"{file_step + 1:5d}{'':10}{1:2d}\n"
             yield f" -4  {title:8}{len(components) + (kind_of_field == 2):5d}    1\n"
             for k, component in enumerate(components):
                 first, second = (k + 1, 0) if kind_of_field == 2 else _TENSOR[k]

@@ -110,10 +110,10 @@ class _Judging:
         """See ``judge``."""
         v, largest, equilibrium = self._equilibrium(self.theirs)
         best = best_fit(equilibrium)
-        if (meant := as_they_move(self.theirs, self.problem)) is not None:
-            moved = self._equilibrium(meant)
-            if (fits := best_fit(moved[2])).fit.rho < best.fit.rho:  # it is no file of ours, which has what moves
-                self.theirs, (v, largest, equilibrium), best = meant, moved, fits
+        if (unprinted := as_they_move(self.theirs, self.problem)) is not None:
+            candidate = self._equilibrium(unprinted)
+            if (fits := best_fit(candidate[2])).fit.rho < best.fit.rho:  # it is no file of ours, which has what moves
+                self.theirs, (v, largest, equilibrium), best = unprinted, candidate, fits
         problem = self.problem = equilibrium.problem
         findings: list[JudgedFinding] = []
         lines: dict[str, str] = {}

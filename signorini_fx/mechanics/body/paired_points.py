@@ -262,11 +262,13 @@ class PairedSides:
         """
         coupling, start = self.coupling, self.master.surface
         master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
-        before, now = (coupling.master @ side.directions for side in (start, master))
-        before, now = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (before, now))
-        between, share = before + now, 1.0 + np.sum(before * now, axis=1, keepdims=True)
-        along, start_part = (np.sum(vectors * coupling.normal, axis=1, keepdims=True) for vectors in (between, before))
-        normal = coupling.normal - along / share * between + 2.0 * start_part * now
+        initial, present = (coupling.master @ side.directions for side in (start, master))
+        initial, present = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (initial, present))
+        bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1, keepdims=True)
+        along, initial_part = (
+            np.sum(vectors * coupling.normal, axis=1, keepdims=True) for vectors in (bisector, initial)
+        )
+        normal = coupling.normal - along / share * bisector + 2.0 * initial_part * present
         return replace(self, coupling=replace(coupling, normal=normal), followed=True)
 
     @property

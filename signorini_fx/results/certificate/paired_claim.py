@@ -103,13 +103,13 @@ class Claim:
         mean_normals = mean_normals - np.einsum("nij,nj->ni", self.across, mean_normals)
         return np.asarray(mean_normals / np.linalg.norm(mean_normals, axis=1, keepdims=True))
 
-    def turned(self, normal: Array, before: Array, now: Array) -> Array:
+    def turned(self, normal: Array, initial: Array, present: Array) -> Array:
         """Vectors at the points, shape (n, d), turned as the normals of the master turn at the partners, from unit
-        normals of the master at the owned nodes before and now, shape (owned nodes, d): by two reflections.
+        normals of the master at the owned nodes, initial and present ones, shape (owned nodes, d): by two reflections.
         """
-        first, last = (self.others @ from_owners(normals, self.reached, self.comm) for normals in (before, now))
-        first, last = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (first, last))
-        return _reflected(_reflected(normal, first), first + last)
+        means = (self.others @ from_owners(normals, self.reached, self.comm) for normals in (initial, present))
+        initial_unit, unit = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in means)
+        return _reflected(_reflected(normal, initial_unit), initial_unit + unit)
 
     def gap(self, normal: Array) -> Array:
         """The distance of both sides along normals at the points, without what supports fix, length, shape (n,)."""

@@ -115,10 +115,10 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     errors += [abs(overlapping / coupling.covered - 1.0), _error_of_pieces(claim)]
     errors += [largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]
     errors.append(largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
-    turned, nothing = _rigid(np.asarray(claim.distance / size)), np.zeros_like(claim.distance)
+    turned_distances, zeros = _rigid(np.asarray(claim.distance / size)), np.zeros_like(claim.distance)
     for number, motion in enumerate(_rigid((x - middle) / size)):
-        left = turned[number] if number >= dim and claim.followed is not None else nothing
-        errors.append(largest(claim.relative(motion) + left))
+        remainder = turned_distances[number] if number >= dim and claim.followed is not None else zeros
+        errors.append(largest(claim.relative(motion) + remainder))
     named, paired = (claim.slave, claim.master), (claim.pair.slave.facets, claim.pair.master.facets)
     errors.append(float(any(np.setxor1d(*facets).size for facets in zip(paired, named, strict=True))))
     reach = _usual_reach(space, named) if claim.allowed is None else claim.allowed

@@ -524,10 +524,10 @@ def _write_draft(files: Mapping[Path, str], *, keep: bool = False, replaces: Map
     """
     for file, content in files.items():
         try:
-            there = file.read_text(encoding="utf-8") if (keep or replaces) and file.is_file() else None
-            if keep and there == content:
+            existing = file.read_text(encoding="utf-8") if (keep or replaces) and file.is_file() else None
+            if keep and existing == content:
                 continue
-            if replaces is not None and there is not None and there in (replaces.get(file), content):
+            if replaces is not None and existing is not None and existing in (replaces.get(file), content):
                 file.write_text(content, encoding="utf-8")
                 continue
             if os.path.lexists(file):

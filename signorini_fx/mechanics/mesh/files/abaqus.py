@@ -7,6 +7,7 @@ single nodes and faces name the boundary on which they act, so that a scene can 
 
 from __future__ import annotations
 
+import gc
 import itertools
 import re
 from collections.abc import Iterator
@@ -335,7 +336,10 @@ class _Reader:
 
     def _padded(self) -> dict[int, list[float]]:
         """The coordinates of each node, as many of all; those that a line lacks are zero."""
-        width = max((len(x) for x in self.points.values()), default=0)
+        widths = {*map(len, self.points.values())}
+        width = max(widths, default=0)
+        if width > 1 and len(widths) == 1:
+            return self.points
         return {node: x + [0.0] * (max(width, 2) - len(x)) for node, x in self.points.items()}
 
     def _remove_elements(self) -> None:
@@ -489,6 +493,21 @@ def read_keywords(file: Path) -> list[DeckBlock]:
     return _keywords(file)[0]
 
 
+@contextmanager
+def _all_is_kept() -> Iterator[None]:
+    """Without collecting garbage: a list for each line, of which none is garbage, would be looked through again and
+    again, which takes as long as the reading itself.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+@_all_is_kept()
 def _keywords(file: Path) -> tuple[list[DeckBlock], int]:
     """The keywords of a file, and how many nodes or elements it has at most."""
     source = Source(file)
@@ -511,6 +530,7 @@ def _read_blocks(file: Path, blocks: list[DeckBlock], size: int) -> _Reader:
     return reader
 
 
+@_all_is_kept()
 def read_model(file: Path) -> DeckModel:
     """The mesh of an Abaqus input file, and all of its keywords.
 

@@ -75,6 +75,11 @@ _CONTINUED = re.compile(
 def joined_lines(text: str) -> Iterator[tuple[int, str]]:
     """The lines of a file that are no comments, with their numbers; a keyword that is continued is one line."""
     joined = _CONTINUED.sub(",\0", text)
+    if "\0" not in joined:  # none is continued, as in most files
+        for number, line in enumerate(map(str.strip, joined.split("\n")), start=1):
+            if line and not line.startswith("**"):
+                yield number, line
+        return
     following = 1
     for joined_line in joined.split("\n"):
         number, following = following, following + 1 + joined_line.count("\0")
@@ -101,7 +106,7 @@ def blocks(lines: Iterable[tuple[int, str, str]]) -> Iterator[DeckBlock]:
             name, parameters = heading(line)
             block = DeckBlock(name.replace(" ", ""), parameters, number, name=name, file=file)
         elif block is not None:
-            words = [part.strip() for part in line.rstrip(", \t").split(",")]
+            words = [*map(str.strip, line.rstrip(", \t").split(","))]
             if '"' in line:
                 words = [word.strip('"') for word in words]
             block.rows.append(words if any(words) else [])
