@@ -85,7 +85,7 @@ class StepEnd:
 
         Args:
             boundary: the points as they are now.
-            first: the problem at them, whose gap counts.
+            first: the problem at them, whose gap counts, and which of them cannot open.
             law: of friction now; None: there is none.
             moved: by which the foundations have moved at the points, length, shape (n, d); None: they have not.
             start: ``start`` in the frames of these points; None: ``seen_from`` gives it.
@@ -103,6 +103,7 @@ class StepEnd:
             bound=None if law is None else law.bound(start.multipliers[0]),
             slip_origin=start.data.slip_origin + _along(boundary, moved),
             immovable=first.immovable,
+            bilateral=first.bilateral,
         )
         before = relative_to(self.before, self.boundary, boundary, moved, spin)
         return replace(start, data=data, law=law), before

@@ -263,7 +263,6 @@ def test_two_sheets():
     [
         ({"gap": 0.0}, "gap"),
         ({"bonded": True}, "bonded"),
-        ({"bilateral": True}, "bilateral"),
         ({"adjust": 0.1}, "adjust"),
     ],
 )

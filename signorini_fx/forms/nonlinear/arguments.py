@@ -101,7 +101,6 @@ def _faults(number: int, pair: Any) -> list[tuple[str, str]]:
         for key, wrong, reason in (
             ("gap", pair.gap != "geometry", 'must be "geometry": sides that slide do not stay opposite each other'),
             ("bonded", pair.bonded, "is not possible where sides slide: give sliding = False"),
-            ("bilateral", pair.bilateral, "is not possible yet: give a contact that can open"),
             ("adjust", pair.adjust is not None, "is not possible yet: move the meshes to where they touch"),
         )
         if wrong

@@ -23,6 +23,8 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
+from signorini_fx.algebra.method import Settings
+from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
@@ -48,7 +50,12 @@ from signorini_fx.mechanics.body.averages import averaging
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.foundations_on_points import Foundations, NodalFriction, ShapeDistances
+from signorini_fx.mechanics.body.foundations_on_points import (
+    FoundationData,
+    Foundations,
+    NodalFriction,
+    ShapeDistances,
+)
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.paired_points import PairedSides
@@ -56,6 +63,7 @@ from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodies, RigidBo
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.body.supports import prescribed
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
+from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.promised_law import Law
 from signorini_fx.results.solution import ConvergenceError
@@ -142,12 +150,23 @@ class MovingFoundations(Foundations):
     ) -> PointFriction | None:
         """See ``Foundations``: a point that does not see the other side has none, not even one without pressure."""
         law = super().law(boundary, modulus, friction)
-        if law is None or not self.sliding:
-            return law
+        return law if law is None else law.without_points(self._alone(boundary))
+
+    def problem(
+        self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, scales: Scales
+    ) -> tuple[RegularisedData, PointFriction | None]:
+        """See ``Foundations``: a point that does not see the other side is not held at it, either."""
+        regularised, law = super().problem(boundary, data, settings, scales)
+        if regularised.bilateral is not None:
+            regularised = replace(regularised, bilateral=regularised.bilateral & ~self._alone(boundary))
+        return regularised, law
+
+    def _alone(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
+        """Which contact points do not see the other side of their pair, shape (n,)."""
         alone = np.zeros(boundary.size, dtype=bool)
         for number, pair in self.sliding.items():
             alone[boundary.part == number] = pair.alone
-        return law.without_points(alone)
+        return alone
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
         """See ``Foundations``."""
@@ -301,7 +320,7 @@ class LinearisedProblem(FormSolver):
 
         Raises:
             PairingError: a facet sees two sheets of the other side.
-            FormError: two sides do not fit together.
+            FormError: two sides do not fit together, or do not see each other although their contact cannot open.
         """
         numbers = [k for k, entry in enumerate(self.contact) if slides(entry)]
         if numbers and not self.pairs:
@@ -309,7 +328,12 @@ class LinearisedProblem(FormSolver):
             at_rest, owned = self.foundations.at_rest(fixed, values), self.space.dofmap.index_map.size_local
             owned *= self.space.dofmap.index_map_bs
             sides = {k: self.foundations.sides_of(k, fixed[:owned], at_rest[:owned]) for k in numbers}
-            self.foundations.sliding = {k: MovingPair(both) for k, both in sides.items()}
+            pairs = {k: MovingPair(both) for k, both in sides.items()}
+            reason = "no point of its side sees the other one within the reach: nothing would hold both together"
+            unseen = [k for k, pair in pairs.items() if not pair.coupling.frames.partnered.any()]
+            if apart := [(f"contact[{k}].bilateral", reason) for k in unseen if self.contact[k].bilateral]:
+                raise FormError(apart)
+            self.foundations.sliding = pairs
         for pair in self.pairs.values():
             pair.move(self._at)
 

@@ -1,0 +1,190 @@
+"""Two bodies that slide on each other and cannot part, as a slider in its guide: pressures may pull."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_bodies import stress_of_block
+from support.sliding_bodies import as_linear_bodies, blocks, bulge, bump, out_of_balance, roller, stacked
+
+from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
+from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.results.certificate.promised_law import Law, Tractions
+
+CLOSED = {"pair": {"bilateral": True}, "algorithm": "alm"}
+PULLED = ((0.0, 0.05), (0.1, 0.1), (0.4, 0.1), (0.4, -0.1), (0.2, -0.1))
+
+
+@pytest.mark.parametrize("slave", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "scene_of",
+    [
+        lambda **more: blocks(lower=(5, 3), upper=(3, 2), width=1.0, **more),
+        pytest.param(lambda **more: blocks("triangle", degree=2, width=1.0, **more), marks=pytest.mark.slow),
+        pytest.param(lambda **more: stacked(**more), marks=pytest.mark.slow),
+    ],
+    ids=["plane", "quadratic", "space"],
+)
+def test_patch(scene_of, slave):
+    """Blocks whose meshes do not match are pressed, and then pulled by a tenth: uniform, in closed form."""
+    scene = scene_of(slave=slave, smooth=lambda x: np.isclose(x[0], 0.0), **CLOSED)
+    dim = len(scene.u)
+    for depth in (0.1, -0.1):
+        scene.move(*[0.0] * (dim - 1), -2 * depth)
+        (pair,) = scene.problem.linear.pairs.values()
+        into = -pair.coupling.gap
+        assert np.abs(into).max() < 1e-4
+        expected = -stress_of_block(1 - depth + into[0] / 2, directions=dim - 1)
+        assert scene.problem.state.pressure == pytest.approx(expected, rel=1e-8)
+        assert scene.problem.certificate.holds
+
+
+@pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
+@pytest.mark.parametrize(
+    ("scene_of", "lower", "slave"),
+    [(bump, (26, 8), 0), (bump, (26, 8), 1), pytest.param(bulge, (10, 10, 4), 1, marks=pytest.mark.slow)],
+)
+def test_linear_limit(scene_of, lower, slave, friction):
+    """At small loads pairs of linear bodies, some of whose points pull; points at the rim of the other side, which in
+    space share their functions in another way than those of linear bodies, are left out there.
+    """
+    scene = scene_of(lower=lower, friction=friction, slave=slave, **CLOSED)
+    dim = len(scene.u)
+    force = scene.move(2e-5, *[0.0] * (dim - 2), -5e-5)
+    linear = as_linear_bodies(scene)
+    expected, pressure = sum(linear.state.forces), scene.problem.state.pressure
+    assert pressure.min() < -0.1 * pressure.max()
+    assert force == pytest.approx(expected, abs=1e-3 * pressure.max())
+    assert scene.u.x.array == pytest.approx(linear.u.x.array, abs=1e-3 * np.abs(linear.u.x.array).max())
+
+
+@pytest.mark.parametrize(
+    ("kind", "degree"), [("quadrilateral", 1), pytest.param("triangle", 2, marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
+def test_on_a_rigid_plane(friction, kind, degree):
+    """A block that is 1e5 times as stiff is a rigid plane, of which other code knows, pulled and slid over facets."""
+    forces, rigid = [], {"shape": "plane", "point": (0.0, 0.0), "normal": (0.0, 1.0)}
+    for on_plane in (False, True):
+        size = {"lower": (8, 3), "upper": (4, 3), "width": 3.0, "degree": degree, "ratio": 1e-5}
+        scene = blocks(kind, slave=1, friction=friction, **size, **CLOSED)
+        if on_plane:
+            tool = Foundation(scene.sides[1], shape=rigid, friction=friction, bilateral=True)
+            scene.problem = NonlinearContactProblem(scene.form, scene.u, bcs=scene.bcs, contact=tool, algorithm="alm")
+        forces.append(1e5 * np.array([scene.move(*way) for way in PULLED]))
+        assert scene.problem.certificate.holds
+    largest = np.abs(forces[1]).max()
+    assert forces[1][:3, 1].max() < 0 < forces[1][3:, 1].min()
+    assert forces[0] == pytest.approx(forces[1], abs=3e-5 * largest)
+
+
+def test_friction_of_what_is_pulled():
+    """It is F times the size of the pressure, against the way, and forces and moments of both bodies balance."""
+    scene = blocks(slave=1, width=3.0, friction=Coulomb(0.3), **CLOSED)
+    for way in PULLED[:3]:
+        scene.move(*way)
+    state = scene.problem.state
+    assert state.pressure.max() < 0
+    assert state.in_contact.all()
+    slips = state.direction[:, 0] != 0
+    assert np.count_nonzero(slips) > 3
+    assert np.abs(state.shear[slips, 0]) == pytest.approx(0.3 * np.abs(state.pressure[slips]), rel=1e-6)
+    force, moment = out_of_balance(scene)
+    assert force < 1e-13
+    assert moment < 1e-12
+
+
+def test_the_end_of_a_guide():
+    """A slider that leaves its guide ends in an outcome, and sides that do not see each other are an error."""
+    scene = blocks(slave=1, width=1.4, **CLOSED)
+    scene.move(0.0, 0.02)
+    with pytest.raises(ConvergenceError, match="contact reaches the end of the other side"):
+        scene.move(0.35, 0.02)
+    assert scene.problem.status is Status.AT_END
+    apart = roller(gap=0.3, reach=0.2, **CLOSED)
+    with pytest.raises(FormError, match=r"contact\[0\]\.bilateral: no point of its side sees the other one"):
+        apart.move(0.0, 0.0)
+
+
+def test_the_certificate_sees_what_is_wrong():
+    """A point that pulls less, one that has opened, and a shear that is too large for what pulls."""
+    scene = blocks(slave=1, width=3.0, friction=Coulomb(0.3), **CLOSED)
+    scene.move(0.0, 0.05)
+    scene.drive.value[:] = 0.1, 0.1
+    problem, u = scene.problem, scene.u
+    problem.solve()
+    form = fem.form(scene.form)
+
+    def judged(changed=lambda tractions: tractions):
+        linear = problem.linear
+        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
+        law = Law(*linear.task.promised(linear.outcome))
+        return certified(u, mechanics, {}, changed(Tractions.of(problem.state)), law, linear.previous_step)
+
+    def less(tractions):
+        pressure = tractions.pressure.copy()
+        pressure[1] *= 0.999
+        return replace(tractions, pressure=pressure)
+
+    assert judged().holds
+    assert judged(less).equilibrium > 1e-5
+    assert judged(lambda tractions: replace(tractions, shear=1.01 * tractions.shear)).friction_cone > 1e-5
+    u.x.array.reshape(-1, 2)[fem.locate_dofs_topological(u.function_space, 1, scene.sides[1])] += [0.0, 1e-4]
+    assert judged().entered > 1e-5
+
+
+class Killed(Exception):
+    """The end of a run that is gone on with."""
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+@pytest.mark.parametrize(("kind", "degree"), [("quadrilateral", 1), ("triangle", 2)])
+@pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
+def test_products(monkeypatch, tmp_path_factory, friction, kind, degree):
+    """On any number of ranks, gone on with after a kill, in other units and as a mirror image: the same forces."""
+    comm, times = MPI.COMM_WORLD, (0.5, 1.0, 1.5, 2.0)
+    folder = comm.bcast(str(tmp_path_factory.mktemp("restart")) if comm.rank == 0 else None)
+
+    def made(**more):
+        size = {"lower": (8, 3), "upper": (4, 3), "width": 3.0, "degree": degree, "slave": 1}
+        scene = blocks(kind, friction=friction, **size, **CLOSED, **more)
+
+        def at(time):
+            scene.drive.value[:] = scene.turn @ [0.3 * max(time - 1, 0), 0.1 * min(time, 1)]
+
+        return scene, at
+
+    def force(scene):
+        assert scene.problem.certificate.holds
+        return scene.turn.T @ sum(scene.problem.state.forces) / np.linalg.norm(scene.turn[0]) ** 2
+
+    def run(**more):
+        scene, at = made(**more)
+        scene.problem.run(times, at)
+        return force(scene)
+
+    def kill(step):
+        if step.step == 3:
+            raise Killed
+
+    alone = run(comm=MPI.COMM_SELF)
+    size = np.abs(alone).max()
+    assert size > 1.0
+    assert run(comm=comm) == pytest.approx(alone, abs=1e-8 * size)
+    assert run(comm=comm, unit=1e-3) == pytest.approx(alone, abs=1e-7 * size)
+    assert run(comm=comm, angle=0.7) == pytest.approx(alone, abs=1e-8 * size)
+    scene, at = made(comm=comm)
+    with pytest.raises(Killed):
+        scene.problem.run(times, at, folder=folder, on_step=kill)
+    again, at = made(comm=comm)
+    again.problem.run(times, at, folder=folder, restart=True)
+    assert again.problem.history.events[0].startswith("restart: 2 complete load steps")
+    assert force(again) == pytest.approx(alone, abs=1e-8 * size)
+    ramped, at = made(comm=comm)
+    ramped.problem.ramp(at, 2.0, first=0.5, largest=0.5)
+    assert force(ramped) == pytest.approx(alone, abs=1e-8 * size)
+    monkeypatch.setattr("support.sliding_bodies.turn_of", lambda angle, dim: np.diag([-1.0, 1.0]))
+    assert run(comm=comm) == pytest.approx(alone, abs=1e-8 * size)
