@@ -1969,7 +1969,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate/contact_nodes",
-        "max(defect(claim, self.evaluation.space), not_held(claim, held, y))",
+        "max(defect(claim, self.evaluation.space), not_held(claim, held, y), not_fixed(claim, held))",
         "defect(claim, self.evaluation.space)",
         "two bodies: the certificate does not ask for the supports at planes of symmetry",
         tests=("planes_of_symmetry::test_the_certificate_asks_for_the_supports",),

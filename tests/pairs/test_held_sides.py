@@ -3,6 +3,8 @@
 The reference is the problem with both sides exchanged, where the points are on the side that is free.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import ufl
@@ -14,6 +16,7 @@ from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
 from signorini_fx.mechanics.body import sliding_sides
+from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers
 from signorini_fx.mechanics.pairs.sliding import slide
 
 DEPTH = 0.02
@@ -309,6 +312,30 @@ def test_adjusted_sides_beside_such_a_region(region, beside, moves, slave):
 def test_the_certificate_misses_overlap_beside_such_a_region(monkeypatch, dim):
     """A solver that counts what supports fix at the points beside is refused."""
     monkeypatch.setattr(sliding_sides, "fixed_by_supports", lambda *_: None)
+    scene = clamped(dim, 0, 0.5)
+    with pytest.raises(ConvergenceError):
+        scene.move(*[0.0] * (dim - 1), -DEPTH)
+    assert scene.problem.status is Status.NOT_CERTIFIED
+
+
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("fault", ["given to another point", "given to nobody", "a point of its own"])
+def test_the_certificate_misses_a_wrong_share(monkeypatch, dim, fault):
+    """Who takes over the functions of held nodes is no word of the solver: another choice is refused."""
+    right = EvenCarriers.of
+
+    def wrong(side, covered, weight, unable):
+        if fault == "a point of its own":
+            return right(side, covered, weight, np.zeros_like(unable))
+        carriers = right(side, covered, weight, unable)
+        shares = carriers.shares.tolil()
+        for node in np.setdiff1d(np.flatnonzero(shares.sum(axis=0)), carriers.nodes):
+            shares[:, node] = 0.0
+            if fault == "given to another point":
+                shares[[carriers.nodes.size - 1], node] = 1.0
+        return replace(carriers, shares=shares.tocsr())
+
+    monkeypatch.setattr(EvenCarriers, "of", wrong)
     scene = clamped(dim, 0, 0.5)
     with pytest.raises(ConvergenceError):
         scene.move(*[0.0] * (dim - 1), -DEPTH)

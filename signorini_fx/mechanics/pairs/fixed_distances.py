@@ -249,7 +249,7 @@ def _met(
     """See ``FixedDistances``, as far as this rank has found the overlap; ``places``: nodes of both sides."""
     slave, master = sides
     slave_nodes, master_nodes = slave.nodes[overlap.slave], master.nodes[overlap.master]
-    pieces = held.slave[slave_nodes].any(axis=1) & held.master[master_nodes].any(axis=1)
+    pieces = np.asarray(held.slave[slave_nodes].any(axis=1) & held.master[master_nodes].any(axis=1))
     overlap, weighted = overlap.chosen(pieces), weighted[pieces]
     slave_nodes, master_nodes, points = slave_nodes[pieces], master_nodes[pieces], slave.points[overlap.slave]
     shape, over = slave.functions.values(overlap.at), master.functions.values(overlap.over)

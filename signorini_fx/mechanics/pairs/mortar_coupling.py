@@ -273,7 +273,7 @@ def couple(
     if held is not None and not bonded:
         # Facets apart from all points, of which all nodes are helpless: nobody takes over their functions.
         carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
-        idle = (helpless & ~carried_nodes)[slave.points].all(axis=1)
+        idle = np.asarray((helpless & ~carried_nodes)[slave.points].all(axis=1))
         left_out = idle[overlap.slave]
         still = still.joined(overlap.chosen(left_out))
         tested = tested.without(idle)

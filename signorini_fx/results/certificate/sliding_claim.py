@@ -1,8 +1,8 @@
 """The second opinion on two sides of the plane that slide on each other, at displaced points, by code of its own.
 
-Of the solver it takes who carries a point and how these take over the functions of others (``EvenCarriers`` and
-``HeldSides``, with integrals of its own), which facets there are, and which nodes lie in planes of symmetry.  What it
-does otherwise:
+Of the solver it takes which nodes may carry a point and which supports hold (``HeldSides``), which facets there are,
+and which nodes lie in planes of symmetry.  What it does otherwise:
+- who carries a point, and how points take over functions, is evaluated anew (``taken_functions``),
 - the places where vertices of the other side are seen are roots of quadratic equations, of curved facets found by
   bisection,
 - the facet over each point is looked for among all that face it,
@@ -28,11 +28,16 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
-from signorini_fx.mechanics.mesh.files.raw import rows_of
-from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.held_distances import DisplacedSide, held_distances
 from signorini_fx.results.certificate.paired_claim import nodal_allowance
+from signorini_fx.results.certificate.taken_functions import (
+    TakenFunctions,
+    TestedNodes,
+    helpless,
+    taken_functions,
+)
 from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
@@ -587,16 +592,14 @@ class SlidingClaim:
                 partners, rays = (rays.facet, rays.over), self._moving(rays)
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
-            covered = np.unique(rays.facet)
-            unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
-            carriers = EvenCarriers.of(side, rows_of(slave.facets[covered], surface.nodes), sums, unable)
+            carriers, nodes = self._carriers(rays, psi, sums, moving=turn > 0)
             able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break
             mean = sp.diags_array(1.0 / (shares @ sums)) @ shares @ psi
             of_own = _at(slave, own_normals, rays.facet, rays.at)
             of_other = _at(master, other_normals, rays.over, rays.place)
-            ways = carriers.directions(side, mean @ of_own, mean @ of_other)
+            ways = side.in_planes(carriers.ways(nodes, own_normals, mean @ of_own, mean @ of_other), np.arange(count))
         shares, functions, partnered, weight, mean = self._carried(able, shares, psi)
         sharing, opposite = self._shares_of(rays, mean, partnered)
         normal = side.in_planes(sharing @ own_normals - opposite @ other_normals, self.carriers)
@@ -785,11 +788,23 @@ class SlidingClaim:
             rays.area[moving],
         )
 
-    def _unable(self, rays: Rays, functions: Any) -> npt.NDArray[np.bool_]:
-        """Nodes of the slave that carry no point with these functions at rays, shape (N, r)."""
-        master = self.chains[1]
-        met = functions @ self._at_nodes(master, rays.over, rays.place)
-        return np.asarray(self.unable | self.held.helpless(met))
+    def _carriers(self, rays: Rays, functions: Any, sums: Array, *, moving: bool) -> tuple[TakenFunctions, TestedNodes]:
+        """Which nodes carry points, and how these take over functions.
+
+        Args:
+            rays: where something can move.
+            functions: of the nodes of the slave at rays times areas, scipy sparse, shape (N, r).
+            sums: areas of these, shape (N,).
+            moving: whether nodes that nothing can move, and those of other contacts, carry none.
+        """
+        slave, master = self.chains
+        unable = np.array(self.surface.without_area)
+        if moving:
+            met = sp.csr_array(functions @ self._at_nodes(master, rays.over, rays.place))
+            unable |= self.unable | helpless((self.held.slave, self.held.master), met)
+        facets = slave.facets[np.unique(rays.facet)]
+        nodes = TestedNodes(facets, slave.facets, self.surface.area, sums, unable)
+        return taken_functions(nodes), nodes
 
     def _at_nodes(self, chain: Chain, facets: Numbers, places: Array) -> Any:
         """The functions of the nodes of a side at rays, scipy sparse, shape (r, N)."""

@@ -1,8 +1,8 @@
 """The second opinion on two sides in space that slide on each other, at displaced points, by code of its own.
 
-Of the solver it takes who carries a point and how these take over the functions of others (``EvenCarriers`` and
-``HeldSides``, with integrals of its own), which facets there are, and which nodes lie in planes of symmetry.  What it
-does otherwise:
+Of the solver it takes which nodes may carry a point and which supports hold (``HeldSides``), which facets there are,
+and which nodes lie in planes of symmetry.  What it does otherwise:
+- who carries a point, and how points take over functions, is evaluated anew (``taken_functions``),
 - facets that may see each other are looked for along lines through the middles of facets, in a tree of the others',
 - the polygon that two facets share is made of corners of the one inside the other, and of where their edges cross,
 - places on quadrilaterals are roots of quadratic equations, and each triangle of a polygon has a square of points,
@@ -29,8 +29,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
-from signorini_fx.mechanics.mesh.files.raw import rows_of
-from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends
 from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER, SAME_PLACE_IN_CELL
@@ -465,22 +464,20 @@ class SpaceSlidingClaim(SlidingClaim):
         ways, of_facets, rays = own_normals, slave.facing(x), Rays.none()
         partners: tuple[Numbers, Numbers] = rays.facet, rays.over
         middle = _hats(np.full(2, 1 / 3 if slave.width == 3 else 1 / 2), slave.width)
-        facet_of_side = self._facets_of_surface
         for turn in range(2):
             rays = _rays(slave, x, of_facets, master, y, self.reach)
             if turn:
                 partners, rays = (rays.facet, rays.over), self._moving(rays)
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
-            unable = self._unable(rays, psi) if turn else np.zeros(count, dtype=bool)
-            carriers = EvenCarriers.of(side, facet_of_side[np.unique(rays.facet)], sums, unable)
+            carriers, nodes = self._carriers(rays, psi, sums, moving=turn > 0)
             able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break
             mean = sp.diags_array(1.0 / (shares @ sums)) @ shares @ psi
             of_own = np.einsum("rk,rkd->rd", _hats(rays.at, slave.width), own_normals[slave.facets[rays.facet]])
             of_other = np.einsum("rk,rkd->rd", _hats(rays.place, master.width), other_normals[master.facets[rays.over]])
-            ways = carriers.directions(side, mean @ of_own, mean @ of_other)
+            ways = side.in_planes(carriers.ways(nodes, own_normals, mean @ of_own, mean @ of_other), np.arange(count))
             of_facets = _unit(np.einsum("k,fkd->fd", middle, ways[slave.facets]))
         shares, functions, partnered, weight, mean = self._carried(able, shares, psi)
         sharing, opposite = self._shares_of(rays, mean, partnered)
@@ -511,11 +508,6 @@ class SpaceSlidingClaim(SlidingClaim):
     def _hats(self, places: Array, chain: Chain) -> Array:
         """See ``SlidingClaim``."""
         return np.asarray(_hats(places, chain.width))
-
-    @cached_property
-    def _facets_of_surface(self) -> Numbers:
-        """Of each facet of the slave its number on the surface of the solver, which has the same nodes."""
-        return rows_of(self._sheets[0].facets, self.surface.nodes)
 
     def _derivatives(self) -> Iterator[tuple[slice, Array, Array, Array]]:
         """Of parts of the rays the derivatives of the distance along each by the corners of its facets on both sides,

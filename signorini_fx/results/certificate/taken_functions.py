@@ -1,0 +1,224 @@
+"""The second opinion on which nodes of a sliding side carry points, and on how these take over the functions of others.
+
+The rule is that of the method, evaluated by other means.  A node keeps a portion of its function, by the share of its
+area that sees the other side, and hands the rest to those that it shares a facet with, in proportion to their portions
+and a little more, which do likewise: what each ends with solves one system of linear equations, node by node.  What a
+node has kept of others' is mixed with what these have become, in proportion to what it lacks.  If a function has no
+area left it keeps none of itself, and where no portion is left all nodes with enough area, or with any, take equal
+shares of those beside them, ring by ring.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from scipy.sparse.linalg import spsolve
+
+from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, PASSED_ON, SAME_NUMBER, WHOLE_WEIGHT
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+class TestedNodes(NamedTuple):
+    """The nodes of a side with test functions.
+
+    Attributes:
+        facets: those that see the other side, nodes with functions, shape (f, t).
+        all_facets: also the others, shape (g, t).
+        area: undeformed, of the function of each node, shape (N,).
+        seen: of it what sees the other side, shape (N,).
+        unable: nodes that carry no point, shape (N,).
+    """
+
+    facets: Numbers
+    all_facets: Numbers
+    area: Array
+    seen: Array
+    unable: Flags
+
+
+class TakenFunctions(NamedTuple):
+    """What points have of the functions of nodes.
+
+    Attributes:
+        nodes: that carry points, ascending, shape (n,).
+        shares: of the function of each node in each point, scipy sparse, shape (n, N).
+        portion: by how much each is its own, shape (n,).
+        means: of points for nodes of facets that see the other side and carry none, by nodes.
+    """
+
+    nodes: Numbers
+    shares: Any
+    portion: Array
+    means: dict[int, tuple[Numbers, Array]]
+
+    def ways(self, side: TestedNodes, nodal: Array, own: Array, opposite: Array) -> Array:
+        """Half-way between the normals of both sides, not of length one, at the nodes of the side, shape (N, d).
+
+        Args:
+            side: its nodes.
+            nodal: normals there, shape (N, d).
+            own: mean normals of the side at the points, shape (n, d).
+            opposite: of the other side, likewise.
+        """
+        of_other, reached = np.zeros_like(nodal), np.zeros(len(nodal), dtype=bool)
+        of_other[self.nodes], reached[self.nodes] = opposite, True
+        for node, (points, parts) in self.means.items():
+            of_other[node], reached[node] = parts @ opposite[points], True
+        of_other = _spread(side.all_facets, of_other, reached)
+        ways = nodal - of_other
+        portion = self.portion[:, None]
+        ways[self.nodes] = portion * own + (1.0 - portion) * nodal[self.nodes] - opposite
+        return ways
+
+
+def taken_functions(side: TestedNodes) -> TakenFunctions:
+    """Those of a side."""
+    count = side.area.size
+    tested = np.zeros(count, dtype=bool)
+    tested[side.facets] = True
+    neighbours = _neighbours(side.facets, count)
+    portion = np.zeros(count)
+    for node in np.flatnonzero(tested & ~side.unable & (side.area > 0.0)):
+        part = min(max((side.seen[node] / side.area[node] - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0), 1.0)
+        smooth = 3.0 * part**2 - 2.0 * part**3
+        portion[node] = smooth if smooth > SAME_NUMBER else 0.0
+    while portion.any():
+        kept = _kept(portion, tested, neighbours)
+        nodes = np.flatnonzero(portion)
+        shares = sp.csr_array(kept[nodes])
+        columns = kept.tocsc()
+        means = {
+            int(node): (np.searchsorted(nodes, columns[:, [node]].indices), columns[:, [node]].data)
+            for node in np.flatnonzero(tested & (portion == 0.0))
+        }
+        mixed = _mixed(shares, nodes, portion, side.seen)
+        empty = mixed @ side.seen <= 0.0
+        if not empty.any():
+            return TakenFunctions(nodes, mixed, portion[nodes], {k: v for k, v in means.items() if v[0].size})
+        portion[nodes[empty]] = 0.0
+    return _by_rings(side, tested, neighbours)
+
+
+def helpless(held: tuple[Flags, Flags], met: Any) -> Flags:
+    """Held nodes of the slave that see more held than free of the master, shape (N,); ``met``: integrals of their
+    functions times those of the master, scipy sparse, shape (N, M).
+    """
+    entries = met.tocoo()
+    total = np.bincount(entries.row, entries.data, minlength=met.shape[0])
+    of_held = np.bincount(entries.row, entries.data * held[1][entries.col], minlength=met.shape[0])
+    return np.asarray(held[0] & (total > 0.0) & (of_held > MOSTLY_HELD * total))
+
+
+def _neighbours(facets: Numbers, count: int) -> Any:
+    """One where two nodes, not the same, are on a facet, scipy sparse, shape (N, N)."""
+    pairs = np.concatenate(
+        [facets[:, [j, k]] for j in range(facets.shape[1]) for k in range(facets.shape[1]) if j != k]
+    )
+    pairs = np.unique(pairs, axis=0)
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    return sp.csr_array(sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count)))
+
+
+def _kept(portion: Array, tested: Flags, neighbours: Any) -> Any:
+    """What nodes end with of the functions of all, columns with the sum one, scipy sparse, shape (N, N)."""
+    count = portion.size
+    takes = np.where(tested, portion + PASSED_ON, 0.0)
+    able = np.array(portion > 0.0)
+    while True:  # which nodes are joined to one that keeps something
+        wider = able | ((neighbours @ able.astype(np.float64)) > 0.0)
+        if (wider == able).all():
+            break
+        able = wider
+    total = neighbours @ takes
+    hands = np.where(tested & able & (total > 0.0), 1.0 - portion, 0.0)
+    factors = np.divide(hands, total, out=np.zeros(count), where=total > 0.0)
+    handed = sp.diags_array(takes) @ neighbours @ sp.diags_array(factors)
+    columns = np.flatnonzero(hands > 0.0)
+    diagonal = np.where(hands > 0.0, 0.0, portion)
+    kept = sp.csr_array(sp.diags_array(diagonal))
+    if columns.size:
+        within = sp.csc_array(sp.eye_array(columns.size) - handed.tocsr()[columns][:, columns])
+        targets = sp.csc_array(sp.diags_array(portion) @ handed)[:, columns]  # what comes to rest in one step
+        stays = np.flatnonzero((hands == 0.0) & (portion > 0.0))
+        keepers = columns[portion[columns] > 0.0]
+        rows = [targets.tocsr()[stays].toarray()]
+        unit = np.zeros((keepers.size, columns.size))
+        unit[np.arange(keepers.size), np.searchsorted(columns, keepers)] = portion[keepers]
+        rows.append(unit)
+        starts, resting = np.concatenate(rows), np.concatenate((stays, keepers))
+        reaching = np.flatnonzero(starts.any(axis=1))
+        if reaching.size:
+            ends = spsolve(within.T.tocsc(), starts[reaching].T.copy()).reshape(columns.size, reaching.size)
+            of_column, of_row = np.nonzero(ends > SAME_NUMBER**2)
+            places = resting[reaching[of_row]], columns[of_column]
+            kept = kept + sp.csr_array(sp.coo_array((ends[of_column, of_row], places), shape=(count, count)))
+    sums = np.asarray(kept.sum(axis=0)).ravel()
+    inverse = np.divide(1.0, sums, out=np.zeros(count), where=sums > 0.0)
+    return sp.csr_array(kept @ sp.diags_array(inverse))
+
+
+def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array) -> Any:
+    """The shares with those of points that are not all their own mixed with those that took over the rest of them."""
+    rows = np.flatnonzero(portion[nodes] < 1.0)
+    if not rows.size:
+        return shares
+    sizes, given = shares @ seen, sp.lil_array((nodes.size, nodes.size))
+    of_nodes = shares.tocsc()
+    for row in rows:
+        column = of_nodes[:, [nodes[row]]].toarray().ravel()
+        rest = 1.0 - column[row]
+        column[row] = 0.0
+        if rest > SAME_NUMBER:
+            takers = np.flatnonzero((column != 0.0) & (sizes > 0.0))
+            lacking = (1.0 - portion[nodes[row]]) * seen[nodes[row]]
+            given[row, takers] = lacking * column[takers] / rest / sizes[takers]
+    matrix = sp.csr_array(given)
+    matrix = matrix @ sp.diags_array(1.0 / np.maximum(1.0, 2.0 * np.asarray(matrix.sum(axis=0)).ravel()))
+    left = 1.0 - np.asarray(matrix.sum(axis=0)).ravel()
+    return sp.csr_array(matrix @ shares + sp.diags_array(left) @ shares)
+
+
+def _by_rings(side: TestedNodes, tested: Flags, neighbours: Any) -> TakenFunctions:
+    """Equal shares, where no node keeps a portion."""
+    count = side.area.size
+    for least in (KEPT_WEIGHT, 0.0):
+        able = tested & ~side.unable & (side.seen > least * side.area)
+        while able.any():
+            nodes = np.flatnonzero(able)
+            shares: Array = np.zeros((nodes.size, count))
+            shares[np.arange(nodes.size), nodes] = 1.0
+            reached = able.copy()
+            while True:
+                number = neighbours @ reached.astype(np.float64)
+                ring = np.flatnonzero(tested & ~reached & (number > 0.0))
+                if not ring.size:
+                    break
+                shares[:, ring] = (shares * reached) @ neighbours[:, ring] / number[ring]
+                reached[ring] = True
+            empty = shares @ side.seen <= least * side.area[nodes]
+            if not empty.any():
+                means = {
+                    int(node): (np.flatnonzero(shares[:, node]), shares[shares[:, node] != 0.0, node])
+                    for node in np.flatnonzero(~able & shares.any(axis=0))
+                }
+                return TakenFunctions(nodes, sp.csr_array(shares), np.ones(nodes.size), means)
+            able[nodes[empty]] = False
+    return TakenFunctions(np.zeros(0, dtype=np.int64), sp.csr_array((0, count)), np.zeros(0), {})
+
+
+def _spread(facets: Numbers, values: Array, reached: Flags) -> Array:
+    """Values at some nodes, and at others the means of those beside them, ring by ring, shape (N, d)."""
+    neighbours, values, reached = _neighbours(facets, reached.size), values.copy(), reached.copy()
+    while True:
+        number = neighbours @ reached.astype(np.float64)
+        ring = np.flatnonzero(~reached & (number > 0.0))
+        if not ring.size:
+            return values
+        values[ring] = (neighbours @ np.where(reached[:, None], values, 0.0))[ring] / number[ring, None]
+        reached[ring] = True
