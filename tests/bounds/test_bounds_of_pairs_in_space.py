@@ -284,6 +284,19 @@ def test_what_tractions_have_beside_linear_ones(monkeypatch, lifted):
     assert found[0] < 5
 
 
+def test_nodes_that_nearly_meet():
+    """Slivers between the facets of both sides change nothing: the bound is that of facets that match."""
+    down = {"boundary": "up.top", "x": 0.0, "y": 0.0, "z": "-0.01 + 0.005*x[0]"}
+    held = [{"boundary": "low.bottom", "x": 0.0, "y": 0.0, "z": 0.0}, down]
+    scene, bounds = blocks(((2, 2), (2, 2)), more={"displacement": held}), []
+    for apart in (0.0, 1e-7):
+        moved = scene.body[0].model_copy(update={"shift": (apart, apart / 2, 1.0)})
+        case = problem(alone(scene.model_copy(update={"body": (moved, scene.body[1])})))
+        assert (case.contacts[0].refined is None) == (apart == 0.0)
+        bounds.append(case.bound().error)
+    assert bounds[1] == pytest.approx(bounds[0], rel=0.01)
+
+
 def refined_case(**more):
     """Two blocks of other meshes, the lower one wider, turned and shifted."""
     return problem(alone(drawn(64, unmatched=True, degree=1, **more)))
