@@ -1,4 +1,4 @@
-"""A problem of a command file as an input file of Abaqus, which the scene is drafted from.  No dolfinx here."""
+"""A problem of another program's case as an input file of Abaqus, which the scene is drafted from.  No dolfinx here."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.aster.study import MODELS, AsterStudy, Relation, Support, SurfaceLoad, Zone
+from signorini_fx.addons.aster.study import MODELS, CaseStudy, Relation, Support, SurfaceLoad, Zone
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus import faces_of
 from signorini_fx.mechanics.mesh.files.arrays import plain
@@ -37,14 +37,14 @@ _ROW = 12  # numbers in a line
 
 
 class DeckText:
-    """Lines of an input file, and the command that each keyword is from.
+    """Lines of an input file, and the place in the case that each keyword is from.
 
     Attributes:
         lines: of the file.
-        places: number of the line of a keyword -> place in the command file.
+        places: number of the line of a keyword -> place in the case.
     """
 
-    def __init__(self, study: AsterStudy, title: str) -> None:
+    def __init__(self, study: CaseStudy, title: str) -> None:
         self.lines: list[str] = []
         self.places: dict[int, str] = {}
         self._study = study
@@ -141,7 +141,7 @@ class DeckText:
                 written[name] = numbers
                 sections.append((name, origin, properties))
         if any(cells.any() for cells in missing):
-            raise MeshError("cells of the body have no material: AFFE_MATERIAU does not name them")
+            raise MeshError("cells of the body have no material: the case does not name them")
         for name, origin, properties in sections:
             self._add("", f"*ELSET, ELSET={name}", _listed(np.concatenate(written[name])))
             self._add(origin, f"*MATERIAL, NAME={name}")
@@ -222,6 +222,9 @@ class DeckText:
             study.lose(zone.origin, f"zone {zone.number}: this contact is not of the body")
             return
         name = interaction_of(zone)
+        if zone.tied:
+            self._add(zone.origin, f"*TIE, NAME={name}", [f"{slave}, {master}"])
+            return
         self._add(zone.origin, f"*SURFACE INTERACTION, NAME={name}")
         if zone.stiffness is not None:
             self._add(zone.origin, "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", [repr(zone.stiffness)])
@@ -289,11 +292,10 @@ class DeckText:
         for step, time in enumerate(study.instants):
             period = time - previous if time > previous else 1.0
             previous = time
-            self._add("", f"*STEP, NAME={time:.9g}")
+            nonlinear = ", NLGEOM=YES" if study.finite else ""
+            self._add(study.finite, f"*STEP, NAME={time:.9g}{nonlinear}")
             self._add("", "*STATIC", [f"{period!r}, {period!r}"])
-            for name, support in supports:
-                if name:
-                    self._write_support(name, support, step)
+            self._write_supports(supports, step)
             self._write_loads(pressures, tractions, step)
             for force in study.forces:
                 rows = [
@@ -311,6 +313,16 @@ class DeckText:
                 sign = 1.0 if float(vectors[step] @ direction) >= 0 else -1.0
                 self._add(origin, "*DLOAD", [f"everything, GRAV, {sign * size!r}, {', '.join(map(repr, unit))}"])
             self._add("", "*END STEP")
+
+    def _write_supports(self, supports: list[tuple[str, Support]], step: int) -> None:
+        """Those of a step; where some hold in a part of the steps only, each step begins anew."""
+        named = [(name, support) for name, support in supports if name]
+        change = any(value is None for _, support in named for value in support.values)
+        if change:
+            self._add("", "*BOUNDARY, OP=NEW")
+        for name, support in named:
+            if support.values[step] is not None:
+                self._write_support(name, support, step)
 
     def _write_support(self, name: str, support: Support, step: int) -> None:
         value, component = support.values[step], support.component + 1

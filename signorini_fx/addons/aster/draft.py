@@ -1,9 +1,9 @@
-"""The draft of a scene from a command file of code_aster.  No dolfinx here."""
+"""The draft of a scene from a command file of code_aster, or from another case.  No dolfinx here."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from signorini_fx.addons.aster.command_file import CommandFile, read_commands
 from signorini_fx.addons.aster.deck_text import DeckText, interaction_of
 from signorini_fx.addons.aster.problem import read_study, results_of
-from signorini_fx.addons.aster.study import AsterStudy
+from signorini_fx.addons.aster.study import AsterStudy, CaseStudy
 from signorini_fx.addons.aster.values import Concept
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.deck import read_deck
@@ -21,8 +21,19 @@ from signorini_fx.errors import MeshError
 
 
 @dataclass(frozen=True)
-class CommandDraft(Draft):
-    """A scene that was drafted from a command file; the mesh and what acts on it are in an input file beside it.
+class StudyDraft(Draft):
+    """A scene that was drafted from a case; the mesh and what acts on it are in an input file beside it.
+
+    Attributes:
+        study: what was read.
+    """
+
+    study: CaseStudy
+
+
+@dataclass(frozen=True)
+class CommandDraft(StudyDraft):
+    """A scene that was drafted from a command file.
 
     Attributes:
         study: what was read.
@@ -69,9 +80,25 @@ def draft_result(
         MeshError: see ``draft_commands``.
     """
     study = read_study(file, commands, result, wanted)
+    drafted = draft_study(study, file, target, f"{file.stem} {result.name}")
+    return CommandDraft(**{part.name: getattr(drafted, part.name) for part in fields(drafted)} | {"study": study})
+
+
+def draft_study(study: CaseStudy, file: Path, target: Path, title: str) -> StudyDraft:
+    """The scene of a problem that was read from a case.
+
+    Args:
+        study: the problem.
+        file: of the case, which messages name.
+        target: where the scene will be; the input file that it refers to is written beside it.
+        title: of the scene.
+
+    Raises:
+        MeshError: something of the case is not known here, or the input file cannot be written.
+    """
     beside = target.with_suffix(".inp")
     try:
-        deck_text = DeckText(study, f"{file.stem} {result.name}")
+        deck_text = DeckText(study, title)
     except MeshError as error:
         raise MeshError(f"{file}: {error}") from None
     _write(beside, deck_text.text)
@@ -94,7 +121,7 @@ def draft_result(
         raise MeshError(f"{file}: {deck_text.at_commands(str(error)).removeprefix(f'{beside}: ')}") from None
     files = {path: deck_text.at_commands(text) for path, text in drafted.files.items()}
     remarks = {key: list(map(deck_text.at_commands, getattr(drafted, key))) for key in ("lost", "noted")}
-    return CommandDraft(
+    return StudyDraft(
         files[target],
         remarks["lost"],
         remarks["noted"],
@@ -109,7 +136,7 @@ def draft_result(
 _SERENDIPITY_MIDDLE = (-0.25,) * 4 + (0.5,) * 4
 
 
-def _tie_middles(deck: Deck, study: AsterStudy) -> None:
+def _tie_middles(deck: Deck, study: CaseStudy) -> None:
     """Tie nodes in the middle of faces, which cells have here and not in the command file, to the other nodes of faces
     that supports with a value of its own at each node hold: there their displacement is that of the file's elements.
     """

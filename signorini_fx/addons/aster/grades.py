@@ -8,7 +8,7 @@ import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the l
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.addons.aster.study import AsterStudy
+from signorini_fx.addons.aster.study import CaseStudy
 from signorini_fx.addons.decks.draft import Draft
 from signorini_fx.addons.decks.kept_partners import judged_partners
 from signorini_fx.addons.decks.rotations import judged_rotations
@@ -40,10 +40,10 @@ def graded_solution(solution: Solution, draft: Draft | None) -> Solution:
 
 @dataclass(frozen=True)
 class _ContactPromise:
-    """What a command file says of contact that depends on the motion.
+    """What a case says of contact that depends on the motion.
 
     Attributes:
-        follows: the command by which contact follows the surfaces; "": it does not.
+        follows: what says that contact follows the surfaces; "": it does not.
         length: of the shortest surface.
         curvature: the largest one of a surface, 1 / length.
         stays: commands by which contact does not open again.
@@ -55,8 +55,8 @@ class _ContactPromise:
     stays: tuple[str, ...]
 
     @classmethod
-    def of(cls, study: AsterStudy | None) -> _ContactPromise | None:
-        """That of a command file; None: it has no contact of that kind."""
+    def of(cls, study: CaseStudy | None) -> _ContactPromise | None:
+        """That of a case; None: it has no contact of that kind."""
         if study is None or not study.zones or not (study.follows or study.stays):
             return None
         sides = [marks for zone in study.zones for marks in (zone.slave, zone.master)]
@@ -77,7 +77,7 @@ def _slips_too_far(solution: Solution, promise: _ContactPromise) -> list[str]:
         size = max(size, parallel.global_max(moment.comm, float(np.abs(moment.displacement.x.array).max(initial=0.0))))
         slip = max(slip, _largest_slip(moment))
     away = promise.curvature * slip**2 / 2
-    message = f"{promise.follows}: REAC_GEOM: contact does not follow surfaces that slide by {slip:.2g}"
+    message = f"{promise.follows}: contact does not follow surfaces that slide by {slip:.2g}"
     if slip > LINEAR_IN_DECK * promise.length:
         return [f"{message}, {100 * slip / promise.length:.2g} % of their length"]
     if size and away > LINEAR_IN_DECK * size:

@@ -64,7 +64,7 @@ def _read(file: Path, commands: CommandFile, result: Concept, wanted: Sequence[f
     mesh_concept = model.concept(model.get("MAILLAGE"), "MAILLAGE")
     mesh = _mesh(file, commands, mesh_concept, solve)
     kind, body = _model(mesh, model)
-    study = AsterStudy(mesh, kind, body, result)
+    study = AsterStudy(mesh, kind, body, result=result)
     for line, why in commands.unread:
         if "in it: no command" not in why:
             study.lose(f"line {line}", why)

@@ -1,7 +1,11 @@
-"""A problem of a command file: mesh, materials, supports and loads at each instant, and contact.  No dolfinx here."""
+"""A problem of another program's case: mesh, materials, supports and loads at each instant, and contact.
+
+No dolfinx here.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,13 +26,13 @@ class Support:
     Attributes:
         nodes: of the mesh.
         component: 0 to 2.
-        values: at each instant one for all nodes, or one for each.
+        values: at each instant one for all nodes, or one for each; None: nothing holds them then.
         origin: of the command.
     """
 
     nodes: Ints
     component: int
-    values: list[float | Floats]
+    values: Sequence[float | Floats | None]
     origin: str
 
 
@@ -111,6 +115,7 @@ class Zone:
         vector: whether LAGS_C is a component of a multiplier, and not the contact pressure.
         apart: nodes of the slave surface without contact.
         smooth: those without friction.
+        tied: whether both surfaces are bonded, and do not slide or open.
     """
 
     slave: list[Any]
@@ -123,6 +128,7 @@ class Zone:
     vector: bool
     apart: Ints
     smooth: Ints
+    tied: bool = False
 
     def without(self, nodes: Ints, *, rubbing: bool) -> Zone:
         """The zone with further nodes that have no contact, or if ``rubbing`` no friction."""
@@ -132,27 +138,26 @@ class Zone:
 
 
 @dataclass
-class AsterStudy:
-    """A problem of a command file.
+class CaseStudy:
+    """A problem of a case.
 
     Attributes:
         mesh: with its groups.
         model: one of ``MODELS``.
         body: block by block whether an element belongs to the body.
-        result: what is solved.
         instants: those that are solved, without the first one, which is the beginning.
         lost: what changes the answer, with its place.
         noted: what does not.
-        follows: the command by which contact follows the surfaces as they move; "": it does not.
-        formulations: how code_aster solves its contact, in words.
+        follows: what says that contact follows the surfaces as they move; "": it does not.
+        formulations: how the other program solves its contact, in words.
         excluded: what says that nodes of slave surfaces have no contact or friction.
         stays: zones whose contact does not open again, with their command.
+        finite: what says that strains and rotations may be large; "": they are small.
     """
 
     mesh: GroupedMesh
     model: str
     body: list[Any]
-    result: Concept
     instants: list[float] = field(default_factory=list)
     materials: list[tuple[list[Any], dict[str, float], str]] = field(default_factory=list)
     supports: list[Support] = field(default_factory=list)
@@ -168,6 +173,7 @@ class AsterStudy:
     formulations: list[str] = field(default_factory=list)
     excluded: list[ExcludedNodes] = field(default_factory=list)
     stays: list[str] = field(default_factory=list)
+    finite: str = ""
 
     @property
     def dim(self) -> int:
@@ -187,7 +193,7 @@ class AsterStudy:
 
     @property
     def circumference(self) -> float:
-        """Of the forces of the whole ring those that the command file states: per radian of a body of revolution."""
+        """Of the forces of the whole ring those that the case states: per radian of a body of revolution."""
         return 2 * np.pi if self.model == "AXIS" else 1.0
 
     def lose(self, origin: str, why: str) -> None:
@@ -205,6 +211,17 @@ class AsterStudy:
         """
         parts = [self.mesh.corners_of_cells(zone.slave) for zone in self.zones if not zone.vector]
         return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *parts]))
+
+
+@dataclass
+class AsterStudy(CaseStudy):
+    """A problem of a command file.
+
+    Attributes:
+        result: what is solved.
+    """
+
+    result: Concept = field(kw_only=True)
 
 
 def add_once(remarks: list[str], remark: str) -> None:

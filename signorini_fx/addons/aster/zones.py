@@ -82,7 +82,7 @@ def read_contact(study: AsterStudy, solve: AsterCommand, value: Any) -> None:
         study.lose(command.origin, f"FORMULATION={formulation!r}: this contact is not in the scene")
         return
     if command.get("REAC_GEOM", "AUTOMATIQUE") != "SANS":
-        study.follows = command.origin
+        study.follows = f"{command.origin}: REAC_GEOM"
     rubs = command.choice(command.keywords, "FROTTEMENT", ("SANS", "COULOMB")) == "COULOMB"
     if not command.factors("ZONE"):
         raise CommandError(command.origin, "ZONE: _F(...) is expected")
