@@ -9,13 +9,15 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 from signorini_fx.addons.aster.command_file import read_commands
+from signorini_fx.addons.cases.kratos import other_solver
 from signorini_fx.addons.gauntlet.aster_kinds import other_kind
 from signorini_fx.addons.gauntlet.outcomes import CRASHED, OTHER_KIND, SLOW, Gauntlet, GauntletCase, commit_of
-from signorini_fx.addons.gauntlet.sources import ASTER, cases_of, program_of
+from signorini_fx.addons.gauntlet.sources import ASTER, KRATOS, cases_of, name_of, program_of
 from signorini_fx.errors import MeshError
 
 _WORKER = "signorini_fx.addons.gauntlet.worker"
@@ -34,8 +36,8 @@ def gauntlet(
     """Run the cases of other programs that are in some folders.
 
     Args:
-        folders: with input files of CalculiX beside their printed results, NAME.dat.ref or NAME.frd.ref, or with
-            command files of code_aster, in which their values are.
+        folders: with input files of CalculiX beside their printed results, NAME.dat.ref or NAME.frd.ref, with command
+            files of code_aster, in which their values are, or with parameters of Kratos and the values they check.
         seconds: that each case has; one that takes longer is a row that says so.
         only: patterns of names, such as ``contact*``; none: all.
         jobs: how many run at a time.
@@ -52,8 +54,8 @@ def gauntlet(
         files = [file for file in cases_of(folder) if not only or any(fnmatch.fnmatch(file.stem, p) for p in only)]
         if not files:
             raise MeshError(
-                f"{folder}: has no NAME.inp with contact and NAME.dat.ref or NAME.frd.ref beside it, and no NAME.comm "
-                "with contact and tests"
+                f"{folder}: has no NAME.inp with contact and NAME.dat.ref or NAME.frd.ref beside it, no NAME.comm with "
+                "contact and tests, and no NAME_parameters.json with contact and values to check"
             )
         with ThreadPoolExecutor(jobs) as pool:
             for case in pool.map(lambda file: run_case(file, seconds), files):
@@ -76,7 +78,7 @@ def run_case(file: Path, seconds: float) -> GauntletCase:
         except subprocess.TimeoutExpired:
             ended = None
         took = time.perf_counter() - begun
-        crashed = GauntletCase(file.stem, program_of(file), CRASHED)
+        crashed = GauntletCase(name_of(file), program_of(file), CRASHED)
         case = GauntletCase.read(written) if written.exists() else crashed
         if ended is None:
             if case.quantities:  # it is compared, and differences were being explained
@@ -89,11 +91,11 @@ def run_case(file: Path, seconds: float) -> GauntletCase:
 
 
 def _of_another_kind(file: Path) -> GauntletCase | None:
-    """A case of code_aster that is no statics of elastic bodies; None: it is, or cannot be read."""
-    if program_of(file) != ASTER:
-        return None
-    try:
-        why = other_kind(read_commands(file))
-    except MeshError:
-        return None
-    return GauntletCase(file.stem, ASTER, OTHER_KIND, why) if why else None
+    """A case that is no statics of elastic bodies; None: it is, or cannot be read."""
+    program, why = program_of(file), ""
+    with suppress(MeshError):
+        if program == ASTER:
+            why = other_kind(read_commands(file))
+        elif program == KRATOS:
+            why = other_solver(file)
+    return GauntletCase(name_of(file), program, OTHER_KIND, why) if why else None

@@ -8,10 +8,12 @@ from pathlib import Path
 
 PROGRAM = "CalculiX"
 ASTER = "code_aster"
+KRATOS = "Kratos"
 COMMANDS = ".comm"
+PARAMETERS = "_parameters.json"
 PRINTED = (".dat.ref", ".frd.ref")
 _CONTACT = re.compile(r"^\*\s*(CONTACT\s*PAIR|TIE)\b", re.IGNORECASE | re.MULTILINE)
-
+_CONTACT_PROCESS = re.compile(r'"[\w.]*(contact|mesh_tying)_process"')
 _ZONES = re.compile(r"^[^#\n]*\bDEFI_CONT(?:ACT)?\s*\(", re.MULTILINE)
 
 
@@ -19,11 +21,21 @@ def cases_of(folder: Path) -> Iterator[Path]:
     """All cases of a folder, or below."""
     yield from decks_of(folder)
     yield from command_files_of(folder)
+    yield from parameters_of(folder)
 
 
 def program_of(file: Path) -> str:
     """Whose case a file is."""
+    if file.suffix.lower() == ".json":
+        return KRATOS
     return ASTER if file.suffix.lower() == COMMANDS else PROGRAM
+
+
+def name_of(file: Path) -> str:
+    """The name of a case; of Kratos, whose folders have the same names in them, with the folder."""
+    if program_of(file) == KRATOS:
+        return f"{file.parent.name}/{file.name.removesuffix(PARAMETERS).removesuffix('.json')}"
+    return file.stem
 
 
 def decks_of(folder: Path) -> Iterator[Path]:
@@ -40,3 +52,12 @@ def command_files_of(folder: Path) -> Iterator[Path]:
         text = file.read_text(encoding="utf-8", errors="replace")
         if _ZONES.search(text) and "TEST_" in text:
             yield file
+
+
+def parameters_of(folder: Path) -> Iterator[Path]:
+    """The parameters of Kratos in a folder, or below, with contact and values that Kratos has computed."""
+    for pattern in (f"*{PARAMETERS}", "ProjectParameters*.json"):
+        for file in sorted(folder.rglob(pattern)):
+            text = file.read_text(encoding="utf-8", errors="replace")
+            if _CONTACT_PROCESS.search(text) and "from_json_check_result_process" in text:
+                yield file

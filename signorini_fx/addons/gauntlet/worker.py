@@ -7,8 +7,9 @@ from pathlib import Path
 
 from signorini_fx.addons.gauntlet.aster import CommandRun
 from signorini_fx.addons.gauntlet.calculix import DeckRun
+from signorini_fx.addons.gauntlet.kratos import KratosRun
 from signorini_fx.addons.gauntlet.outcomes import GauntletCase
-from signorini_fx.addons.gauntlet.sources import ASTER, program_of
+from signorini_fx.addons.gauntlet.sources import ASTER, KRATOS, program_of
 
 
 def main(case: Path, folder: Path, file: Path) -> None:
@@ -17,8 +18,8 @@ def main(case: Path, folder: Path, file: Path) -> None:
     def tell(outcome: GauntletCase) -> None:
         outcome.write(file)
 
-    kind = CommandRun if program_of(case) == ASTER else DeckRun
-    tell(kind(case, folder, tell).outcome())
+    kinds = {ASTER: CommandRun, KRATOS: KratosRun}
+    tell(kinds.get(program_of(case), DeckRun)(case, folder, tell).outcome())
 
 
 if __name__ == "__main__":

@@ -1,0 +1,121 @@
+"""The boundary of a body of elements: its facets, which of them are meant by nodes or facets of a file, and where the
+body is.  No dolfinx here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+
+_CORNERS = {"l": 2, "t": 3, "q": 4}
+
+
+class BodyFacets:
+    """Elements of a body and the facets of its boundary, each facet as an element of its own.
+
+    Attributes:
+        mesh: blocks of elements, then blocks of facets.
+        cells: of the blocks how many are of elements.
+    """
+
+    def __init__(self, points: Floats, blocks: Sequence[tuple[str, Ints]]) -> None:
+        self.cells = len(blocks)
+        facets: dict[str, list[tuple[int, int, Ints]]] = {}
+        for block, (kind, nodes) in enumerate(blocks):
+            for number, places in enumerate(CELLS[kind].facet_nodes):
+                facets.setdefault(CELLS[kind].facet, []).append((block, number, nodes[:, list(places)]))
+        outer: list[tuple[str, Ints]] = []
+        inwards: list[Floats] = []
+        for kind, parts in facets.items():
+            rows = np.concatenate([nodes for _, _, nodes in parts])
+            middles = np.concatenate([points[blocks[block][1]].mean(axis=1) for block, _, _ in parts])
+            keys = row_keys(rows[:, : _CORNERS[kind[0]]])
+            alone = np.bincount(keys)[keys] == 1
+            outer.append((kind, rows[alone]))
+            inwards.append(middles[alone])
+        self.mesh = RawMesh(points, [*blocks, *outer])
+        self._middles = inwards
+        self._parts = self._connected(blocks, len(points))
+
+    @staticmethod
+    def _connected(blocks: Sequence[tuple[str, Ints]], count: int) -> Ints:
+        pairs = [(nodes[:, [0]].repeat(nodes.shape[1], axis=1).ravel(), nodes.ravel()) for _, nodes in blocks]
+        i, j = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+        graph = coo_array((np.ones(len(i)), (i, j)), shape=(count, count))
+        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+    def nothing(self) -> list[Any]:
+        """Of each block no element."""
+        return [np.zeros(len(nodes), dtype=bool) for _, nodes in self.mesh.blocks]
+
+    def within(self, nodes: Ints) -> list[Any]:
+        """The facets all of whose corners are among some nodes."""
+        marks = self.nothing()
+        for k, (kind, rows) in self._outer():
+            marks[k] = np.isin(rows[:, : _CORNERS[kind[0]]], nodes).all(axis=1)
+        return marks
+
+    def matching(self, wanted: Ints) -> tuple[list[Any], int]:
+        """The facets that have the same corners as some others, and how many of these are none."""
+        marks, missing = self.nothing(), len(wanted)
+        for k, (kind, rows) in self._outer():
+            if wanted.shape[1] != _CORNERS[kind[0]] or not len(wanted):
+                continue
+            at = rows_of(wanted, rows[:, : wanted.shape[1]])
+            marks[k][at[at >= 0]] = True
+            missing -= int((at >= 0).sum())
+        return marks, missing
+
+    def outward(self, wanted: Ints) -> Floats:
+        """Whether the normals of facets, by the order of their corners, point out of the body: 1.0, or -1.0; 0.0 of
+        what is no facet of the boundary.  The normal of a side from a to b is that to its right.
+        """
+        signs = np.zeros(len(wanted))
+        points = self.mesh.points
+        for (k, (kind, rows)), middles in zip(self._outer(), self._middles, strict=True):
+            if wanted.shape[1] != _CORNERS[kind[0]] or not len(wanted):
+                continue
+            at = rows_of(wanted, rows[:, : wanted.shape[1]])
+            here = np.flatnonzero(at >= 0)
+            x = points[wanted[here]]
+            if wanted.shape[1] == 2:
+                along = x[:, 1] - x[:, 0]
+                normals = np.column_stack((along[:, 1], -along[:, 0], 0.0 * along[:, 0]))
+            else:
+                normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+            away = x.mean(axis=1) - middles[at[here]]
+            signs[here] = np.sign(np.einsum("ij,ij->i", normals, away))
+        return signs
+
+    def halves(self, marks: list[Any]) -> tuple[list[Any], list[Any]]:
+        """Facets on the connected part of the body that has the first one of them, and those on all others."""
+        parts = [self._parts[rows[:, 0]] for _, rows in self.mesh.blocks]
+        first = next((part[mark][0] for part, mark in zip(parts, marks, strict=True) if mark.any()), -1)
+        pairs = list(zip(parts, marks, strict=True))
+        return [mark & (part == first) for part, mark in pairs], [mark & (part != first) for part, mark in pairs]
+
+    def _outer(self) -> list[tuple[int, tuple[str, Ints]]]:
+        return list(enumerate(self.mesh.blocks))[self.cells :]
+
+
+def either(*several: list[Any]) -> list[Any]:
+    """The elements of several choices, block by block."""
+    return [np.logical_or.reduce(marks) for marks in zip(*several, strict=True)]
+
+
+def without(marks: list[Any], others: list[Any]) -> list[Any]:
+    """The elements of one choice that are not in another one, block by block."""
+    return [mark & ~other for mark, other in zip(marks, others, strict=True)]
+
+
+def some(marks: list[Any]) -> bool:
+    """Whether there is any element in a choice."""
+    return any(bool(mark.any()) for mark in marks)

@@ -1,0 +1,131 @@
+"""A case of Kratos beside the values that Kratos has computed: the scene that it becomes, solved, and compared."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+import numpy as np
+
+from signorini_fx.addons.aster.draft import StudyDraft, draft_study
+from signorini_fx.addons.cases.kratos import SAME_TIME, KratosStudy, read_kratos, times_of
+from signorini_fx.addons.decks.node_results import at_nodes
+from signorini_fx.addons.gauntlet.case_values import DISPLACEMENT, PRESSURE, WantedValue, with_values
+from signorini_fx.addons.gauntlet.outcomes import LOST, REFUSED, WHOLE, GauntletCase, in_short
+from signorini_fx.addons.gauntlet.solved_drafts import solved_draft, without_folders
+from signorini_fx.addons.gauntlet.sources import KRATOS, name_of
+from signorini_fx.errors import MeshError, SignoriniError
+from signorini_fx.results.solution import Solution
+from signorini_fx.scenes.scene import Scene
+
+# Of the variables that Kratos writes the quantity, the component, and the sign that makes it ours.
+_VARIABLES = {
+    **{f"DISPLACEMENT_{axis}": (DISPLACEMENT, k, 1.0) for k, axis in enumerate("XYZ")},
+    "AUGMENTED_NORMAL_CONTACT_PRESSURE": (PRESSURE, 0, -1.0),
+}
+
+
+@dataclass
+class KratosRun:
+    """A case that runs.
+
+    Attributes:
+        file: the parameters.
+        out: a folder for what it writes.
+        tell: is called with what is known so far.
+    """
+
+    file: Path
+    out: Path
+    tell: Callable[[GauntletCase], None]
+
+    def outcome(self) -> GauntletCase:
+        """Run it, and say what it has come to."""
+        case = GauntletCase(name_of(self.file), KRATOS, REFUSED)
+        target = self.out / f"{self.file.stem}.toml"
+        try:
+            study = read_kratos(self.file)
+            drafted = draft_study(study, self.file, target, self.file.stem)
+        except SignoriniError as error:
+            return replace(case, why=self._without_folder(str(error)))
+        solved = solved_draft(case, drafted, target, self._without_folder)
+        if isinstance(solved, GauntletCase):
+            return solved
+        scene, solution, lost = solved
+        case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
+        self.tell(case)
+        try:
+            return self._compared(case, study, drafted, scene, solution)
+        except MeshError as error:
+            return replace(case, state=REFUSED, why=in_short([self._without_folder(str(error)), *lost]))
+
+    def _compared(
+        self, case: GauntletCase, study: KratosStudy, drafted: StudyDraft, scene: Scene, solution: Solution
+    ) -> GauntletCase:
+        deck = drafted.deck
+        moments = [moment for moment in at_nodes(solution, deck) if moment is not None]
+        if not moments:
+            return replace(case, why=in_short([*filter(None, [case.why]), "our solution has other nodes"]))
+        if len(moments) == 1:
+            moments *= len(study.instants)
+        wanted, further = wanted_values(study)
+        case = with_values(case, wanted, moments, (scene, deck, solution), study.formulations)
+        if case.quantities:
+            return case
+        message = f"{further} values, all of something else than both have" if further else "Kratos' file has no value"
+        return replace(case, why=in_short([*filter(None, [case.why]), message]))
+
+    def _without_folder(self, text: str) -> str:
+        return without_folders(text, self.file.parent, self.file.parent.parent, self.out)
+
+
+def wanted_values(study: KratosStudy) -> tuple[list[WantedValue], int]:
+    """What Kratos has computed that we have too, and how many values are of something else.
+
+    Raises:
+        MeshError: a file of values is not as it should be.
+    """
+    collected, further = [], 0
+    rows = {int(number): row + 1 for row, number in enumerate(study.numbers)}
+    steps = np.diff([0.0, *study.instants])
+    near = SAME_TIME * float(steps.min())
+    for path, variables in study.checks:
+        times = times_of(path)
+        instants = [
+            next((n for n, instant in enumerate(study.instants) if abs(instant - time) <= near), None)
+            for time in times
+        ]
+        for label, name, series in _series(path, variables):
+            if len(series) != len(times):
+                raise MeshError(f"{path}: line 1: {label}, {name}: one number for each TIME is expected")
+            if name not in _VARIABLES or int(label) not in rows:
+                further += len(series)
+                continue
+            quantity, component, sign = _VARIABLES[name]
+            for value, instant in zip(series, instants, strict=True):
+                if instant is not None:
+                    collected.append(
+                        WantedValue(quantity, component, rows[int(label)], label, instant, sign * float(value))
+                    )
+    return collected, further
+
+
+def _series(path: Path, variables: tuple[str, ...]) -> Iterator[tuple[str, str, list[Any]]]:
+    """Number of a node, name of a variable and its values in time."""
+    entries = json.loads(path.read_text(encoding="utf-8"))
+    for key, of_node in entries.items():
+        label = key.removeprefix("NODE_")
+        if not isinstance(of_node, dict) or not label.isdigit():
+            continue
+        for name, series in of_node.items():
+            if name not in variables and name.rpartition("_")[0] not in variables:
+                continue
+            if not isinstance(series, list) or not all(
+                isinstance(v, int | float) and not isinstance(v, bool) for v in series
+            ):
+                raise MeshError(f"{path}: line 1: {key}, {name}: a list of numbers is expected")
+            yield label, name, series
