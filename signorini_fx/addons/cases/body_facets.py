@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 _CORNERS = {"l": 2, "t": 3, "q": 4}
 
@@ -86,14 +87,26 @@ class BodyFacets:
             at = rows_of(wanted, rows[:, : wanted.shape[1]])
             here = np.flatnonzero(at >= 0)
             x = points[wanted[here]]
-            if wanted.shape[1] == 2:
-                along = x[:, 1] - x[:, 0]
-                normals = np.column_stack((along[:, 1], -along[:, 0], 0.0 * along[:, 0]))
-            else:
-                normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
             away = x.mean(axis=1) - middles[at[here]]
-            signs[here] = np.sign(np.einsum("ij,ij->i", normals, away))
+            signs[here] = np.sign(np.einsum("ij,ij->i", _normals(x, kind), away))
         return signs
+
+    def leans(self, marks: list[Any], component: int) -> bool:
+        """Whether a facet of a choice has a normal with a component."""
+        for k, (kind, rows) in self._outer():
+            normals = _normals(self.mesh.points[rows[marks[k]]], kind)
+            sizes = np.linalg.norm(normals, axis=1)
+            if (np.abs(normals[:, component]) > DIGITS_OF_FILES * sizes).any():
+                return True
+        return False
+
+    def filled(self, marks: list[Any], nodes: Ints) -> Ints:
+        """Of some nodes those of facets of a choice that have no others."""
+        collected = [np.empty(0, np.int64)]
+        for k, (_, rows) in self._outer():
+            chosen = rows[marks[k]]
+            collected.append(chosen[np.isin(chosen, nodes).all(axis=1)].ravel())
+        return np.unique(np.concatenate(collected))
 
     def halves(self, marks: list[Any]) -> tuple[list[Any], list[Any]]:
         """Facets on the connected part of the body that has the first one of them, and those on all others."""
@@ -104,6 +117,16 @@ class BodyFacets:
 
     def _outer(self) -> list[tuple[int, tuple[str, Ints]]]:
         return list(enumerate(self.mesh.blocks))[self.cells :]
+
+
+def _normals(x: Floats, kind: str) -> Floats:
+    """Normals of facets of a kind, of any length, by the positions of their nodes, corners first, shape (facets, nodes,
+    3).
+    """
+    along = x[:, 1] - x[:, 0]
+    if kind[0] == "l":
+        return np.column_stack((along[:, 1], -along[:, 0], 0.0 * along[:, 0]))
+    return np.asarray(np.cross(along, x[:, 2] - x[:, 0]))
 
 
 def either(*several: list[Any]) -> list[Any]:

@@ -359,9 +359,17 @@ class _Reader:
         rows = self._nodes_of(parameters, "model_part_name", [parameters.text("model_part_name")])
         used = np.unique(np.concatenate([nodes.ravel() for _, nodes, _ in self._blocks]))
         if not np.isin(used, rows).all():
-            supported = course.held_everywhere()
-            if not np.isin(np.setdiff1d(used, rows), supported).all():
-                study.lose(origin, "weight of a part of the body: it is that of all here")
+            heavy = self._facets.nothing()
+            for mark, (_, nodes, _) in zip(heavy, self._blocks, strict=False):
+                mark[:] = np.isin(nodes, rows).all(axis=1)
+            if not all(np.isin(nodes[~mark], rows).sum() == 0 for mark, (_, nodes, _) in zip(heavy, self._blocks)):
+                study.lose(origin, "weight of nodes within a body: that of whole elements is taken")
+            study.materials = [
+                (part, properties if number == 0 else properties | {"density": 0.0}, place)
+                for marks, properties, place in study.materials
+                for number, part in enumerate(([a & b for a, b in zip(marks, heavy)], without(marks, heavy)))
+                if some(part)
+            ]
         for component, value in self._entries(parameters, axis):
             if value is not None:
                 course.load(parameters, origin, ("WEIGHT", ""), component, value, _interval(parameters))
@@ -383,8 +391,20 @@ class _Reader:
                 study.relations.append(Relation(((int(row), k, 1.0), (master, k, -factor)), origin))
 
     def _say_supports(self, study: KratosStudy, course: Course) -> None:
-        for component, rows, values, origin in course.supports():
-            study.supports.append(Support(rows, component, values, origin))
+        """Supports; those of whole facets that may touch are links, as a scene has one of the two on a facet."""
+        pairs = [either(zone.slave, zone.master) for zone in study.zones if not zone.tied]
+        supports = list(course.supports())
+        for component in range(study.dim):
+            of_component = [(rows, values, origin) for k, rows, values, origin in supports if k == component]
+            still = [rows for rows, values, _ in of_component if all(isinstance(v, float) and v == 0 for v in values)]
+            touching = [pair for pair in pairs if self._facets.leans(pair, component)]
+            nodes = np.concatenate([np.empty(0, np.int64), *still])
+            crossed = self._facets.filled(either(self._facets.nothing(), *touching), nodes)
+            for rows, values, origin in of_component:
+                linked = np.intersect1d(rows, crossed)
+                study.relations += [Relation(((node, component, 1.0),), origin) for node in linked.tolist()]
+                if (rows := np.setdiff1d(rows, linked)).size:
+                    study.supports.append(Support(rows, component, values, origin))
 
     def _say_loads(self, study: KratosStudy, course: Course) -> None:
         for (base, name), values, origin in course.loads():
@@ -416,7 +436,9 @@ class _Reader:
             study.lose(origin, f"{int((signs == 0).sum())} conditions are on no side of the body")
         for sign in (1.0, -1.0):
             marks, _ = self._facets.matching(corners[signs == sign])
-            pressure = sign * (values[:, 0] - values[:, 2]) / self._thickness
+            # In the plane a positive face pressure pulls where in space it pushes.
+            pushes = sign if study.dim == 3 else -sign
+            pressure = pushes * (values[:, 0] - values[:, 2]) / self._thickness
             if some(marks):
                 study.pressures.append(SurfaceLoad(marks, pressure[:, None], origin))
 

@@ -22,10 +22,10 @@ from signorini_fx.errors import MeshError, SignoriniError
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.scene import Scene
 
-# Of the variables that Kratos writes the quantity, the component, and the sign that makes it ours.
+# Of the variables that Kratos writes the quantity and the component.
 _VARIABLES = {
-    **{f"DISPLACEMENT_{axis}": (DISPLACEMENT, k, 1.0) for k, axis in enumerate("XYZ")},
-    "AUGMENTED_NORMAL_CONTACT_PRESSURE": (PRESSURE, 0, -1.0),
+    **{f"DISPLACEMENT_{axis}": (DISPLACEMENT, k) for k, axis in enumerate("XYZ")},
+    "AUGMENTED_NORMAL_CONTACT_PRESSURE": (PRESSURE, 0),
 }
 
 
@@ -105,12 +105,12 @@ def wanted_values(study: KratosStudy) -> tuple[list[WantedValue], int]:
             if name not in _VARIABLES or int(label) not in rows:
                 further += len(series)
                 continue
-            quantity, component, sign = _VARIABLES[name]
+            quantity, component = _VARIABLES[name]
             for value, instant in zip(series, instants, strict=True):
+                # The augmented pressure is negative where bodies touch, and positive where they are apart.
+                theirs = max(0.0, -float(value)) if quantity == PRESSURE else float(value)
                 if instant is not None:
-                    collected.append(
-                        WantedValue(quantity, component, rows[int(label)], label, instant, sign * float(value))
-                    )
+                    collected.append(WantedValue(quantity, component, rows[int(label)], label, instant, theirs))
     return collected, further
 
 
