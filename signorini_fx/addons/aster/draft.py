@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -26,9 +26,11 @@ class StudyDraft(Draft):
 
     Attributes:
         study: what was read.
+        at_case: makes messages about lines of the input file such of the case.
     """
 
     study: CaseStudy
+    at_case: Callable[[str], str]
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,7 @@ def draft_study(study: CaseStudy, file: Path, target: Path, title: str) -> Study
         files,
         {table: deck_text.at_commands(origin) for table, origin in drafted.origins.items()},
         study,
+        deck_text.at_commands,
     )
 
 

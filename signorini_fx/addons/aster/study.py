@@ -207,9 +207,9 @@ class CaseStudy:
     @property
     def slave_corners(self) -> Ints:
         """The corners of all elements of slave surfaces: those nodes have a contact pressure, between which it is
-        linear; none of zones whose pressure has another name.
+        linear; none of zones whose pressure has another name, and of bonds.
         """
-        parts = [self.mesh.corners_of_cells(zone.slave) for zone in self.zones if not zone.vector]
+        parts = [self.mesh.corners_of_cells(zone.slave) for zone in self.zones if not (zone.vector or zone.tied)]
         return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *parts]))
 
 

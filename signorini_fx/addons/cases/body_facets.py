@@ -11,12 +11,20 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from signorini_fx.mechanics.mesh.files.abaqus import faces_of
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import DIGITS_OF_FILES
 
 _CORNERS = {"l": 2, "t": 3, "q": 4}
+
+
+def _facets_of(kind: str) -> list[tuple[str, tuple[int, ...]]]:
+    """The facets of a kind of element, each with its kind and its nodes; of a wedge, which has two kinds of them."""
+    if kind in CELLS:
+        return [(CELLS[kind].facet, places) for places in CELLS[kind].facet_nodes]
+    return [({3: "triangle", 4: "quad"}[len(places)], places) for places in faces_of(kind)]
 
 
 class BodyFacets:
@@ -29,15 +37,15 @@ class BodyFacets:
 
     def __init__(self, points: Floats, blocks: Sequence[tuple[str, Ints]]) -> None:
         self.cells = len(blocks)
-        facets: dict[str, list[tuple[int, int, Ints]]] = {}
+        facets: dict[str, list[tuple[int, Ints]]] = {}
         for block, (kind, nodes) in enumerate(blocks):
-            for number, places in enumerate(CELLS[kind].facet_nodes):
-                facets.setdefault(CELLS[kind].facet, []).append((block, number, nodes[:, list(places)]))
+            for facet, places in _facets_of(kind):
+                facets.setdefault(facet, []).append((block, nodes[:, list(places)]))
         outer: list[tuple[str, Ints]] = []
         inwards: list[Floats] = []
         for kind, parts in facets.items():
-            rows = np.concatenate([nodes for _, _, nodes in parts])
-            middles = np.concatenate([points[blocks[block][1]].mean(axis=1) for block, _, _ in parts])
+            rows = np.concatenate([nodes for _, nodes in parts])
+            middles = np.concatenate([points[blocks[block][1]].mean(axis=1) for block, _ in parts])
             keys = row_keys(rows[:, : _CORNERS[kind[0]]])
             alone = np.bincount(keys)[keys] == 1
             outer.append((kind, rows[alone]))

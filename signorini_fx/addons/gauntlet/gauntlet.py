@@ -14,10 +14,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from signorini_fx.addons.aster.command_file import read_commands
+from signorini_fx.addons.cases.frontistr import other_solution
 from signorini_fx.addons.cases.kratos import other_solver
 from signorini_fx.addons.gauntlet.aster_kinds import other_kind
 from signorini_fx.addons.gauntlet.outcomes import CRASHED, OTHER_KIND, SLOW, Gauntlet, GauntletCase, commit_of
-from signorini_fx.addons.gauntlet.sources import ASTER, KRATOS, cases_of, name_of, program_of
+from signorini_fx.addons.gauntlet.sources import ASTER, FRONTISTR, KRATOS, cases_of, name_of, program_of
 from signorini_fx.errors import MeshError
 
 _WORKER = "signorini_fx.addons.gauntlet.worker"
@@ -37,7 +38,8 @@ def gauntlet(
 
     Args:
         folders: with input files of CalculiX beside their printed results, NAME.dat.ref or NAME.frd.ref, with command
-            files of code_aster, in which their values are, or with parameters of Kratos and the values they check.
+            files of code_aster, in which their values are, with parameters of Kratos and the values they check, or with
+            control files of FrontISTR and its results.
         seconds: that each case has; one that takes longer is a row that says so.
         only: patterns of names, such as ``contact*``; none: all.
         jobs: how many run at a time.
@@ -55,7 +57,8 @@ def gauntlet(
         if not files:
             raise MeshError(
                 f"{folder}: has no NAME.inp with contact and NAME.dat.ref or NAME.frd.ref beside it, no NAME.comm with "
-                "contact and tests, and no NAME_parameters.json with contact and values to check"
+                "contact and tests, no NAME_parameters.json with contact and values to check, and no NAME.cnt with "
+                "contact and NAME.msh and results beside it"
             )
         with ThreadPoolExecutor(jobs) as pool:
             for case in pool.map(lambda file: run_case(file, seconds), files):
@@ -98,4 +101,6 @@ def _of_another_kind(file: Path) -> GauntletCase | None:
             why = other_kind(read_commands(file))
         elif program == KRATOS:
             why = other_solver(file)
+        elif program == FRONTISTR:
+            why = other_solution(file)
     return GauntletCase(name_of(file), program, OTHER_KIND, why) if why else None

@@ -9,6 +9,7 @@ from pathlib import Path
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 from mpi4py import MPI
 
+from signorini_fx.addons.aster.draft import StudyDraft
 from signorini_fx.addons.aster.grades import graded_solution
 from signorini_fx.addons.decks.draft import Draft, finite_draft
 from signorini_fx.addons.decks.rotations import lacks_finite_strains
@@ -63,7 +64,9 @@ def _solved(
     if not solution.converged:
         return replace(case, state=UNSOLVED, why=in_short([solution.status.value, *lost]))
     graded = graded_solution(solution, drafted)
-    return scene, graded, [*lost, *graded.statement.incomplete[len(solution.statement.incomplete) :]]
+    further = graded.statement.incomplete[len(solution.statement.incomplete) :]
+    at_case = drafted.at_case if isinstance(drafted, StudyDraft) else str
+    return scene, graded, [*lost, *map(at_case, further)]
 
 
 def without_folders(text: str, *folders: Path) -> str:

@@ -9,10 +9,13 @@ from pathlib import Path
 PROGRAM = "CalculiX"
 ASTER = "code_aster"
 KRATOS = "Kratos"
+FRONTISTR = "FrontISTR"
 COMMANDS = ".comm"
 PARAMETERS = "_parameters.json"
+CONTROL = ".cnt"
 PRINTED = (".dat.ref", ".frd.ref")
 _CONTACT = re.compile(r"^\*\s*(CONTACT\s*PAIR|TIE)\b", re.IGNORECASE | re.MULTILINE)
+_CONTACT_CARD = re.compile(r"^!CONTACT\s*(,|$)", re.IGNORECASE | re.MULTILINE)
 _CONTACT_PROCESS = re.compile(r'"[\w.]*(contact|mesh_tying)_process"')
 _ZONES = re.compile(r"^[^#\n]*\bDEFI_CONT(?:ACT)?\s*\(", re.MULTILINE)
 
@@ -22,17 +25,18 @@ def cases_of(folder: Path) -> Iterator[Path]:
     yield from decks_of(folder)
     yield from command_files_of(folder)
     yield from parameters_of(folder)
+    yield from controls_of(folder)
 
 
 def program_of(file: Path) -> str:
     """Whose case a file is."""
-    if file.suffix.lower() == ".json":
-        return KRATOS
-    return ASTER if file.suffix.lower() == COMMANDS else PROGRAM
+    return {".json": KRATOS, CONTROL: FRONTISTR, COMMANDS: ASTER}.get(file.suffix.lower(), PROGRAM)
 
 
 def name_of(file: Path) -> str:
-    """The name of a case; of Kratos, whose folders have the same names in them, with the folder."""
+    """The name of a case; of programs whose folders have the same names in them with the folder."""
+    if program_of(file) == FRONTISTR:
+        return f"{file.parent.name}/{file.stem}"
     if program_of(file) == KRATOS:
         return f"{file.parent.name}/{file.name.removesuffix(PARAMETERS).removesuffix('.json')}"
     return file.stem
@@ -61,3 +65,11 @@ def parameters_of(folder: Path) -> Iterator[Path]:
             text = file.read_text(encoding="utf-8", errors="replace")
             if _CONTACT_PROCESS.search(text) and "from_json_check_result_process" in text:
                 yield file
+
+
+def controls_of(folder: Path) -> Iterator[Path]:
+    """The control files of FrontISTR in a folder, or below, with contact, and a mesh and results beside them."""
+    for file in sorted(folder.rglob(f"*{CONTROL}")):
+        text = file.read_text(encoding="utf-8", errors="replace")
+        if _CONTACT_CARD.search(text) and file.with_suffix(".msh").exists() and any(file.parent.glob(f"{file.stem}.res.*")):
+            yield file

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from signorini_fx.addons.gauntlet.aster import CommandRun
 from signorini_fx.addons.gauntlet.calculix import DeckRun
+from signorini_fx.addons.gauntlet.frontistr import FrontistrRun
 from signorini_fx.addons.gauntlet.kratos import KratosRun
 from signorini_fx.addons.gauntlet.outcomes import GauntletCase
-from signorini_fx.addons.gauntlet.sources import ASTER, KRATOS, program_of
+from signorini_fx.addons.gauntlet.sources import ASTER, FRONTISTR, KRATOS, program_of
 
 
 def main(case: Path, folder: Path, file: Path) -> None:
@@ -18,7 +19,7 @@ def main(case: Path, folder: Path, file: Path) -> None:
     def tell(outcome: GauntletCase) -> None:
         outcome.write(file)
 
-    kinds = {ASTER: CommandRun, KRATOS: KratosRun}
+    kinds = {ASTER: CommandRun, KRATOS: KratosRun, FRONTISTR: FrontistrRun}
     tell(kinds.get(program_of(case), DeckRun)(case, folder, tell).outcome())
 
 
