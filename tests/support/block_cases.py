@@ -6,7 +6,10 @@ import json
 import numpy as np
 
 YOUNG, POISSON, PRESSURE = 16000.0, 0.25, 16.0
-CORNERS = {2: [(0, 0), (1, 0), (1, 1), (0, 1)], 3: [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]}
+CORNERS = {
+    2: [(0, 0), (1, 0), (1, 1), (0, 1)],
+    3: [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))],
+}
 SIDES = {2: [(0,), (1,)], 3: [(0, 0), (1, 0), (1, 1), (0, 1)]}
 TETRAHEDRA = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
 
@@ -108,10 +111,7 @@ class KratosCase:
             "Up": (self._of(1), range(count + 1, count + len(self.cells[1]) + 1), ()),
             "Top": (self.blocks.nodes((1, up, 1)), (), range(1, len(top) + 1)),
             "Bottom": (self.blocks.nodes((0, up, 0)), (), ()),
-            **{
-                f"Wall_{'xyz'[axis]}": (self.blocks.nodes((0, axis, 0), (1, axis, 0)), (), ())
-                for axis in range(up)
-            },
+            **{f"Wall_{'xyz'[axis]}": (self.blocks.nodes((0, axis, 0), (1, axis, 0)), (), ()) for axis in range(up)},
             "Contact": (self.blocks.nodes((0, up, 1), (1, up, 0)), (), ()),
         }
         held = [
@@ -291,7 +291,7 @@ class FrontistrCase:
 
     @staticmethod
     def _faces(cells, numbers, nodes, tetrahedra):
-        """Elements and numbers of their faces, as the manual of FrontISTR counts them, all of whose corners are there."""
+        """Elements and numbers of their faces, as FrontISTR counts them, all of whose corners are there."""
         if tetrahedra:
             faces = [(0, 1, 2), (3, 1, 0), (3, 2, 1), (3, 0, 2)]
         else:

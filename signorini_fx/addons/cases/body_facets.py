@@ -89,7 +89,7 @@ class BodyFacets:
         """
         signs = np.zeros(len(wanted))
         points = self.mesh.points
-        for (k, (kind, rows)), middles in zip(self._outer(), self._middles, strict=True):
+        for (_, (kind, rows)), middles in zip(self._outer(), self._middles, strict=True):
             if wanted.shape[1] != _CORNERS[kind[0]] or not len(wanted):
                 continue
             at = rows_of(wanted, rows[:, : wanted.shape[1]])

@@ -26,7 +26,18 @@ _PLAIN = re.compile(
     r"VERSION|WRITE|OUTPUT_RES|OUTPUT_VIS|VISUAL|SOLVER|HEADER|ZERO|SURFACE(_NUM)?\b.*|OUTPUT_TYPE.*|RESTART|CONTACT_PARAM"
     r"|ECHO|UTEMP|AUTOINC_PARAM|TIME_POINTS|INITIAL CONDITION|ITEM"
 )
-_MESH = ("NODE", "ELEMENT", "NGROUP", "EGROUP", "SGROUP", "SECTION", "MATERIAL", "EQUATION", "CONTACT PAIR", "AMPLITUDE")
+_MESH = (
+    "NODE",
+    "ELEMENT",
+    "NGROUP",
+    "EGROUP",
+    "SGROUP",
+    "SECTION",
+    "MATERIAL",
+    "EQUATION",
+    "CONTACT PAIR",
+    "AMPLITUDE",
+)
 _MOST_INSTANTS = 400
 _FORMULATIONS = {
     "SLAGRANGE": "by Lagrange multipliers at the nodes of one surface",
@@ -289,10 +300,10 @@ class _Reader:
         study.relations = list(self._relations)
         for origin, why in self._unknown:
             study.lose(origin, why)
-        nonlinear = self._solution(study, cards)
-        self._behaviour(study, cards, nonlinear)
+        self._nonlinear = self._solution(cards)
+        self._behaviour(study, cards)
         self._give_materials(study)
-        self._elements_of(study, cards, nonlinear)
+        self._elements_of(study, cards)
         steps = self._steps(cards)
         self._contacts(study, cards, steps)
         study.instants = [time for step in steps for time in step.instants]
@@ -301,7 +312,8 @@ class _Reader:
         self._act(study, cards, steps)
         return study
 
-    def _solution(self, study: FrontistrStudy, cards: list[Card]) -> bool:
+    @staticmethod
+    def _solution(cards: list[Card]) -> bool:
         """Whether it is nonlinear."""
         nonlinear = False
         for card in cards:
@@ -312,7 +324,7 @@ class _Reader:
                 nonlinear = kind == "NLSTATIC" or "NONLINEAR" in card.parameters
         return nonlinear
 
-    def _behaviour(self, study: FrontistrStudy, cards: list[Card], nonlinear: bool) -> None:
+    def _behaviour(self, study: FrontistrStudy, cards: list[Card]) -> None:
         """The materials of the control file, and whether strains may be large."""
         current: tuple[dict[str, float], Card] | None = None
         for card in cards:
@@ -329,7 +341,7 @@ class _Reader:
                     raise CardError(line, "!ELASTIC: two constants are expected")
                 else:
                     current[0].update(young=real(line, words[0], "!ELASTIC"), poisson=real(line, words[1], "!ELASTIC"))
-                    if nonlinear and "INFINITESIMAL" not in card.parameters:
+                    if self._nonlinear and "INFINITESIMAL" not in card.parameters:
                         study.finite = study.finite or card.origin
             elif card.keyword in ("PLASTIC", "HYPERELASTIC", "VISCOELASTIC", "CREEP", "EXPANSION_COEFF"):
                 raise CardError(card.line, f"!{card.keyword}: only elastic materials are known here")
@@ -348,12 +360,12 @@ class _Reader:
         if np.setdiff1d(self._element_numbers, covered).size:
             raise CardError(1, f"some elements of {self._mesh.name} are in no !SECTION")
 
-    def _elements_of(self, study: FrontistrStudy, cards: list[Card], nonlinear: bool) -> None:
+    def _elements_of(self, study: FrontistrStudy, cards: list[Card]) -> None:
         """What hexahedra are in FrontISTR: it has another choice than full integration for these."""
         if not any(kind == "hexahedron" for kind, _, _ in self._blocks):
             return
         forms = {card.parameters["FORM361"].upper() for card in cards if "FORM361" in card.parameters}
-        for form in forms or {"FBAR" if nonlinear else "IC"}:
+        for form in forms or {"FBAR" if self._nonlinear else "IC"}:
             if form != "FI":
                 add_once(study.formulations, f"with hexahedra of {_HEXAHEDRA.get(form, form)}")
 
@@ -434,7 +446,9 @@ class _Reader:
         coefficient = real(line, words[1], "!CONTACT") if len(words) > 1 and words[1] else 0.0
         sticking = None
         if coefficient and len(words) > 2 and words[2]:
-            study.note(card.origin, f"friction begins with a stiffness of {words[2]}, which is force per length at a node")
+            study.note(
+                card.origin, f"friction begins with a stiffness of {words[2]}, which is force per length at a node"
+            )
         no_nodes = np.empty(0, np.int64)
         number = len(study.zones) + 1
         tied = kind == "TIED"
@@ -524,6 +538,8 @@ class _Reader:
                 raise CardError(line, "!DLOAD: a group, a type and a value are expected")
             kind, value = words[1].upper(), real(line, words[2], "!DLOAD")
             if kind == "S":
+                if self._nonlinear:
+                    study.finite = study.finite or f"{card.origin}: a pressure that follows the boundary"
                 marks, missing = self._surface(card, words[0])
                 if missing:
                     study.lose(card.origin, f"{missing} faces are on no side of the body")

@@ -13,7 +13,7 @@ from signorini_fx.addons.aster.study import CaseStudy, NodalForce, Relation, Sup
 from signorini_fx.addons.cases.body_facets import BodyFacets, either, some, without
 from signorini_fx.addons.cases.courses import Course
 from signorini_fx.addons.cases.located_json import JsonError, JsonObject, read_object
-from signorini_fx.addons.cases.mdpa import ELEMENT_KINDS, FACET_KINDS, ModelPart, SubModelPart, read_mdpa
+from signorini_fx.addons.cases.mdpa import ELEMENT_KINDS, SubModelPart, read_mdpa
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
@@ -220,6 +220,10 @@ class _Reader:
             if not kind or self._kind not in ("2D", kind):
                 raise entry.error(f"constitutive_law: {law}: one plane law is expected")
             self._kind = kind
+        if self._kind == "AXIS" and "Axisym" not in name:
+            self._lost.append(
+                (f"{origin}, {law}", "a plane law in elements of revolution, where it has no hoop stress")
+            )
         young, poisson = variables.number(_YOUNG), variables.number(_POISSON)
         properties = {"young": young, "poisson": poisson}
         if "DENSITY" in variables:
@@ -329,9 +333,7 @@ class _Reader:
             raise parameters.error("value: three numbers or functions are expected")
         return list(enumerate(value))
 
-    def _hold(
-        self, study: KratosStudy, course: Course, origin: str, parameters: JsonObject, axis: str
-    ) -> None:
+    def _hold(self, study: KratosStudy, course: Course, origin: str, parameters: JsonObject, axis: str) -> None:
         rows = self._nodes_of(parameters, "model_part_name", [parameters.text("model_part_name")])
         fixed = parameters.get("constrained", True)
         fixed = [fixed] * 3 if isinstance(fixed, bool) else fixed
@@ -353,21 +355,23 @@ class _Reader:
             if value is not None:
                 course.load(parameters, origin, (base, name), component, value, interval)
 
-    def _weigh(
-        self, study: KratosStudy, course: Course, origin: str, parameters: JsonObject, axis: str
-    ) -> None:
+    def _weigh(self, study: KratosStudy, course: Course, origin: str, parameters: JsonObject, axis: str) -> None:
         rows = self._nodes_of(parameters, "model_part_name", [parameters.text("model_part_name")])
         used = np.unique(np.concatenate([nodes.ravel() for _, nodes, _ in self._blocks]))
         if not np.isin(used, rows).all():
             heavy = self._facets.nothing()
             for mark, (_, nodes, _) in zip(heavy, self._blocks, strict=False):
                 mark[:] = np.isin(nodes, rows).all(axis=1)
-            if not all(np.isin(nodes[~mark], rows).sum() == 0 for mark, (_, nodes, _) in zip(heavy, self._blocks)):
+            if not all(
+                np.isin(nodes[~mark], rows).sum() == 0 for mark, (_, nodes, _) in zip(heavy, self._blocks, strict=False)
+            ):
                 study.lose(origin, "weight of nodes within a body: that of whole elements is taken")
             study.materials = [
                 (part, properties if number == 0 else properties | {"density": 0.0}, place)
                 for marks, properties, place in study.materials
-                for number, part in enumerate(([a & b for a, b in zip(marks, heavy)], without(marks, heavy)))
+                for number, part in enumerate(
+                    ([a & b for a, b in zip(marks, heavy, strict=True)], without(marks, heavy))
+                )
                 if some(part)
             ]
         for component, value in self._entries(parameters, axis):
@@ -470,7 +474,9 @@ class _Reader:
                 study.lose(origin, "the penalty that Kratos computes: contact is hard here")
             if "PureSlip" in kind:
                 study.lose(origin, f"{kind}: friction acts only where bodies slide")
-            surfaces = parameters.part("mesh_tying_model_part" if name == "mesh_tying_process" else "contact_model_part")
+            surfaces = parameters.part(
+                "mesh_tying_model_part" if name == "mesh_tying_process" else "contact_model_part"
+            )
             for key in sorted(surfaces):
                 if names := surfaces.words(key):
                     self._zone(study, origin, parameters, key, names, rubs="Frictional" in kind, tied=tied)
@@ -525,7 +531,9 @@ class _Reader:
         if key in pair:
             return pair.number(key)
         nodes = np.unique(
-            np.concatenate([rows[mark].ravel() for (_, rows), mark in zip(self._facets.mesh.blocks, slave, strict=True)])
+            np.concatenate(
+                [rows[mark].ravel() for (_, rows), mark in zip(self._facets.mesh.blocks, slave, strict=True)]
+            )
         )
         values = set()
         for marks, value in self._coefficients:

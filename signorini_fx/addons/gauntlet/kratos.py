@@ -96,8 +96,7 @@ def wanted_values(study: KratosStudy) -> tuple[list[WantedValue], int]:
     for path, variables in study.checks:
         times = times_of(path)
         instants = [
-            next((n for n, instant in enumerate(study.instants) if abs(instant - time) <= near), None)
-            for time in times
+            next((n for n, instant in enumerate(study.instants) if abs(instant - time) <= near), None) for time in times
         ]
         for label, name, series in _series(path, variables):
             if len(series) != len(times):

@@ -71,5 +71,9 @@ def controls_of(folder: Path) -> Iterator[Path]:
     """The control files of FrontISTR in a folder, or below, with contact, and a mesh and results beside them."""
     for file in sorted(folder.rglob(f"*{CONTROL}")):
         text = file.read_text(encoding="utf-8", errors="replace")
-        if _CONTACT_CARD.search(text) and file.with_suffix(".msh").exists() and any(file.parent.glob(f"{file.stem}.res.*")):
+        if (
+            _CONTACT_CARD.search(text)
+            and file.with_suffix(".msh").exists()
+            and any(file.parent.glob(f"{file.stem}.res.*"))
+        ):
             yield file
