@@ -16,7 +16,7 @@ LONG = 30
 # users of FEniCSx alone; the others, with the README, are the guide.
 OTHERS = ("theory", "architecture", "trust", "checklists", "evidence", "refusals", "answers", "decks", "judge")
 OTHERS += ("i-want-to", "for-fenicsx", "contactbench", "gauntlet", "gauntlet-code-aster", "gauntlet-differences")
-OTHERS += ("code-aster", "bounds")
+OTHERS += ("code-aster", "bounds", "gauntlet-kratos", "gauntlet-frontistr")
 
 
 def guide() -> list[Path]:

@@ -102,10 +102,10 @@ class Course:
             for number, kind in enumerate(kinds):
                 nodes = rows[group.ravel() == number].astype(np.int64)
                 values: list[float | Floats | None] = []
-                table = held[:, nodes]
+                table: Floats = held[:, nodes]
                 alike = bool((table == table[:, :1])[kind[1:].astype(bool)].all())
                 for n, acts in enumerate(kind[1:]):
-                    values.append(None if not acts else float(table[n, 0]) if alike else table[n])
+                    values.append(None if not acts else float(table[n, 0]) if alike else np.asarray(table[n]))
                 yield component, nodes, values, self._names[kind[0]]
 
     def loads(self) -> Iterator[tuple[tuple[str, str], Floats, str]]:

@@ -15,6 +15,7 @@ from signorini_fx.addons.cases.body_facets import BodyFacets, some
 from signorini_fx.addons.cases.hecmw import Card, CardError, Groups, read_cards, real, whole
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus import faces_of
+from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
@@ -177,7 +178,7 @@ class _Reader:
         order = np.argsort(numbers)
         self.numbers: Ints = np.array(numbers, dtype=np.int64)[order]
         self._points: Floats = np.array(points, dtype=np.float64)[order]
-        self._nodes.content["ALL"] = self.numbers.tolist()
+        self._nodes.content["ALL"] = plain(self.numbers)
 
     def _read_elements(self, cards: list[Card]) -> None:
         self._blocks: list[tuple[str, Ints, Ints]] = []
@@ -199,13 +200,13 @@ class _Reader:
             rows = np.searchsorted(self.numbers, table[:, 1:]).astype(np.int64)
             self._blocks.append((kind, self._ordered(kind, rows), table[:, 0]))
             if group := card.parameters.get("EGRP", "").upper():
-                self._elements.content.setdefault(group, []).extend(table[:, 0].tolist())
+                self._elements.content.setdefault(group, []).extend(plain(table[:, 0]))
         if not self._blocks:
             raise CardError(1, "there are no elements")
         self._element_numbers = np.concatenate([numbers for _, _, numbers in self._blocks])
         if len(np.unique(self._element_numbers)) != len(self._element_numbers):
             raise CardError(cards[0].line, "!ELEMENT: an element is there twice")
-        self._elements.content["ALL"] = self._element_numbers.tolist()
+        self._elements.content["ALL"] = plain(self._element_numbers)
         self._facets = BodyFacets(self._points, [(kind, nodes) for kind, nodes, _ in self._blocks])
 
     def _ordered(self, kind: str, rows: Ints) -> Ints:
@@ -269,7 +270,7 @@ class _Reader:
         rows = iter(card.rows)
         for line, words in rows:
             count = whole(line, words[0], "!EQUATION")
-            entries = []
+            entries: list[tuple[int, str]] = []
             while len(entries) < 3 * count:
                 try:
                     line, further = next(rows)
@@ -347,7 +348,7 @@ class _Reader:
                 raise CardError(card.line, f"!{card.keyword}: only elastic materials are known here")
 
     def _give_materials(self, study: FrontistrStudy) -> None:
-        covered = np.zeros(0, np.int64)
+        covered: Ints = np.zeros(0, np.int64)
         for chosen, name, card in self._sections:
             properties, _ = self._materials.get(name, ({}, card))
             if not {"young", "poisson"} <= properties.keys():
@@ -521,7 +522,8 @@ class _Reader:
 
     @staticmethod
     def _move(steps: list[_Step], group: int, held: Floats, rows: Ints, value: float) -> None:
-        n, before = 0, np.zeros(len(rows))
+        n = 0
+        before: Floats = np.zeros(len(rows))
         for step in steps:
             length = step.instants[-1] - step.begin
             for time in step.instants:

@@ -15,6 +15,7 @@ from signorini_fx.addons.cases.courses import Course
 from signorini_fx.addons.cases.located_json import JsonError, JsonObject, read_object
 from signorini_fx.addons.cases.mdpa import ELEMENT_KINDS, SubModelPart, read_mdpa
 from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 CHECKS = "from_json_check_result_process"
@@ -57,7 +58,7 @@ def other_solver(file: Path) -> str:
     """
     settings = read_object(file).get("solver_settings")
     kind = settings.get("solver_type") if isinstance(settings, JsonObject) else None
-    if not isinstance(kind, str) or "static" in kind.lower():
+    if not isinstance(settings, JsonObject) or not isinstance(kind, str) or "static" in kind.lower():
         return ""
     return f"line {settings.line}, solver_type {kind!r}: only static steps are taken"
 
@@ -153,7 +154,7 @@ class _Reader:
 
     def _nodes_of(self, parameters: JsonObject, key: str, names: list[str]) -> Ints:
         """The rows of the nodes of parts."""
-        rows = [np.empty(0, np.int64)]
+        rows: list[Ints] = [np.empty(0, np.int64)]
         for name in names:
             part = self._part(parameters, key, name)
             listed = self._model.numbers if part is None else np.unique(np.array(part.nodes, dtype=np.int64))
@@ -325,7 +326,7 @@ class _Reader:
             if not (length := float(np.linalg.norm(unit))) > 0:
                 raise parameters.error("direction: it has no length")
             modulus = parameters.get("modulus")
-            return [(k, _scaled(modulus, part)) for k, part in enumerate((unit / length).tolist())]
+            return [(k, _scaled(modulus, part)) for k, part in enumerate(plain(unit / length))]
         value = parameters.get("value")
         if axis:
             return [(_AXES.index(axis), value)] if axis in _AXES else []
@@ -406,7 +407,7 @@ class _Reader:
             crossed = self._facets.filled(either(self._facets.nothing(), *touching), nodes)
             for rows, values, origin in of_component:
                 linked = np.intersect1d(rows, crossed)
-                study.relations += [Relation(((node, component, 1.0),), origin) for node in linked.tolist()]
+                study.relations += [Relation(((node, component, 1.0),), origin) for node in plain(linked)]
                 if (rows := np.setdiff1d(rows, linked)).size:
                     study.supports.append(Support(rows, component, values, origin))
 
@@ -419,7 +420,7 @@ class _Reader:
             if base == "POINT_LOAD":
                 blocks = self._conditions(part, 1)
                 rows = np.unique(np.concatenate([np.empty(0, np.int64), *(nodes.ravel() for _, nodes in blocks)]))
-                study.forces.append(NodalForce(rows, values / self._thickness, origin))
+                study.forces.append(NodalForce(rows, np.asarray(values / self._thickness), origin))
                 continue
             blocks = [(n, rows) for n, rows in self._conditions(part, 2) if "Load" in n or "Pressure" in n]
             if not blocks:
@@ -433,7 +434,7 @@ class _Reader:
             marks, missing = self._facets.matching(corners)
             if missing:
                 study.lose(origin, f"{missing} conditions are on no side of the body")
-            study.tractions.append(SurfaceLoad(marks, values / self._thickness, origin))
+            study.tractions.append(SurfaceLoad(marks, np.asarray(values / self._thickness), origin))
             return
         signs = self._facets.outward(corners)
         if not signs.all():
@@ -444,7 +445,7 @@ class _Reader:
             pushes = sign if study.dim == 3 else -sign
             pressure = pushes * (values[:, 0] - values[:, 2]) / self._thickness
             if some(marks):
-                study.pressures.append(SurfaceLoad(marks, pressure[:, None], origin))
+                study.pressures.append(SurfaceLoad(marks, np.asarray(pressure[:, None]), origin))
 
     def _conditions(self, part: SubModelPart, least: int) -> list[tuple[str, Ints]]:
         """Names and rows of the nodes of the conditions of a part, block by block, with so many nodes or more."""

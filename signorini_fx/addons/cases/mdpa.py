@@ -179,7 +179,7 @@ class _Reader:
 
     def _body(self, line: int, kind: str) -> list[tuple[int, list[str]]]:
         """The lines of a block without others in it, up to its end."""
-        body = []
+        body: list[tuple[int, list[str]]] = []
         while self._at < len(self._lines):
             number, words = self._next()
             if words[0] == "End":

@@ -108,7 +108,7 @@ def _field(moment: NodeResults, quantity: str, deck: Deck) -> Floats:
     if quantity == DISPLACEMENT:
         return moment.displacement
     if quantity == REACTION:
-        return moment.reactions / deck.printed_share
+        return np.asarray(moment.reactions / deck.printed_share)
     return np.where(moment.points, np.nan_to_num(moment.contact[:, 3]), np.inf)[:, None]
 
 

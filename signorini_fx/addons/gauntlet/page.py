@@ -20,7 +20,8 @@ writes this page. {cases}
 
 - **State**: a case is *whole* if nothing that changes the answer was lost ([decks]({grades})).
 - **Theirs and ours** are values at the place where theirs is largest. **Difference** is the largest one of {difference}
-{exact}- **Nearer** names the result that is nearer to the exact value, or, without one, to our solution on cells half as
+{exact}\
+- **Nearer** names the result that is nearer to the exact value, or, without one, to our solution on cells half as
   large.
 {why}
 """
@@ -59,10 +60,10 @@ _OF_KRATOS = {
     "of": ": Kratos",
     "page": "gauntlet-kratos.md",
     "cases": """\
-A case is a file of parameters of Kratos with contact, `NAME_parameters.json`, and with the files that it names: model
-part, materials, and the values that its process `from_json_check_result_process` compares. Each runs in its own
-process, so that one that hangs or crashes is just a row. Nothing of a case is executed: its processes are read, and
-those that are not known are named.""",
+A case is a file of parameters of Kratos with contact, `NAME_parameters.json`, with the files
+that it names: model part, materials, and the values that its process `from_json_check_result_process` compares. Each
+runs in its own process, so that one that hangs or crashes is just a row. Nothing of a case is executed: its processes
+are read, and those that are not known are named.""",
     "grades": "decks.md",
     "difference": "all\n  that are checked, at all times, relative to the largest value of theirs.",
     "exact": "",
@@ -76,8 +77,8 @@ _OF_FRONTISTR = {
     "of": ": FrontISTR",
     "page": "gauntlet-frontistr.md",
     "cases": """\
-A case is a control file of FrontISTR with contact, `NAME.cnt`, beside its mesh, `NAME.msh`, and results,
-`NAME.res.0.STEP`. Each runs in its own process, so that one that hangs or crashes is just a row.""",
+A case is a control file of FrontISTR with contact, `NAME.cnt`, beside its mesh, `NAME.msh`, and
+results, `NAME.res.0.STEP`. Each runs in its own process, so that one that hangs or crashes is just a row.""",
     "grades": "decks.md",
     "difference": "all\n  nodes, at all times, relative to the largest value of theirs.",
     "exact": "",

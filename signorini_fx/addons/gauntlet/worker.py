@@ -19,8 +19,13 @@ def main(case: Path, folder: Path, file: Path) -> None:
     def tell(outcome: GauntletCase) -> None:
         outcome.write(file)
 
-    kinds = {ASTER: CommandRun, KRATOS: KratosRun, FRONTISTR: FrontistrRun}
-    tell(kinds.get(program_of(case), DeckRun)(case, folder, tell).outcome())
+    kinds: dict[str, type[CommandRun | KratosRun | FrontistrRun]] = {
+        ASTER: CommandRun,
+        KRATOS: KratosRun,
+        FRONTISTR: FrontistrRun,
+    }
+    kind = kinds.get(program_of(case), DeckRun)
+    tell(kind(case, folder, tell).outcome())
 
 
 if __name__ == "__main__":
