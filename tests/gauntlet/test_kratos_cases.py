@@ -1,6 +1,7 @@
 """Test cases of Kratos and of FrontISTR: blocks pressed together, whose answer is known, and how cases end."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -312,8 +313,7 @@ def test_a_folder_of_both(tmp_path):
     assert {case.program for case in result.cases} == {"Kratos", "FrontISTR"}
     text = page(result, "signorini-fx gauntlet folder")
     assert "| folder/case | displacement, y at node" in text
-    of_kratos = page(gauntlet([tmp_path], seconds=200, only=["case_parameters"]), "signorini-fx gauntlet folder")
-    assert of_kratos.startswith("# The gauntlet: Kratos\n")
-    of_frontistr = page(gauntlet([tmp_path], seconds=200, only=["case"]), "signorini-fx gauntlet folder")
-    assert of_frontistr.startswith("# The gauntlet: FrontISTR\n")
+    for program in ("Kratos", "FrontISTR"):
+        of_program = replace(result, cases=tuple(case for case in result.cases if case.program == program))
+        assert page(of_program, "signorini-fx gauntlet folder").startswith(f"# The gauntlet: {program}\n")
     assert np.isfinite(result.cases[1].difference)

@@ -124,7 +124,7 @@ def evaluated(parameters: JsonObject, value: Any, time: float, points: Floats) -
         JsonError: it is neither, or not finite there.
     """
     if isinstance(value, int | float) and not isinstance(value, bool):
-        values = np.full(len(points), float(value))
+        values: Floats = np.full(len(points), float(value))
     elif isinstance(value, str):
         text = re.sub(r"\b([xyzXYZ])\b", lambda match: f"x[{'xyz'.index(match[1].lower())}]", value).replace("^", "**")
         try:

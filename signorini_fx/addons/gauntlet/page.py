@@ -117,7 +117,8 @@ def page(result: Gauntlet, command: str) -> str:
     head = "\n".join(line.rstrip() for line in _HEAD.format(**words).split("\n"))
     lines = [head, f"{short_table(result)}. Run on {result.date} over {sources} by", ""]
     lines += ["```sh", command, "```", "", f"with {result.seconds:g} s for each case.", ""]
-    lines += ["## Whole", "", *_table([case for case in result.cases if case.state == WHOLE]), ""]
+    if whole := [case for case in result.cases if case.state == WHOLE]:
+        lines += ["## Whole", "", *_table(whole), ""]
     incomplete = [case for state in STATES[1:] for case in result.cases if case.state == state]
     if incomplete:
         lines += ["## The others", "", *_table(incomplete), ""]
