@@ -1426,6 +1426,27 @@ MUTANTS = (
         tests=("linalg::test_schur_complement_with_loads",),
     ),
     Mutant(
+        "nonlinear/condensed_inertia",
+        "or not system.schur.positive_inside:",
+        "or False:",
+        "verdict by the last factorisation: what was eliminated is taken to be definite",
+        tests=("verdicts::test_a_last_factor_that_is_negative_inside",),
+    ),
+    Mutant(
+        "nonlinear/condensed_inertia",
+        "<= SAME_INERTIA * np.linalg.norm(at_end.direction.x.array)",
+        "<= np.inf",
+        "verdict by the last factorisation: the tangent of the equilibrium is taken for the last one",
+        tests=("verdicts::test_a_last_factor_of_another_tangent_says_nothing",),
+    ),
+    Mutant(
+        "linalg/partial_factor",
+        "same and np.array_equal(rows.data[self.between] != 0.0, self.nonzero)",
+        "same",
+        "condensed: the entries of another pattern are taken for those of this one",
+        tests=("elimination_order",),
+    ),
+    Mutant(
         "linalg/partial_factor",
         "self._right.getArray()[self._order] = right",
         "self._right.getArray()[: right.size] = right",
@@ -4312,7 +4333,7 @@ MUTANTS = (
     ),
     Mutant(
         "linalg/partial_factor",
-        "_power(np.abs(rows.diagonal()[self.inner]).max(initial=0.0))",
+        "_power(np.abs(rows.data[bordering.diagonal]).max(initial=0.0))",
         "1.0",
         "units: pivots of the condensed system below an absolute threshold",
         tests=("units",),

@@ -120,3 +120,40 @@ def test_a_factorisation_without_memory_is_repeated(monkeypatch, placed):
     monkeypatch.setattr(partial_factor, "_MEMORY", (little, little))
     with pytest.raises(PETSc.Error):
         condensed()
+
+
+def test_the_places_of_entries_are_those_of_the_pattern():
+    """Matrices of one pattern, such as tangents of a nonlinear body, are condensed as those of others: with values and
+    loads of their own, and also where an entry between what is eliminated and what stays is zero in some of them.
+    """
+    graph, x = grid((9, 6))
+    rng, places = np.random.default_rng(0), np.full(len(x), -1)
+    stay = np.flatnonzero(x[:, 1] == 0)
+    places[stay] = np.arange(stay.size)
+    inner = np.flatnonzero(places < 0)
+    beside = int(np.intersect1d(sp.csr_array(graph)[stay].indices, inner)[0])
+    kept = []
+    for number, loads in enumerate((1, 1, 1, 1, 2, 2, 1)):
+        rows = sp.csr_array(graph + sp.eye_array(len(x)))
+        rows.data[:] = -rng.uniform(0.1, 1.0, rows.nnz)
+        rows = sp.csr_array(rows + rows.T)
+        if number in (2, 5):  # in the pattern, but zero
+            row, column = np.repeat(np.arange(len(x)), np.diff(rows.indptr)), rows.indices
+            rows.data[(np.isin(row, stay) & (column == beside)) | (np.isin(column, stay) & (row == beside))] = 0.0
+        rows.setdiag(20.0 + rng.uniform(size=len(x)))
+        rows.sort_indices()
+        right = [rng.normal(size=len(x)) * (rng.uniform(size=len(x)) > 0.5) for _ in range(loads)]
+        factor = partial_factor.PartialFactor(rows, places, stay.size, right, x, definite=True)
+        dense, condensed = factor.eliminate()
+        full = rows.toarray()
+        inverse = np.linalg.inv(full[np.ix_(inner, inner)])
+        across = full[np.ix_(stay, inner)] @ inverse
+        np.testing.assert_allclose(dense, -across @ full[np.ix_(inner, stay)], atol=1e-12)
+        np.testing.assert_allclose(condensed, [-across @ load[inner] for load in right], atol=1e-12)
+        np.testing.assert_allclose(factor.toward.toarray(), full[np.ix_(inner, stay)], atol=0)
+        np.testing.assert_allclose(factor.solve(right[0][inner]), inverse @ right[0][inner], atol=1e-12)
+        kept.append(partial_factor._last.get("bordering"))
+    if partial_factor._order_is_taken():
+        assert kept[0] is None  # of a pattern that comes once nothing is kept
+        assert kept[1] is not None
+        assert kept[2] is not kept[1]
