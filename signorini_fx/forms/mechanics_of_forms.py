@@ -9,7 +9,7 @@ direction and measure at the nodes.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -221,9 +221,8 @@ def _side(
 
         assert data.pair is not None
         assert master is not None
-        sides, nominal = (facets, master), not entry.by_geometry
-        followed = None if entry.bonded else moved
-        claim = claim_of(data.pair, space, sides, entry.reach, nominal=nominal, factor=factor, followed=followed)
+        claim = claim_of(data.pair, space, (facets, master), entry.reach, nominal=not entry.by_geometry, factor=factor)
+        claim = claim if entry.bonded else replace(claim, followed=moved)
     return ContactSide(
         facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],

@@ -32,7 +32,6 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.body import forms
 from signorini_fx.mechanics.body.assembly import assemble, facet_entities, measure
 from signorini_fx.mechanics.body.node_positions import node_positions
-from signorini_fx.mechanics.pairs.sparse_scaling import of_components
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import SINGULAR
 
@@ -99,7 +98,7 @@ class Averages:
     @property
     def operator(self) -> Any:
         """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
-        translating = of_components(self.shares, self.x.shape[1])
+        translating = sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr")
         return translating if self.turning is None else sp.csr_array(translating + self.turning)
 
     @property

@@ -216,12 +216,11 @@ def claim_of(
     *,
     nominal: bool,
     factor: Array | None = None,
-    followed: Array | None = None,
 ) -> Claim:
     """What the solver says of a pair on this rank, whose sides are these facets according to the problem, nominally in
     contact or not, with partners up to this distance; None: up to the usual one.
 
-    The measure has a ``factor`` at all nodes of this rank, shape (nodes,); None: 1.  For ``followed`` see ``Claim``.
+    The measure has a ``factor`` at all nodes of this rank, shape (nodes,); None: 1.
     """
     owned, measure = space.dofmap.index_map.size_local, None
     if factor is not None:
@@ -245,5 +244,4 @@ def claim_of(
         nominal=nominal,
         measure=measure,
         fixed_part=pair.fixed_rows,
-        followed=followed,
     )
