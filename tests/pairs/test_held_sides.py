@@ -17,6 +17,8 @@ from two_bodies import assembled, facets, facets_of_cells, grid
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
 from signorini_fx.mechanics.body import sliding_sides
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers
+from signorini_fx.mechanics.body.paired_points import FacingSides
+from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import slide
 
 DEPTH = 0.02
@@ -298,7 +300,7 @@ def test_adjusted_sides_beside_such_a_region(region, beside, moves, slave):
         lambda x: (x[1] < 5e-7) & (np.isclose(x[1], -1.0) | (x[0] <= 0.5 + 1e-9)),
         lambda x: (x[1] > 5e-7) & (x[0] <= 0.5 + 1e-9),
     ]
-    scene, solved = SlidingBodies("quadrilateral", bodies, touching, held, slave=slave, reach=0.5), []
+    scene, solved = SlidingBodies(kind, bodies, touching, held, slave=slave, reach=0.5), []
     scene.drive.value[-1] = -DEPTH if moves else 0.0
     for adjust in (0.003, None):
         scene.pair = Pair(scene.sides[slave], scene.sides[1 - slave], reach=0.5, adjust=adjust)
@@ -340,6 +342,43 @@ def test_the_certificate_misses_a_wrong_share(monkeypatch, dim, fault):
     with pytest.raises(ConvergenceError):
         scene.move(*[0.0] * (dim - 1), -DEPTH)
     assert scene.problem.status is Status.NOT_CERTIFIED
+
+
+@pytest.mark.parametrize("factor", [0.5, -3.0])
+def test_the_certificate_of_linear_bodies_misses_overlap_beside_such_a_region(monkeypatch, factor):
+    """A solver that leaves out less or more of what supports fix than the functions have of it is refused."""
+    whole = FixedDistances.of
+
+    def wrong(*given):
+        found = whole(*given)
+        return None if found is None else replace(found, met=factor * found.met)
+
+    scene = clamped(2, 0, 0.5)
+    scene.drive.value[-1] = -DEPTH
+    monkeypatch.setattr(FixedDistances, "of", wrong)
+    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+        as_linear_bodies(scene)
+
+
+@pytest.mark.parametrize("loose", [True, False])
+def test_the_certificate_misses_what_is_said_to_be_held(monkeypatch, loose):
+    """A solver that takes a side that slides for held where it is not is refused."""
+    right = FacingSides.of
+
+    def wrong(*given, **more):
+        facing = right(*given, **more)
+        held = facing.held
+        if loose:
+            held = replace(held, loose=(0.0 * held.loose[0], held.loose[1]))
+        else:
+            at = facing.slave.surface.x[:, 0]
+            held = replace(held, slave=held.slave | (np.abs(at - at[~held.slave].min()) < 1e-9))
+        return replace(facing, held=held)
+
+    monkeypatch.setattr(FacingSides, "of", wrong)
+    scene = clamped(2, 0, 0.5)
+    with pytest.raises(ConvergenceError, match=r"certificate does not hold \(coupling"):
+        scene.move(0.0, -DEPTH)
 
 
 @pytest.mark.mpi

@@ -338,13 +338,13 @@ class ContactNodes:
         """
         if self.claims is None:
             return 0.0
-        from signorini_fx.results.certificate.paired_sides import defect, not_fixed, not_held
+        from signorini_fx.results.certificate.paired_sides import defect, not_fixed, not_held, not_loose
         from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 
         free = [supports.left(np.tile(axis, (len(y), 1))) for axis in np.eye(y.shape[1])]
         held = np.eye(y.shape[1]) - np.stack(free, axis=2)
         return max(
-            claim.error()
+            max(claim.error(), not_loose(claim, held))
             if isinstance(claim, SlidingClaim)
             else max(defect(claim, self.evaluation.space), not_held(claim, held, y), not_fixed(claim, held))
             for claim, _ in self._paired()

@@ -1,8 +1,9 @@
 """The second opinion on distances that supports of both sides of a sliding pair fix, which points beside do not count.
 
-Of the solver it takes which nodes supports hold.  Where a held node of one side has its place on held nodes of the
-other, its distance is fixed, and the functions of held nodes carry it on to facets beside.  Of two facets over each
-other that side counts whose functions of held nodes have less squares.
+Of the solver it takes which nodes supports hold, which is compared with the supports elsewhere (``not_loose``).  Where
+a held node of one side has its place on held nodes of the other, its distance is fixed, and the functions of held nodes
+carry it on to facets beside.  Of two facets over each other that side counts whose functions of held nodes have less
+squares.
 """
 
 from __future__ import annotations
