@@ -976,9 +976,10 @@ EQUAL_STRETCHES = 0.01
 # The strain over which the energy of a material is differentiated to try its stress, and the share of its modulus up to
 # which both agree.  Choice: the difference errs by its square and by round-off over it.
 ENERGY_DIFFERENCE, SAME_STRESS = 1e-5, 1e-6
-# The tangent at an equilibrium is definite with that of the last iteration if what this makes of their difference, of a
-# random displacement of n unknowns, is at most this share of it over sqrt(n).  Choice: a change of inertia leaves so
-# little in one of 125 cases, and increments that end an iteration, below 1e-8 of the displacement, do as a rule.
+# The tangents K at the last iteration and K + E at the equilibrium are definite together if K^-1 E makes at most this
+# of a random displacement, as the root of the sum of squares in units of the size of each unknown of that.  Choice: a
+# change of inertia leaves so little in one of 125 cases, and increments that end an iteration, below 1e-8 of the
+# displacement, do as a rule.
 SAME_INERTIA = 0.01
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.

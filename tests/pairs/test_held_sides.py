@@ -16,8 +16,8 @@ from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
 from signorini_fx.mechanics.body import sliding_sides
-from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers
 from signorini_fx.mechanics.body.paired_points import FacingSides
+from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import slide
 
@@ -300,7 +300,7 @@ def test_adjusted_sides_beside_such_a_region(region, beside, moves, slave):
         lambda x: (x[1] < 5e-7) & (np.isclose(x[1], -1.0) | (x[0] <= 0.5 + 1e-9)),
         lambda x: (x[1] > 5e-7) & (x[0] <= 0.5 + 1e-9),
     ]
-    scene, solved = SlidingBodies(kind, bodies, touching, held, slave=slave, reach=0.5), []
+    scene, solved = SlidingBodies("quadrilateral", bodies, touching, held, slave=slave, reach=0.5), []
     scene.drive.value[-1] = -DEPTH if moves else 0.0
     for adjust in (0.003, None):
         scene.pair = Pair(scene.sides[slave], scene.sides[1 - slave], reach=0.5, adjust=adjust)

@@ -88,10 +88,14 @@ class _Bordering:
         found = order, places, loads, numbers, between, nonzero, diagonal, upper, source, ends, columns, toward_shape
         return cls(*found)
 
-    def fits(self, rows: sp.csr_array, order: Indices, places: Indices, loads: int) -> bool:
+    def fits(self, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> bool:
         """Whether it is that of another matrix too; the same order means the same pattern of its rows."""
-        same = self.order is order and self.loads == loads and np.array_equal(self.places, places)
-        return same and np.array_equal(rows.data[self.between] != 0.0, self.nonzero)
+        same = self.order is order and (self.toward_shape[1], self.loads) == (count, loads)
+        return (
+            same
+            and np.array_equal(self.places, places)
+            and np.array_equal(rows.data[self.between] != 0.0, self.nonzero)
+        )
 
     def toward(self, rows: sp.csr_array, inner: Indices) -> sp.csr_array:
         """A_ic of a matrix whose inner unknowns are ``inner``."""
@@ -108,7 +112,7 @@ _last_order: dict[str, Indices] = {}
 
 def _bordering(rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> _Bordering:
     """That of a matrix, see ``_Bordering``."""
-    if (last := _last.get("bordering")) is not None and last.fits(rows, order, places, loads):
+    if (last := _last.get("bordering")) is not None and last.fits(rows, order, places, count, loads):
         return last
     again = _last_order.get("order") is order
     _last.clear()

@@ -1,14 +1,15 @@
 """The verdict on stability from the factorisation that Newton's method ends with.
 
-The last tangent K was condensed onto the contact points, and has no fewer negative directions than what was eliminated
-and what is left together (E. V. Haynsworth, Linear Algebra and its Applications 1 (1968) 73-81).  What contact adds,
-such as the curvature of shapes under the tractions of now, acts on what is left alone, and is renewed there.
+The last tangent K was condensed onto the contact points, and has as many negative directions as what was eliminated and
+what is left together (E. V. Haynsworth, Linear Algebra and its Applications 1 (1968) 73-81).  What contact adds, such
+as the curvature of shapes under the tractions of now, acts on what is left alone, and is renewed there.
 
 K is the tangent one increment before the equilibrium, where it is K + E.  Both are definite together unless K^-1 E has
-an eigenvalue of -1 or below.  It is applied to a random displacement, of which the n-th part of the square is along any
-one eigenvector in the mean: an eigenvalue of that size would leave a displacement of about this share.  The last
-increment of Newton's method is so small that far less is left.  Where more is left, or K is not definite, nothing is
-said: then the tangent of the equilibrium itself must be factorised.
+an eigenvalue of -1 or below.  It is applied to a random displacement, whose n entries are counted in units of their own
+sizes: then the n-th part of its square is along any one eigenvector in the mean, on graded meshes, too, and an
+eigenvalue of that size would leave about as much.  The last increment of Newton's method is so small that far less is
+left.  Where more is left, or K is not definite, nothing is said: then the tangent of the equilibrium itself must be
+factorised.
 """
 
 from __future__ import annotations
@@ -82,8 +83,8 @@ def is_positive(elastic: ElasticBody, system: ElasticSystem, restraint: Restrain
     load.getArray()[:] = np.where(elastic.fixed, 0.0, difference)
     onto, between = schur.condense(load)
     left = schur.recover(load, between, cho_solve(factor, onto, check_finite=False)).getArray(readonly=True)
-    unknowns = np.count_nonzero(~elastic.fixed)
-    return bool(np.linalg.norm(left) * np.sqrt(unknowns) <= SAME_INERTIA * np.linalg.norm(at_end.direction.x.array))
+    free = ~elastic.fixed
+    return bool(np.linalg.norm(left[free] / at_end.direction.x.array[free]) <= SAME_INERTIA)
 
 
 def _product(matrix: PETSc.Mat, values: Array) -> Array:

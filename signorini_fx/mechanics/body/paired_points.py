@@ -169,8 +169,8 @@ class FacingSides:
         normals = slave.surface.directions
         supported = held_along(normals, frames, entries[:, :dim]) & normals.any(axis=1)
         loose = tuple(
-            np.einsum("nik,nk,njk->nij", across, ~flags[:, :dim], across)
-            for across, flags in ((frames, entries), (axes, reached))
+            np.einsum("nik,nk,njk->nij", of_nodes, ~flags[:, :dim], of_nodes)
+            for of_nodes, flags in ((frames, entries), (axes, reached))
         )
         held = HeldSides(supported, held_along(master.surface.directions, axes, reached[:, :dim]), (loose[0], loose[1]))
         return cls(slave, master, (frames, axes), (entries, reached), held)

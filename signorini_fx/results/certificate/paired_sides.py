@@ -26,8 +26,8 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.results.certificate.paired_claim import Claim
-from signorini_fx.tuned import DIGITS_OF_FILES, PARTNERS_REACH, SAME_DIRECTION
 from signorini_fx.results.certificate.sliding_claim import SlidingClaim
+from signorini_fx.tuned import DIGITS_OF_FILES, PARTNERS_REACH, SAME_DIRECTION
 
 Array = npt.NDArray[np.float64]
 
@@ -135,9 +135,9 @@ def _error_of_amounts(claim: Claim, still: tuple[npt.NDArray[np.bool_], npt.NDAr
         (fixed.slave, fixed.master), values, numbers, (of_slave, ~of_slave), strict=True
     ):
         single = np.flatnonzero(np.diff(shares.indptr) == 1)
-        known = np.zeros((shares.shape[1], tried.shape[1]))
-        known[shares.indices[shares.indptr[single]]] = tried[single]
-        expected += np.einsum("pq,pqk,pkf->f", overlap.weight * chosen, part, known[nodes]) / coupling.covered
+        fields = np.zeros((shares.shape[1], tried.shape[1]))
+        fields[shares.indices[shares.indptr[single]]] = tried[single]
+        expected += np.einsum("pq,pqk,pkf->f", overlap.weight * chosen, part, fields[nodes]) / coupling.covered
     sums_of_ranks = parallel.global_sum(claim.comm, np.stack((claimed, expected)))
     return largest(sums_of_ranks[0] - sums_of_ranks[1])
 
