@@ -31,21 +31,21 @@ def balanced(tagged: TaggedMesh) -> TaggedMesh:
         return tagged
     dim = mesh.topology.dim
     nodes = mesh.geometry.index_map()
-    cells = _global_nodes(mesh, compat.geometry_cells(mesh)[: mesh.topology.index_map(dim).size_local])
+    cells = global_nodes(mesh, compat.geometry_cells(mesh)[: mesh.topology.index_map(dim).size_local])
     points = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim].astype(np.float64)
     tags = {mesh_tags.dim: mesh_tags for mesh_tags in (tagged.facet_tags, tagged.cell_tags) if mesh_tags is not None}
-    local_tags = {entity_dim: _owned(mesh, mesh_tags) for entity_dim, mesh_tags in tags.items()}
+    local_tags = {entity_dim: owned_entities(mesh, mesh_tags) for entity_dim, mesh_tags in tags.items()}
     even, even_tags = distributed(mesh.comm, mesh.ufl_domain(), cells, points, local_tags)
     return TaggedMesh(even, even_tags[dim - 1], tagged.boundaries, even_tags.get(dim), tagged.regions, tagged.origin)
 
 
-def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+def global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     """Global numbers of geometry nodes, of the same shape."""
     numbers: npt.NDArray[np.int64] = mesh.geometry.index_map().local_to_global(np.ascontiguousarray(rows).ravel())
     return numbers.reshape(rows.shape)
 
 
-def _owned(mesh: dmesh.Mesh, tags: dmesh.MeshTags) -> Tagged:
+def owned_entities(mesh: dmesh.Mesh, tags: dmesh.MeshTags) -> Tagged:
     """The tagged entities that this rank owns."""
     owned = tags.indices < mesh.topology.index_map(tags.dim).size_local
     entities = tags.indices[owned]
@@ -54,4 +54,4 @@ def _owned(mesh: dmesh.Mesh, tags: dmesh.MeshTags) -> Tagged:
     rows = (
         dmesh.entities_to_geometry(mesh, tags.dim, entities) if entities.size else np.empty((0, tags.dim + 1), np.int32)
     )
-    return Tagged(_global_nodes(mesh, rows), tags.values[owned])
+    return Tagged(global_nodes(mesh, rows), tags.values[owned])

@@ -94,7 +94,7 @@ def from_root(
     if held is not None:
         arrays, of_side, of_cell = held
         points = arrays.points
-        nodes = {dim: arrays.cells[:, _order(kind)], dim - 1: arrays.facets[:, _order(facet)]}
+        nodes = {dim: arrays.cells[:, order_of_nodes(kind)], dim - 1: arrays.facets[:, order_of_nodes(facet)]}
         tags = {dim: of_cell, dim - 1: of_side}
     tagged = {
         entity_dim: Tagged(nodes[entity_dim][values > 0], values[values > 0].astype(np.int32))
@@ -122,7 +122,7 @@ def _word(kind: Cell) -> str:
     return {2: "interval", 3: "triangle", 4: four, 8: "hexahedron"}[len(kind.corners)]
 
 
-def _order(kind: Cell) -> npt.NDArray[np.int64]:
+def order_of_nodes(kind: Cell) -> npt.NDArray[np.int64]:
     """Node k of dolfinx is the node with this number here."""
     of_gmsh = np.asarray(kind.gmsh_order)
     return of_gmsh[cell_perm_gmsh(dmesh.to_type(_word(kind)), len(kind.nodes))]

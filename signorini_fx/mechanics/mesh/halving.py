@@ -1,7 +1,8 @@
 """Operations on a mesh in plain arrays: straighten its sides, or halve the sides of all cells; names are kept.
 
-A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Cells with curved sides are
-divided on their own geometry: their children lie on the same curves.
+A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Where only some triangles are,
+those beside them are divided so that the mesh stays conforming.  Cells with curved sides are divided on their own
+geometry: their children lie on the same curves.
 """
 
 from __future__ import annotations
@@ -10,11 +11,12 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+import numpy.typing as npt
 
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
 from signorini_fx.mechanics.mesh.files.cells import Cell, straight
 from signorini_fx.mechanics.mesh.files.raw import row_keys, rows_of
-from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 # Places on the reference cell in units of a quarter of a side, so that nodes between children's corners are whole
 # numbers too.
@@ -41,12 +43,9 @@ def straightened(mesh: MeshArrays) -> MeshArrays:
 def halved(mesh: MeshArrays) -> MeshArrays:
     """The mesh with every side of every cell halved; it remembers what was made of the cells of its file."""
     cell = mesh.cell
-    children = [[_middle([child[c] for c in members]) for members in cell.nodes] for child in _children(cell)]
-    lattice = sorted({point for child in children for point in child})
-    x = np.array(lattice) / _SIDE
-    points = np.einsum("ln,cnd->cld", cell.shape(x), mesh.points[mesh.cells])
-    number, first = _numbered(mesh.corners, np.rint(cell.weights(x) * _SIDE**cell.dim).astype(np.int64))
-    places = np.array([[lattice.index(point) for point in child] for child in children])
+    children = [_nodes(child, cell) for child in _children(cell)]
+    lattice, number, points = _on_lattice(mesh, children)
+    places = _places(children, lattice)
     # The children of each facet, by the facets of children that are on it.
     sides = [
         [
@@ -61,7 +60,7 @@ def halved(mesh: MeshArrays) -> MeshArrays:
     owner, side = np.divmod(at, len(cell.facets))
     halves = number[owner[:, None, None], np.array(sides)[side]]
     return MeshArrays(
-        points=points.reshape(-1, mesh.dim)[first],
+        points=points,
         kind=mesh.kind,
         cells=number[:, places].reshape(-1, len(cell.nodes)),
         facets=halves.reshape(-1, halves.shape[2]),
@@ -70,6 +69,92 @@ def halved(mesh: MeshArrays) -> MeshArrays:
         note=mesh.note,
         subdivided=mesh.subdivided,
     )
+
+
+def halved_in_part(mesh: MeshArrays, chosen: npt.NDArray[np.bool_]) -> MeshArrays:
+    """The triangles with the sides of some of them halved, and conforming.
+
+    A triangle with one halved side is divided into two, and one with two halved sides into four: its third side is
+    halved, too (Bank, Sherman and Weiser, Refinement algorithms and data structures for regular local mesh refinement,
+    1983).
+
+    Args:
+        mesh: of triangles.
+        chosen: whether all sides of each are halved, shape (m,).
+    """
+    cell = mesh.cell
+    assert (cell.dim, len(cell.corners)) == (2, 3)
+    keys = row_keys(sides_of(mesh.cells, cell)[:, :2])
+    side = np.unique(keys, return_inverse=True)[1].reshape(-1, 3)
+    halved_sides = np.zeros(int(side.max()) + 1, dtype=bool)
+    halved_sides[side[chosen]] = True
+    while (two := halved_sides[side].sum(axis=1) == 2).any():
+        halved_sides[side[two]] = True
+    split = halved_sides[side]
+    ends = [tuple(_SIDE * value for value in corner) for corner in cell.corners]
+    corners = [[ends[c] for c in facet] for facet in cell.facets]
+    middles = [_middle(facet) for facet in corners]
+    patterns = [(~split.any(axis=1), [ends]), (split.all(axis=1), _children(cell))]
+    for number, (first, second) in enumerate(corners):
+        opposite, middle = next(end for end in ends if end not in (first, second)), middles[number]
+        alone = split[:, number] & (split.sum(axis=1) == 1)
+        patterns.append((alone, [[first, middle, opposite], [middle, second, opposite]]))
+    divided = [(holds, [_nodes(child, cell) for child in children]) for holds, children in patterns]
+    lattice, number_of, points = _on_lattice(mesh, [child for _, children in divided for child in children])
+    cells, parents = [], []
+    for holds, children in divided:
+        cells.append(number_of[holds][:, _places(children, lattice)].reshape(-1, len(cell.nodes)))
+        parents.append(np.repeat(np.flatnonzero(holds), len(children)))
+    owner, which = np.divmod(rows_of(mesh.facet_corners, sides_of(mesh.cells, cell)[:, :2]), 3)
+    cut = split[owner, which]
+    facets, facet_parents = [], []
+    for holds, parts in (
+        (~cut, corners),
+        (cut, [[first, middle] for (first, _), middle in zip(corners, middles, strict=True)]),
+        (cut, [[middle, second] for (_, second), middle in zip(corners, middles, strict=True)]),
+    ):
+        places = _places([_nodes(part, mesh.facet) for part in parts], lattice)
+        facets.append(number_of[owner[holds][:, None], places[which[holds]]])
+        facet_parents.append(np.flatnonzero(holds))
+    used, numbers = np.unique(np.concatenate(cells), return_inverse=True)
+    renumbered = np.full(len(points), -1)
+    renumbered[used] = np.arange(used.size)
+    parent, facet_parent = np.concatenate(parents), np.concatenate(facet_parents)
+    return MeshArrays(
+        points=points[used],
+        kind=mesh.kind,
+        cells=numbers.reshape(-1, len(cell.nodes)),
+        facets=renumbered[np.concatenate(facets)],
+        boundaries={name: np.flatnonzero(np.isin(facet_parent, rows)) for name, rows in mesh.boundaries.items()},
+        regions={name: np.flatnonzero(np.isin(parent, rows)) for name, rows in mesh.regions.items()},
+        note=mesh.note,
+        subdivided=mesh.subdivided,
+    )
+
+
+def _nodes(corners: list[_VertexKey], kind: Cell) -> list[_VertexKey]:
+    """The places of the nodes of a cell, or a facet, of a kind between its corners."""
+    return [_middle([corners[c] for c in members]) for members in kind.nodes]
+
+
+def _on_lattice(mesh: MeshArrays, children: list[list[_VertexKey]]) -> tuple[list[_VertexKey], Ints, Floats]:
+    """The places of the nodes of children.
+
+    Returns:
+        The places, in order; the number of each in each cell, the same in all cells that share it, shape (m, places);
+        and the positions of these numbers, shape (n, d).
+    """
+    cell = mesh.cell
+    lattice = sorted({point for child in children for point in child})
+    x = np.array(lattice) / _SIDE
+    number, first = _numbered(mesh.corners, np.rint(cell.weights(x) * _SIDE**cell.dim).astype(np.int64))
+    points = np.einsum("ln,cnd->cld", cell.shape(x), mesh.points[mesh.cells])
+    return lattice, number, points.reshape(-1, mesh.dim)[first]
+
+
+def _places(entities: list[list[_VertexKey]], lattice: list[_VertexKey]) -> Ints:
+    """Where the nodes of each entity are in the lattice."""
+    return np.array([[lattice.index(point) for point in nodes] for nodes in entities], dtype=np.int64)
 
 
 def _numbered(corners: Ints, weights: Ints) -> tuple[Ints, Ints]:

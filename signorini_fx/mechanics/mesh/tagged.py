@@ -331,21 +331,37 @@ def read_mesh(
         MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
         SceneError: a number or a condition selects nothing.
     """
-    arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
-    def read() -> tuple[str, formats.Tags, formats.Tags, str, bool]:
+    def read() -> MeshArrays:
         arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sections, sizes)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
                 f"or in the file (in gmsh: physical groups of dimension {arrays.dim - 1})"
             )
+        return arrays
+
+    return from_arrays(comm, read, touching)
+
+
+def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays], touching: Collection[str] = ()) -> TaggedMesh:
+    """The mesh that ``make`` gives on the first rank, distributed; collective.
+
+    Args:
+        comm: the ranks that share the mesh.
+        make: called on the first rank only; what it raises is raised on all.
+        touching: the boundaries with which bodies in the mesh touch each other; see ``mesh/cuts.py``.
+    """
+    arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
+
+    def made() -> tuple[str, formats.Tags, formats.Tags, str, bool]:
+        arrays = make()
         of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
         arrays_on_root.append((arrays, of_side, of_cell))
         return arrays.kind, sides, parts, arrays.note, arrays.subdivided
 
-    kind, sides, parts, note, subdivided = parallel.on_root(comm, read)
+    kind, sides, parts, note, subdivided = parallel.on_root(comm, made)
     held = arrays_on_root.pop() if arrays_on_root else None
     mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held, touching)
     tagged = TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts))

@@ -1,0 +1,140 @@
+"""Meshes whose cells are halved around some points only."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx.mechanics.mesh.files.arrays import sides_of
+from signorini_fx.mechanics.mesh.files.raw import row_keys
+from signorini_fx.mechanics.mesh.halving import halved, halved_in_part
+from signorini_fx.mechanics.mesh.tagged import from_arrays, generate_mesh, load_file
+from signorini_fx.mechanics.mesh.zone_halving import _gathered, halved_around, has_divisible_zone
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+
+WORLD = MPI.COMM_WORLD
+HALF_DISK = {"radius": 1.0, "symmetric": True, "size": 0.2, "contact_size": 0.08, "contact_zone": 0.3}
+
+# Two unequal triangles with curved sides share a corner of two boundaries; a region of its own on the right.
+GEO = """
+Mesh.ElementOrder = {order};
+Point(1) = {{0, 0, 0, 0.3}}; Point(2) = {{2, 0, 0, 0.3}}; Point(3) = {{2, 1, 0, 0.3}}; Point(4) = {{0, 1, 0, 0.3}};
+Point(5) = {{1, -2, 0, 0.3}}; Point(6) = {{1, 1, 0, 0.3}}; Point(7) = {{1, 0.2360679774997898, 0, 0.3}};
+Circle(1) = {{1, 5, 7}}; Circle(7) = {{7, 5, 2}}; Line(2) = {{2, 3}}; Line(3) = {{3, 6}}; Line(4) = {{6, 4}};
+Line(5) = {{4, 1}}; Line(6) = {{7, 6}};
+Curve Loop(1) = {{1, 6, 4, 5}}; Plane Surface(1) = {{1}}; Curve Loop(2) = {{7, 2, 3, -6}}; Plane Surface(2) = {{2}};
+Physical Curve("all") = {{1, 7, 2, 3, 4, 5}}; Physical Curve("round") = {{1, 7}};
+Physical Surface("left") = {{1}}; Physical Surface("right") = {{2}};
+"""
+
+
+@pytest.fixture(params=[1, 2], ids=["straight", "curved"])
+def body(request, tmp_path):
+    """Overlapping boundaries, and regions."""
+    (tmp_path / "body.geo").write_text(GEO.format(order=request.param))
+    return load_file(MeshFile(file=tmp_path / "body.geo"), MPI.COMM_SELF, degree=request.param)
+
+
+def measures(tagged):
+    """Areas of the body and its regions, and lengths of its boundaries, by name."""
+    cells = ufl.Measure("dx", domain=tagged.mesh, subdomain_data=tagged.cell_tags)
+    facets = ufl.Measure("ds", domain=tagged.mesh, subdomain_data=tagged.facet_tags)
+
+    def integral(measure):
+        one = fem.form(fem.Constant(tagged.mesh, 1.0) * measure)
+        return tagged.mesh.comm.allreduce(fem.assemble_scalar(one))
+
+    return {
+        "body": integral(cells),
+        **{name: integral(cells(tags)) for name, tags in tagged.regions.items()},
+        **{name: integral(facets(tags)) for name, tags in tagged.boundaries.items()},
+    }
+
+
+def test_areas_and_lengths_stay_and_the_mesh_is_conforming(body):
+    arrays = _gathered(body)
+    chosen = np.linalg.norm(arrays.points[arrays.corners].mean(axis=1) - (1.0, 0.3), axis=1) < 0.4
+    assert 4 < np.count_nonzero(chosen) < 0.5 * len(chosen)
+    finer = halved_in_part(arrays, chosen)
+    again = from_arrays(MPI.COMM_SELF, lambda: finer)
+    assert set(again.boundaries) == {"all", "round"}
+    assert set(again.regions) == {"left", "right"}
+    # Lengths of curved facets are not integrated exactly.
+    assert measures(again) == pytest.approx(measures(body), rel=1e-12 if arrays.degree == 1 else 1e-9)
+    # A node in the middle of a side of a neighbour would leave sides that one cell has alone.
+    keys = row_keys(sides_of(finer.cells, finer.cell)[:, :2])
+    counts = np.unique(keys, return_counts=True)[1]
+    assert counts.max() == 2
+    assert np.count_nonzero(counts == 1) == len(finer.facets)
+    # Every chosen cell has become four, and some others two; none is inside out.
+    assert len(arrays.cells) + 3 * np.count_nonzero(chosen) < len(finer.cells) < 4 * len(arrays.cells)
+    first, second = (finer.points[finer.corners[:, k]] - finer.points[finer.corners[:, 0]] for k in (1, 2))
+    assert np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).min() > 0
+    assert len(finer.points) == len(np.unique(finer.cells))
+
+
+def test_all_cells_as_halved(body):
+    arrays = _gathered(body)
+    finer, expected = halved_in_part(arrays, np.ones(len(arrays.cells), dtype=bool)), halved(arrays)
+    assert len(finer.cells) == len(expected.cells)
+    for found, wanted in ((finer.points, expected.points), (finer.points[finer.cells], expected.points[expected.cells])):
+        places = [np.sort(np.round(x, 9).reshape(len(x), -1), axis=0) for x in (found, wanted)]
+        assert places[0] == pytest.approx(places[1], abs=1e-9)
+    assert len(finer.facets) == len(expected.facets)
+
+
+def test_none():
+    arrays = _gathered(generate_mesh("half_disk", HALF_DISK, MPI.COMM_SELF))
+    same = halved_in_part(arrays, np.zeros(len(arrays.cells), dtype=bool))
+    assert len(same.cells) == len(arrays.cells)
+    assert len(same.points) == len(arrays.points)
+
+
+def on_boundary(tagged, name):
+    facets = tagged.facets(name)
+    tagged.mesh.topology.create_connectivity(1, 2)
+    nodes = np.unique(dmesh.entities_to_geometry(tagged.mesh, 1, facets)) if len(facets) else []
+    return tagged.mesh.geometry.x[nodes, :2]
+
+
+def test_straight_facets_are_divided_on_the_curve():
+    """A circle of radius 1, whose centre is at (0, 1): chords of 0.08 are off by 8e-4."""
+    tagged = generate_mesh("half_disk", HALF_DISK, MPI.COMM_SELF)
+    point = np.zeros((1, 2))
+    off = {}
+    for curved in ((), ("arc",)):
+        finer = halved_around(tagged, point, 0.25, curved)
+        x = on_boundary(finer, "arc")
+        off[bool(curved)] = np.abs(np.linalg.norm(x - (0.0, 1.0), axis=1) - 1).max()
+        assert len(x) > len(on_boundary(tagged, "arc"))
+    assert off[False] > 5e-4
+    assert off[True] < 2e-6
+
+
+def test_corners_are_not_rounded():
+    """All sides of a rectangle are one boundary."""
+    tagged = generate_mesh("rectangle", {"length": 2.0, "height": 1.0, "nx": 6, "ny": 3, "cell": "triangle"}, WORLD)
+    x = [np.ptp(halved_around(tagged, np.zeros((1, 2)), 9.0, tagged.boundaries).mesh.geometry.x, axis=0)]
+    assert x[0] == pytest.approx([2.0, 1.0, 0.0], abs=1e-12)
+    assert measures(halved_around(tagged, np.zeros((1, 2)), 0.6, tagged.boundaries)) == pytest.approx(measures(tagged))
+
+
+def test_which_cells_it_can_divide():
+    size = {"length": 2.0, "height": 1.0, "nx": 2, "ny": 1}
+    assert has_divisible_zone(generate_mesh("half_disk", {**HALF_DISK, "order": 2}, MPI.COMM_SELF))
+    assert not has_divisible_zone(generate_mesh("rectangle", {**size, "cell": "quadrilateral"}, MPI.COMM_SELF))
+    assert not has_divisible_zone(
+        generate_mesh("box", {**size, "width": 1.0, "nz": 1, "cell": "tetrahedron"}, MPI.COMM_SELF)
+    )
+
+
+@pytest.mark.mpi
+def test_the_same_mesh_on_any_number_of_ranks():
+    alone, shared = (
+        halved_around(generate_mesh("half_disk", {**HALF_DISK, "order": 2}, comm), np.zeros((1, 2)), 0.3, ["arc"])
+        for comm in (MPI.COMM_SELF, WORLD)
+    )
+    assert shared.mesh.topology.index_map(2).size_global == alone.mesh.topology.index_map(2).size_global
+    assert measures(shared) == pytest.approx(measures(alone), rel=1e-12)
