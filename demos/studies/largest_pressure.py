@@ -34,8 +34,10 @@ from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.peak_error import Peak
-from signorini_fx.results.accuracy.price_list import price_list
+from signorini_fx.results.accuracy.price_list import Price, price_list
 from signorini_fx.scenes.mesh_sequence import meshed_scene
+from signorini_fx.solving.finer_zone import peak_of_finer_zone
+from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 
 # Sizes of the cells of the meshes, relative to those that a problem names, by its dimension and the degree.
 SIZES = {
@@ -77,16 +79,25 @@ class Row:
         return self.true < 3 * self.reference_error
 
 
-def levels_of(make: Make, degree: int, sizes: Sequence[float]) -> list[LevelResult]:
+def meshes_of(make: Make, degree: int, sizes: Sequence[float]) -> list[tuple[MeshedProblem, SolvedMesh]]:
     """The meshes of one degree, each solved from the contact state of the one before."""
     history, state, found = History(), None, []
     for number, size in enumerate(sizes):
-        solved = meshed_scene(make(degree, size), MPI.COMM_SELF, history).solved(number, state, None)
+        problem = meshed_scene(make(degree, size), MPI.COMM_SELF, history)
+        if found:
+            problem = problem.keeping(found[-1][1])
+        solved = problem.solved(number, state, None)
         if solved.level is None:
             raise SignoriniError(f"not solved: {solved.solution.status.value}")
         state = solved.solution.contact
-        found.append(solved.level)
+        found.append((problem, solved))
     return found
+
+
+def prices_of(meshes: Sequence[tuple[MeshedProblem, SolvedMesh]]) -> tuple[list[LevelResult], list[Price]]:
+    """The meshes and their price list, as where the largest pressure is asked for."""
+    levels = [solved.level for _, solved in meshes]
+    return levels, price_list(levels, 0.0, zone=peak_of_finer_zone(*meshes[-1]))
 
 
 def reference_of(levels: Sequence[LevelResult]) -> tuple[float, float]:
@@ -99,11 +110,9 @@ def rows_of(name: str, seed: int, folder: Path, *, adaptive: bool = False) -> li
     """The meshes of one problem that have an estimate."""
     dimension = 2 if name in PLANE else 3
     make = (PLANE | SPACE)[name](np.random.default_rng([seed, zlib.crc32(name.encode())]), folder)
-    solved = {degree: levels_of(make, degree, SIZES[dimension, degree]) for degree in (2, 1)}
-    reference, wrong = reference_of(solved[2])
-    runs = [("halved", 1, solved[1], price_list(solved[1], 0.0))]
-    quadratic = solved[2][: -OF_REFERENCE[dimension]]
-    runs.append(("halved", 2, quadratic, price_list(quadratic, 0.0)))
+    solved = {degree: meshes_of(make, degree, SIZES[dimension, degree]) for degree in (2, 1)}
+    reference, wrong = reference_of([mesh.level for _, mesh in solved[2]])
+    runs = [("halved", 1, *prices_of(solved[1])), ("halved", 2, *prices_of(solved[2][: -OF_REFERENCE[dimension]]))]
     for degree in (1, 2) if adaptive else ():
         try:
             found, prices = as_asked(make(degree, 2.0), ASKED, of="peak", refinement="adaptive", seconds=60.0)

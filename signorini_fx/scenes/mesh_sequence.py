@@ -87,7 +87,11 @@ def _solved(
 
 
 def _on(scene: Scene, tagged: TaggedMesh) -> Scene:
-    return scene.model_copy(update={"mesh": tagged})
+    """The scene on other cells, of several bodies on those of all of them."""
+    if not scene.body:
+        return scene.model_copy(update={"mesh": tagged})
+    contacts = tuple(contact.model_copy(update={"contact_size": None}) for contact in scene.contact)
+    return scene.model_copy(update={"mesh": tagged, "body": (), "contact": contacts})
 
 
 def _with_points_kept(scene: Scene, solved: SolvedMesh) -> Scene:

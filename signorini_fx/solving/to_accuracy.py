@@ -37,6 +37,7 @@ from signorini_fx.results.deferred_quantities import failure_in_words
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
+from signorini_fx.solving.finer_zone import peak_of_finer_zone
 from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.tuned import (
     FEWEST_MESHES,
@@ -51,6 +52,7 @@ from signorini_fx.tuned import (
     SMALLEST_JUMP,
     SMALLEST_REMADE_JUMP,
     TINY_CELL,
+    ZONE_WORTH,
 )
 
 # The field with the polygon's error of a quantity.
@@ -106,13 +108,17 @@ def solve_to_accuracy(
             meshes.keep(solved)
         polygon = meshes.problem.polygon_error(solved, polygon)
         state = solved.state
-        seconds = parallel.clock(comm) - started + meshes.seconds
+        started -= meshes.seconds
         meshes.seconds = 0.0
+        seconds = parallel.clock(comm) - started
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
-        rows = (
-            price_list(levels, budget.base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
-        )
+        prices = partial(price_list, base_memory=budget.base_memory, rates=rates, uniform=not meshes.adaptive)
+        rows = prices(levels) if len(levels) > 1 else []
+        if goal.of == "peak" and rows and (rows[-2].peak or inf) <= ZONE_WORTH * goal.target:
+            zone = peak_of_finer_zone(meshes.problem, solved)
+            levels[-1] = replace(levels[-1], seconds=parallel.clock(comm) - started)
+            rows = prices(levels, zone=zone)
         solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)

@@ -9,7 +9,7 @@ import pytest
 from surfaces import grid
 
 from signorini_fx.mechanics.body.contact_table import ContactTable
-from signorini_fx.results.accuracy.peak_error import Peak, peak_error, seen_from_finer
+from signorini_fx.results.accuracy.peak_error import Peak, peak_error, seen_from_finer, seen_from_zone
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "demos" / "studies"))
 
@@ -207,6 +207,27 @@ def test_meshes_that_tell_nothing_of_a_coarser_one():
     assert seen_from_finer([one, two, replace(two, largest=2.3)], 1, 2, 0.1, [1.0, 2.0, 4.0]) is None
     assert seen_from_finer([none, two], 0, 2, 0.1, [1.0, 2.0]) is None
     assert seen_from_finer([one, none], 0, 2, 0.1, [1.0, 2.0]) is None
+
+
+def test_halved_cells_in_contact_tell_the_error():
+    """The top goes on by a third of its change, as with the rate 2; the nodes of the mesh itself missed its own top."""
+    coarse, zone = Peak(1.98, 2.0, 0.0, 0.2), Peak(2.06, 2.06, 0.0, 0.1)
+    assert seen_from_zone(coarse, zone, 0.0) == pytest.approx(1 - 1.98 / 2.08)
+    # Divided by four.
+    assert seen_from_zone(coarse, replace(zone, spacing=0.05), 0.0) == pytest.approx(1 - 1.98 / (2.06 + 0.06 / 15))
+    # The error may be zero by chance.
+    lucky = Peak(2.08, 2.0, 0.0, 0.2)
+    assert seen_from_zone(lucky, zone, 0.0) == pytest.approx(0.0, abs=1e-12)
+    assert 0.0 < seen_from_zone(lucky, zone, 0.05) < 0.05
+    assert 0.0 < seen_from_zone(lucky, replace(zone, scatter=0.01), 0.0) < 0.01
+
+
+def test_cells_that_are_not_halved_tell_nothing():
+    """Or the contact is elsewhere on them."""
+    coarse, zone = Peak(1.98, 2.0, 0.0, 0.2), Peak(2.06, 2.06, 0.0, 0.1)
+    assert seen_from_zone(coarse, replace(zone, spacing=0.2), 0.01) is None
+    assert seen_from_zone(coarse, Peak(0.0, 0.0, 0.0, 0.0), 0.01) is None
+    assert seen_from_zone(Peak(0.0, 0.0, 0.0, 0.0), zone, 0.01) is None
 
 
 def test_scatter_is_an_error_where_the_top_does_not_change():

@@ -13,7 +13,7 @@ smooth *top*, and separates what adds up in the error of the largest nodal press
   the mesh before.
 
 No function of the pressures on these meshes that was tried tells more (docs/trust.md).  A finer mesh does, once it is
-solved: ``seen_from_finer``.
+solved: ``seen_from_finer``; and so does one that is finer around the contact only: ``seen_from_zone``.
 """
 
 from __future__ import annotations
@@ -36,9 +36,11 @@ from signorini_fx.tuned import (
     RATE_SEEN_BEFORE,
     SAME_LENGTH,
     SCATTER_SHARE,
+    SHARE_BESIDE_ZONE,
     SHARE_OF_LAST_ERROR,
     SHARE_SEEN_BEFORE,
     SLOWEST_PEAK,
+    ZONE_RATE,
 )
 
 Floats = npt.NDArray[np.float64]
@@ -156,6 +158,28 @@ def seen_from_finer(
     beyond = step.changes[0] / (step.finer ** PEAK_RATES[degree] - 1) / step.to_last ** PEAK_RATES[degree]
     better = last.top + beyond * last.largest
     return float(np.hypot(mesh.largest / better - 1, SHARE_OF_LAST_ERROR * error)) if better > 0 else None
+
+
+def seen_from_zone(last: Peak, zone: Peak, error: float) -> float | None:
+    """The relative error of the largest pressure on the last mesh, from the same mesh with halved cells in contact.
+
+    What the top changes by, extrapolated, is the error.  As this may be zero by chance, the scatter around the top and a
+    share of the error that is estimated without this mesh count as well.
+
+    Args:
+        last: on the last mesh.
+        zone: on the one with halved cells.
+        error: estimated by ``peak_error``, relative.
+
+    Returns:
+        None where the cells around the peak are no smaller.
+    """
+    if min(last.largest, zone.largest, zone.spacing) <= 0 or last.spacing < FINER_FACTOR * zone.spacing:
+        return None
+    better = zone.top + (zone.top - last.top) / ((last.spacing / zone.spacing) ** ZONE_RATE - 1)
+    if not better > 0:
+        return None
+    return float(np.linalg.norm([last.largest / better - 1, SCATTER_SHARE * zone.scatter, SHARE_BESIDE_ZONE * error]))
 
 
 def peak_error(

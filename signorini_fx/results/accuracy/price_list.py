@@ -1,10 +1,11 @@
 """The price list: one row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
 
-It needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
+But for one case it needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
 on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact force and
 zone ends by the change from the previous mesh, extrapolated with the expected rate; that of the largest pressure by
-``peak_error``, on meshes before the last one by what that one tells; the regularisation error by the dependence on
-gamma; that of the iteration by its last residual or change.
+``peak_error``, on meshes before the last one by what that one tells, and on the last one, if the largest pressure is
+asked for, by one more solve with halved cells in contact; the regularisation error by the dependence on gamma; that of
+the iteration by its last residual or change.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from signorini_fx.results.accuracy.contact_values import interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.forecast import grown, powers
 from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
-from signorini_fx.results.accuracy.peak_error import Peak, peak_error, seen_from_finer
+from signorini_fx.results.accuracy.peak_error import Peak, peak_error, seen_from_finer, seen_from_zone
 from signorini_fx.results.accuracy.pressure_error import peak_of
 from signorini_fx.tuned import (
     CHANGES_USED,
@@ -126,7 +127,12 @@ def expected_rates(degree: int) -> dict[str, float]:
 
 
 def price_list(
-    levels: list[LevelResult], base_memory: float, *, rates: Mapping[str, float] = EXPECTED_RATES, uniform: bool = True
+    levels: list[LevelResult],
+    base_memory: float,
+    *,
+    rates: Mapping[str, float] = EXPECTED_RATES,
+    uniform: bool = True,
+    zone: Peak | None = None,
 ) -> list[Price]:
     """The rows for the meshes that were solved, coarsest first, and one for the next.
 
@@ -137,6 +143,8 @@ def price_list(
         uniform: whether each mesh is finer than the previous one everywhere, and by about the same factor.  Otherwise
             the change from mesh to mesh is no error: where nothing was divided nothing changes.  Then the ends of the
             zones are told to one interval, and the largest pressure by the spacing of the nodes at it.
+        zone: the largest pressure on the last mesh with halved cells in contact, which tells its error on that mesh;
+            None: it is not known.
     """
     changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
     peaks, rates = [Peak.of(level.table) for level in levels], {**rates, "peak": PEAK_RATES[levels[-1].degree]}
@@ -153,6 +161,8 @@ def price_list(
             errors["force"] = force_error(levels[: index + 1]) if enough else None
             pollution = 0.0 if uniform else POLLUTION_OF_PEAK * level.energy**2
             error = peak_error(peaks[: index + 1], level.degree, fineness if uniform else None, pollution)
+            if error is not None and zone is not None and index == len(levels) - 1:
+                error = seen_from_zone(peaks[index], zone, error) or error
             errors["peak"] = None if error is None else error + level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
             errors["zone"] = border_of(level.table)
