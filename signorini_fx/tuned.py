@@ -248,7 +248,9 @@ SCATTER_SHARE, LEAST_SHARE_OF_PARTS = 0.5, 0.7
 SHARE_OF_LAST_ERROR = 0.5
 # How far from pressed nodes cells are halved to tell the error of the largest pressure, in spacings of the nodes around
 # it; the rate with which it is taken to decrease there; and the share of the error that is estimated without them which
-# counts as well.  Tuned on the same problems, TUNED.
+# counts as well.  Tuned on the same problems, seeds 1, 2, 21 and a part of 22: of 90 estimates on the last mesh, of
+# triangles, 82 % instead of 63 % are within a factor of two, one is below half of the error as before.  Without the
+# scatter it would be 88 % and three.
 ZONE_REACH, ZONE_RATE, SHARE_BESIDE_ZONE = 4.0, 2.0, 0.1
 # They are halved where the error that is estimated without them is at most this times what is asked for.  Choice: nine
 # of ten of these estimates are below 6.5 times the error.

@@ -6,8 +6,9 @@ Every problem of ``peak_problems`` is drawn from the seed and solved with elemen
 cells are halved from mesh to mesh, the first with a third of the half width of the contact; with ``--adaptive`` it is
 asked for its largest pressure with ``refinement = "adaptive"`` too.  The reference is the top of the pressure on finer
 meshes of degree 2, extrapolated; how far it may be wrong is half of what that adds, and errors of less than three times
-this are left out.  Of meshes before the last one the last one tells the error.  Seeds 1, 2 and 21 to 24 are those that
-the estimates were tuned on.  Written are largest_pressure.csv and what is printed.
+this are left out.  Of meshes before the last one the last one tells the error, and of this one the same with halved
+cells in contact, as where the largest pressure is asked for.  Seeds 1, 2 and 21 to 24 are those that the estimates were
+tuned on.  Written are largest_pressure.csv and what is printed.
 
 An error passes through zero where nodes miss the top by as much as it is wrong, which no estimate can see: then the
 ratio is large by chance.  A ratio below 1/2 is the worse one.

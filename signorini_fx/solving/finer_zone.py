@@ -1,4 +1,4 @@
-"""The largest contact pressure on a mesh with halved cells where bodies touch: it tells the error of that on the mesh."""
+"""The largest contact pressure with halved cells where bodies touch, which tells the error of that on the mesh."""
 
 from __future__ import annotations
 

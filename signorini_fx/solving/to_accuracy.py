@@ -115,7 +115,9 @@ def solve_to_accuracy(
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
         prices = partial(price_list, base_memory=budget.base_memory, rates=rates, uniform=not meshes.adaptive)
         rows = prices(levels) if len(levels) > 1 else []
-        if goal.of == "peak" and rows and (rows[-2].peak or inf) <= ZONE_WORTH * goal.target:
+        # Of meshes that are divided here and there cells elsewhere count, which these do not show.
+        told = goal.of == "peak" and not meshes.adaptive
+        if told and rows and (rows[-2].peak or inf) <= ZONE_WORTH * goal.target:
             zone = peak_of_finer_zone(meshes.problem, solved)
             levels[-1] = replace(levels[-1], seconds=parallel.clock(comm) - started)
             rows = prices(levels, zone=zone)

@@ -79,9 +79,10 @@ def test_all_cells_as_halved(body):
     arrays = _gathered(body)
     finer, expected = halved_in_part(arrays, np.ones(len(arrays.cells), dtype=bool)), halved(arrays)
     assert len(finer.cells) == len(expected.cells)
-    for found, wanted in ((finer.points, expected.points), (finer.points[finer.cells], expected.points[expected.cells])):
-        places = [np.sort(np.round(x, 9).reshape(len(x), -1), axis=0) for x in (found, wanted)]
-        assert places[0] == pytest.approx(places[1], abs=1e-9)
+    places = [np.sort(mesh.points, axis=0) for mesh in (finer, expected)]
+    assert places[0] == pytest.approx(places[1], abs=1e-9)
+    centres = [np.sort(mesh.points[mesh.corners].mean(axis=1), axis=0) for mesh in (finer, expected)]
+    assert centres[0] == pytest.approx(centres[1], abs=1e-9)
     assert len(finer.facets) == len(expected.facets)
 
 

@@ -1,7 +1,7 @@
 """Operations on a mesh in plain arrays: straighten its sides, or halve the sides of all cells; names are kept.
 
-A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Where only some triangles are,
-those beside them are divided so that the mesh stays conforming.  Cells with curved sides are divided on their own
+A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Where only some triangles
+are, those beside them are divided so that the mesh stays conforming.  Cells with curved sides are divided on their own
 geometry: their children lie on the same curves.
 """
 

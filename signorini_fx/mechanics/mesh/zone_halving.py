@@ -67,10 +67,10 @@ def _gathered(tagged: TaggedMesh) -> MeshArrays:
     if tagged.cell_tags is not None:
         own = tagged.cell_tags.indices < count
         parts = np.column_stack((first_cell + tagged.cell_tags.indices[own], tagged.cell_tags.values[own]))
-    facets = owned_entities(mesh, tagged.facet_tags)
+    own_facets = owned_entities(mesh, tagged.facet_tags)
     points = parallel.rows_on_root(comm, mesh.geometry.x[: nodes.size_local, :2].astype(np.float64))
     cells, parts = parallel.rows_on_root(comm, cells), parallel.rows_on_root(comm, parts.astype(np.int64))
-    facets = parallel.rows_on_root(comm, np.column_stack((facets.nodes[:, :2], facets.tags)))
+    facets = parallel.rows_on_root(comm, np.column_stack((own_facets.nodes[:, :2], own_facets.tags)))
     sides = sides_of(cells, kind)
     return MeshArrays(
         points=points,
@@ -97,12 +97,13 @@ def _on_curves(coarse: MeshArrays, fine: MeshArrays, curved: Collection[str]) ->
 
 def _middles(x: Floats, ends: Ints) -> Floats:
     """The middle of each straight facet, shape (f, 2), on the polynomial through its ends and the nodes beside it."""
+    facets = [(int(a), int(b)) for a, b in ends]
     beside: dict[int, list[int]] = {}
-    for a, b in ends.tolist():
+    for a, b in facets:
         beside.setdefault(a, []).append(b)
         beside.setdefault(b, []).append(a)
     middles = np.empty((len(ends), 2))
-    for number, (a, b) in enumerate(ends.tolist()):
+    for number, (a, b) in enumerate(facets):
         nodes = [*_going_on(x, b, a, beside[a]), a, b, *_going_on(x, a, b, beside[b])]
         s = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(x[nodes], axis=0), axis=1))))
         middle = s[nodes.index(a) : nodes.index(b) + 1].mean()

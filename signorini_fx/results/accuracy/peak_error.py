@@ -163,8 +163,8 @@ def seen_from_finer(
 def seen_from_zone(last: Peak, zone: Peak, error: float) -> float | None:
     """The relative error of the largest pressure on the last mesh, from the same mesh with halved cells in contact.
 
-    What the top changes by, extrapolated, is the error.  As this may be zero by chance, the scatter around the top and a
-    share of the error that is estimated without this mesh count as well.
+    What the top changes by, extrapolated, is the error.  As this may be zero by chance, the scatter around the top and
+    a share of the error that is estimated without this mesh count as well.
 
     Args:
         last: on the last mesh.

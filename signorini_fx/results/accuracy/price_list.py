@@ -1,11 +1,11 @@
 """The price list: one row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
 
-But for one case it needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
-on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact force and
-zone ends by the change from the previous mesh, extrapolated with the expected rate; that of the largest pressure by
-``peak_error``, on meshes before the last one by what that one tells, and on the last one, if the largest pressure is
-asked for, by one more solve with halved cells in contact; the regularisation error by the dependence on gamma; that of
-the iteration by its last residual or change.
+But for one case it needs no solves beyond those of the nested iteration.  The error of the displacement in the energy
+norm is estimated on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of
+contact force and zone ends by the change from the previous mesh, extrapolated with the expected rate; that of the
+largest pressure by ``peak_error``, on meshes before the last one by what that one tells, and on the last one, if the
+largest pressure is asked for, by one more solve with halved cells in contact; the regularisation error by the
+dependence on gamma; that of the iteration by its last residual or change.
 """
 
 from __future__ import annotations
@@ -161,8 +161,6 @@ def price_list(
             errors["force"] = force_error(levels[: index + 1]) if enough else None
             pollution = 0.0 if uniform else POLLUTION_OF_PEAK * level.energy**2
             error = peak_error(peaks[: index + 1], level.degree, fineness if uniform else None, pollution)
-            if error is not None and zone is not None and index == len(levels) - 1:
-                error = seen_from_zone(peaks[index], zone, error) or error
             errors["peak"] = None if error is None else error + level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
             errors["zone"] = border_of(level.table)
@@ -180,6 +178,10 @@ def price_list(
     if uniform:
         rows = _seen_from_last(rows, levels, peaks)
     last = levels[-1]
+    if zone is not None and rows[-1].peak is not None:
+        missed = last.data + POLYGON_PEAK * last.polygon
+        told = seen_from_zone(peaks[-1], zone, rows[-1].peak - missed)
+        rows[-1] = rows[-1] if told is None else replace(rows[-1], peak=told + missed)
     following = predict(rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from)
     return [*rows, following]
 
