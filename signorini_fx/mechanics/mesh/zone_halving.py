@@ -63,7 +63,7 @@ def _gathered(tagged: TaggedMesh) -> MeshArrays:
     cells = np.empty((count, len(kind.nodes)), dtype=np.int64)
     cells[:, order_of_nodes(kind)] = global_nodes(mesh, compat.geometry_cells(mesh)[:count])
     first_cell = parallel.rows_before(comm, count)
-    parts = np.empty((0, 2), dtype=np.int64)
+    parts: Ints = np.empty((0, 2), dtype=np.int64)
     if tagged.cell_tags is not None:
         own = tagged.cell_tags.indices < count
         parts = np.column_stack((first_cell + tagged.cell_tags.indices[own], tagged.cell_tags.values[own]))
