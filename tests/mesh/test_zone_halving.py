@@ -10,7 +10,7 @@ from mpi4py import MPI
 from signorini_fx.mechanics.mesh.files.arrays import sides_of
 from signorini_fx.mechanics.mesh.files.raw import row_keys
 from signorini_fx.mechanics.mesh.halving import halved, halved_in_part
-from signorini_fx.mechanics.mesh.tagged import from_arrays, generate_mesh, load_file
+from signorini_fx.mechanics.mesh.tagged import from_arrays, generate_mesh, load_file, tag_boundaries
 from signorini_fx.mechanics.mesh.zone_halving import _gathered, halved_around, has_divisible_zone
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
@@ -55,8 +55,9 @@ def measures(tagged):
 
 def test_areas_and_lengths_stay_and_the_mesh_is_conforming(body):
     arrays = _gathered(body)
-    chosen = np.linalg.norm(arrays.points[arrays.corners].mean(axis=1) - (1.0, 0.3), axis=1) < 0.4
-    assert 4 < np.count_nonzero(chosen) < 0.5 * len(chosen)
+    around = np.linalg.norm(arrays.points[arrays.corners].mean(axis=1) - (1.0, 0.3), axis=1) < 0.4
+    chosen = around | (np.arange(len(around)) % 9 == 0)  # some others have two neighbours that are halved
+    assert 4 < np.count_nonzero(chosen) < 0.6 * len(chosen)
     finer = halved_in_part(arrays, chosen)
     again = from_arrays(MPI.COMM_SELF, lambda: finer)
     assert set(again.boundaries) == {"all", "round"}
@@ -117,6 +118,7 @@ def test_straight_facets_are_divided_on_the_curve():
 def test_corners_are_not_rounded():
     """All sides of a rectangle are one boundary."""
     tagged = generate_mesh("rectangle", {"length": 2.0, "height": 1.0, "nx": 6, "ny": 3, "cell": "triangle"}, WORLD)
+    tagged = tag_boundaries(tagged.mesh, {"all": lambda x: np.ones(x.shape[1])})
     x = [np.ptp(halved_around(tagged, np.zeros((1, 2)), 9.0, tagged.boundaries).mesh.geometry.x, axis=0)]
     assert x[0] == pytest.approx([2.0, 1.0, 0.0], abs=1e-12)
     assert measures(halved_around(tagged, np.zeros((1, 2)), 0.6, tagged.boundaries)) == pytest.approx(measures(tagged))
