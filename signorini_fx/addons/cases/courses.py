@@ -95,9 +95,9 @@ class Course:
     def supports(self) -> Iterator[tuple[int, Ints, list[float | Floats | None], str]]:
         """Component, nodes, values at each instant and origin of what holds the same nodes at the same times."""
         for component, (held, origins) in enumerate(zip(self._held, self._origins, strict=True)):
-            given = np.isfinite(held)
-            rows = np.flatnonzero(given.any(axis=0))
-            patterns = np.vstack((origins[rows], given[:, rows])).T
+            acting = np.isfinite(held)
+            rows = np.flatnonzero(acting.any(axis=0))
+            patterns = np.vstack((origins[rows], acting[:, rows])).T
             kinds, group = np.unique(patterns, axis=0, return_inverse=True)
             for number, kind in enumerate(kinds):
                 nodes = rows[group.ravel() == number].astype(np.int64)

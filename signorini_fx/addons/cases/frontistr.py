@@ -12,7 +12,7 @@ import numpy as np
 from signorini_fx.addons.aster.grouped_mesh import GroupedMesh
 from signorini_fx.addons.aster.study import CaseStudy, NodalForce, Relation, Support, SurfaceLoad, Zone, add_once
 from signorini_fx.addons.cases.body_facets import BodyFacets, some
-from signorini_fx.addons.cases.hecmw import Card, CardError, Groups, read_cards, real, whole
+from signorini_fx.addons.cases.hecmw import CardError, ControlCard, NumberGroups, read_cards, real, whole_number
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus import faces_of
 from signorini_fx.mechanics.mesh.files.arrays import plain
@@ -94,7 +94,7 @@ def read_frontistr(control: Path) -> FrontistrStudy:
     mesh = control.with_suffix(".msh")
     if not mesh.is_file():
         raise MeshError(f"{control}: line 1: {mesh.name} is expected beside it")
-    reader = _Reader(control, mesh)
+    reader = _FrontistrCase(control, mesh)
     try:
         reader.read_mesh(read_cards(mesh))
     except CardError as error:
@@ -106,32 +106,32 @@ def read_frontistr(control: Path) -> FrontistrStudy:
 
 
 @dataclass
-class _Step:
+class _SolvedStep:
     """A step with what is active in it, and the times at which it is solved."""
 
-    card: Card
+    card: ControlCard
     active: dict[str, set[int]]
     instants: list[float]
     begin: float
 
 
-class _Reader:
+class _FrontistrCase:
     """Both files, and what has been read so far."""
 
     def __init__(self, control: Path, mesh: Path) -> None:
         self._control, self._mesh = control, mesh
-        self._nodes, self._elements = Groups("NGRP"), Groups("EGRP")
+        self._nodes, self._elements = NumberGroups("NGRP"), NumberGroups("EGRP")
         self._surfaces: dict[str, list[tuple[int, int]]] = {}
-        self._sections: list[tuple[Ints, str, Card]] = []
-        self._materials: dict[str, tuple[dict[str, float], Card]] = {}
-        self._pairs: dict[str, tuple[str, list[str], Card]] = {}
+        self._sections: list[tuple[Ints, str, ControlCard]] = []
+        self._materials: dict[str, tuple[dict[str, float], ControlCard]] = {}
+        self._pairs: dict[str, tuple[str, list[str], ControlCard]] = {}
         self._relations: list[Relation] = []
         self._amplitudes: set[str] = set()
         self._unknown: list[tuple[str, str]] = []
 
     # --- mesh -----------------------------------------------------------------------------------------------------
 
-    def read_mesh(self, cards: list[Card]) -> None:
+    def read_mesh(self, cards: list[ControlCard]) -> None:
         """Nodes, elements, groups, sections, materials and pairs."""
         self._read_nodes([card for card in cards if card.keyword == "NODE"])
         self._read_elements([card for card in cards if card.keyword == "ELEMENT"])
@@ -160,13 +160,13 @@ class _Reader:
                 case keyword if keyword not in _MESH and not _PLAIN.match(keyword) and not keyword.startswith("ITEM"):
                     self._unknown.append((f"{self._mesh.name}: {card.origin}", "not known here"))
 
-    def _read_nodes(self, cards: list[Card]) -> None:
+    def _read_nodes(self, cards: list[ControlCard]) -> None:
         numbers, points = [], []
         for card in cards:
             for line, words in card.rows:
                 if len(words) < 4:
                     raise CardError(line, "!NODE: a number and three coordinates are expected")
-                numbers.append(whole(line, words[0], "!NODE"))
+                numbers.append(whole_number(line, words[0], "!NODE"))
                 points.append([real(line, word, "!NODE") for word in words[1:4]])
             if (group := card.parameters.get("NGRP", "").upper()) and card.rows:
                 self._nodes.content.setdefault(group, []).extend(numbers[-len(card.rows) :])
@@ -180,7 +180,7 @@ class _Reader:
         self._points: Floats = np.array(points, dtype=np.float64)[order]
         self._nodes.content["ALL"] = plain(self.numbers)
 
-    def _read_elements(self, cards: list[Card]) -> None:
+    def _read_elements(self, cards: list[ControlCard]) -> None:
         self._blocks: list[tuple[str, Ints, Ints]] = []
         for card in cards:
             kind = _KINDS.get(card.name("TYPE"), "")
@@ -191,7 +191,9 @@ class _Reader:
             if not words or len(words) % width:
                 line = words[-1][0] if words else card.line
                 raise CardError(line, f"!ELEMENT: a number and {width - 1} nodes for each element are expected")
-            table = np.array([whole(line, word, "!ELEMENT") for line, word in words], dtype=np.int64).reshape(-1, width)
+            table = np.array([whole_number(line, word, "!ELEMENT") for line, word in words], dtype=np.int64).reshape(
+                -1, width
+            )
             missing = ~np.isin(table[:, 1:], self.numbers)
             if missing.any():
                 at = int(np.argmax(missing.any(axis=1)))
@@ -219,16 +221,16 @@ class _Reader:
         nearest = np.linalg.norm(middles[:, None] - x[None, corners:], axis=2).argmin(axis=1)
         return rows[:, [*range(corners), *(corners + nearest)]]
 
-    def _read_surface(self, card: Card) -> None:
+    def _read_surface(self, card: ControlCard) -> None:
         faces = self._surfaces.setdefault(card.name("SGRP"), [])
         words = [(line, word) for line, row in card.rows for word in row if word]
         if len(words) % 2:
             raise CardError(card.line, "!SGROUP: pairs of an element and a face are expected")
         for (line, word), (_, face) in zip(words[::2], words[1::2], strict=True):
-            number = whole(line, face, "!SGROUP")
+            number = whole_number(line, face, "!SGROUP")
             faces += [(int(element), number) for element in self._elements.numbers(line, word)]
 
-    def _corners(self, card: Card, name: str) -> list[Ints]:
+    def _corners(self, card: ControlCard, name: str) -> list[Ints]:
         """The corners of the faces of a surface, in tables of faces with as many."""
         if name.upper() not in self._surfaces:
             raise CardError(card.line, f"!{card.keyword}: there is no SGRP {name[:40]!r}")
@@ -246,7 +248,7 @@ class _Reader:
             collected.setdefault(len(corners), []).append(corners)
         return [np.array(rows, dtype=np.int64) for rows in collected.values()]
 
-    def _surface(self, card: Card, name: str) -> tuple[list[Any], int]:
+    def _surface(self, card: ControlCard, name: str) -> tuple[list[Any], int]:
         """The facets of a surface, and how many faces are none of the boundary."""
         marks, missing = self._facets.nothing(), 0
         for rows in self._corners(card, name):
@@ -254,7 +256,7 @@ class _Reader:
             marks, missing = [a | b for a, b in zip(marks, chosen, strict=True)], missing + without
         return marks, missing
 
-    def _read_material(self, card: Card, following: list[Card]) -> None:
+    def _read_material(self, card: ControlCard, following: list[ControlCard]) -> None:
         properties: dict[str, float] = {}
         for item in following:
             if not item.keyword.startswith("ITEM"):
@@ -266,10 +268,10 @@ class _Reader:
                 properties["density"] = real(line, words[0], "!ITEM")
         self._materials[card.name("NAME")] = (properties, card)
 
-    def _read_equations(self, card: Card) -> None:
+    def _read_equations(self, card: ControlCard) -> None:
         rows = iter(card.rows)
         for line, words in rows:
-            count = whole(line, words[0], "!EQUATION")
+            count = whole_number(line, words[0], "!EQUATION")
             entries: list[tuple[int, str]] = []
             while len(entries) < 3 * count:
                 try:
@@ -280,7 +282,7 @@ class _Reader:
             terms = []
             for (place, node), (_, dof), (_, factor) in zip(entries[::3], entries[1::3], entries[2::3], strict=True):
                 for number in self._nodes.numbers(place, node):
-                    component = whole(place, dof, "!EQUATION") - 1
+                    component = whole_number(place, dof, "!EQUATION") - 1
                     if number not in self.numbers or not 0 <= component < 3:
                         raise CardError(place, f"!EQUATION: node {number} with component {dof} is not there")
                     row = int(np.searchsorted(self.numbers, number))
@@ -291,7 +293,7 @@ class _Reader:
 
     # --- control --------------------------------------------------------------------------------------------------
 
-    def study(self, cards: list[Card]) -> FrontistrStudy:
+    def study(self, cards: list[ControlCard]) -> FrontistrStudy:
         """All of it."""
         body = self._facets.nothing()
         for k in range(self._facets.cells):
@@ -314,7 +316,7 @@ class _Reader:
         return study
 
     @staticmethod
-    def _solution(cards: list[Card]) -> bool:
+    def _solution(cards: list[ControlCard]) -> bool:
         """Whether it is nonlinear."""
         nonlinear = False
         for card in cards:
@@ -325,9 +327,9 @@ class _Reader:
                 nonlinear = kind == "NLSTATIC" or "NONLINEAR" in card.parameters
         return nonlinear
 
-    def _behaviour(self, study: FrontistrStudy, cards: list[Card]) -> None:
+    def _behaviour(self, study: FrontistrStudy, cards: list[ControlCard]) -> None:
         """The materials of the control file, and whether strains may be large."""
-        current: tuple[dict[str, float], Card] | None = None
+        current: tuple[dict[str, float], ControlCard] | None = None
         for card in cards:
             if card.keyword == "MATERIAL":
                 current = self._materials.setdefault(card.name("NAME"), ({}, card))
@@ -361,7 +363,7 @@ class _Reader:
         if np.setdiff1d(self._element_numbers, covered).size:
             raise CardError(1, f"some elements of {self._mesh.name} are in no !SECTION")
 
-    def _elements_of(self, study: FrontistrStudy, cards: list[Card]) -> None:
+    def _elements_of(self, study: FrontistrStudy, cards: list[ControlCard]) -> None:
         """What hexahedra are in FrontISTR: it has another choice than full integration for these."""
         if not any(kind == "hexahedron" for kind, _, _ in self._blocks):
             return
@@ -370,8 +372,8 @@ class _Reader:
             if form != "FI":
                 add_once(study.formulations, f"with hexahedra of {_HEXAHEDRA.get(form, form)}")
 
-    def _steps(self, cards: list[Card]) -> list[_Step]:
-        steps: list[_Step] = []
+    def _steps(self, cards: list[ControlCard]) -> list[_SolvedStep]:
+        steps: list[_SolvedStep] = []
         begin = 0.0
         for card in cards:
             if card.keyword != "STEP":
@@ -380,7 +382,7 @@ class _Reader:
             active: dict[str, set[int]] = {"BOUNDARY": set(), "LOAD": set(), "CONTACT": set()}
             for number, (line, words) in enumerate(card.rows):
                 if words[0].upper() in active and len(words) > 1:
-                    active[words[0].upper()].add(whole(line, words[1], "!STEP"))
+                    active[words[0].upper()].add(whole_number(line, words[1], "!STEP"))
                 elif number == 0 and len(words) >= 2:
                     first, length = real(line, words[0], "!STEP"), real(line, words[1], "!STEP")
                     if not 0 < first <= length * (1 + 1e-9):
@@ -392,13 +394,13 @@ class _Reader:
                     raise CardError(line, f"!STEP: {words[0][:40]!r} is not known here")
             if not 0 < count <= 100 * _MOST_INSTANTS:
                 raise CardError(card.line, f"!STEP: SUBSTEPS={count}")
-            steps.append(_Step(card, active, [begin + length * (k + 1) / count for k in range(count)], begin))
+            steps.append(_SolvedStep(card, active, [begin + length * (k + 1) / count for k in range(count)], begin))
             begin += length
         if not steps:
             raise CardError(1, "!STEP is expected")
         return steps
 
-    def _contacts(self, study: FrontistrStudy, cards: list[Card], steps: list[_Step]) -> None:
+    def _contacts(self, study: FrontistrStudy, cards: list[ControlCard], steps: list[_SolvedStep]) -> None:
         algorithm = "SLAGRANGE"
         for card in cards:
             if card.keyword == "CONTACT_ALGO":
@@ -426,7 +428,7 @@ class _Reader:
         if not study.zones:
             raise CardError(1, "no contact is known here")
 
-    def _zone(self, study: FrontistrStudy, card: Card, line: int, words: list[str], kind: str) -> None:
+    def _zone(self, study: FrontistrStudy, card: ControlCard, line: int, words: list[str], kind: str) -> None:
         if words[0].upper() not in self._pairs:
             raise CardError(line, f"!CONTACT: there is no !CONTACT PAIR {words[0][:40]!r} in {self._mesh.name}")
         form, names, pair = self._pairs[words[0].upper()]
@@ -459,7 +461,7 @@ class _Reader:
 
     # --- supports and loads ---------------------------------------------------------------------------------------
 
-    def _act(self, study: FrontistrStudy, cards: list[Card], steps: list[_Step]) -> None:
+    def _act(self, study: FrontistrStudy, cards: list[ControlCard], steps: list[_SolvedStep]) -> None:
         count = len(study.instants)
         held = np.full((3, count, len(self.numbers)), np.nan)
         origins = np.full((3, len(self.numbers)), -1, dtype=np.int64)
@@ -474,9 +476,9 @@ class _Reader:
                 case "SPRING" | "TEMPERATURE" | "FLOAD":
                     study.lose(card.origin, "not known here")
         for component in range(3):
-            given = np.isfinite(held[component])
-            rows = np.flatnonzero(given.any(axis=0))
-            patterns = np.vstack((origins[component, rows], given[:, rows])).T
+            acting = np.isfinite(held[component])
+            rows = np.flatnonzero(acting.any(axis=0))
+            patterns = np.vstack((origins[component, rows], acting[:, rows])).T
             kinds, group = np.unique(patterns, axis=0, return_inverse=True)
             for k, kind in enumerate(kinds):
                 nodes = rows[group.ravel() == k].astype(np.int64)
@@ -487,22 +489,28 @@ class _Reader:
                 ]
                 study.supports.append(Support(nodes, component, values, cards[kind[0]].origin))
 
-    def _course(self, card: Card, steps: list[_Step], key: str) -> Floats:
+    def _course(self, card: ControlCard, steps: list[_SolvedStep], key: str) -> Floats:
         """The share of a load at each instant: it grows in the first step that has it, and stays in those after it."""
         if "AMP" in card.parameters:
             raise CardError(card.line, f"!{card.keyword}: AMP is not known here")
-        group, shares, before = card.whole_parameter("GRPID", 1), [], False
+        group, shares, earlier = card.whole_parameter("GRPID", 1), [], False
         for step in steps:
             acts = group in step.active[key]
             length = step.instants[-1] - step.begin
-            shares += [float(acts) * (1.0 if before else (time - step.begin) / length) for time in step.instants]
-            before = acts
+            shares += [float(acts) * (1.0 if earlier else (time - step.begin) / length) for time in step.instants]
+            earlier = acts
         return np.array(shares)
 
     def _hold(
-        self, study: FrontistrStudy, card: Card, steps: list[_Step], held: Floats, origins: Ints, number: int
+        self,
+        study: FrontistrStudy,
+        card: ControlCard,
+        steps: list[_SolvedStep],
+        held: Floats,
+        origins: Ints,
+        number: int,
     ) -> None:
-        """Displacements: in each step that has them those of its end before, and a share of the value more."""
+        """Displacements: in each step that has them those of its beginning, and a share of the value more."""
         if "AMP" in card.parameters or "ROT_CENTER" in card.parameters:
             raise CardError(card.line, "!BOUNDARY: AMP and ROT_CENTER are not known here")
         group = card.whole_parameter("GRPID", 1)
@@ -512,7 +520,10 @@ class _Reader:
             rows = np.searchsorted(self.numbers, self._nodes.numbers(line, words[0]))
             if (rows >= len(self.numbers)).any():
                 raise CardError(line, f"!BOUNDARY: node {words[0]} is not there")
-            first, last = whole(line, words[1], "!BOUNDARY"), whole(line, words[2] or words[1], "!BOUNDARY")
+            first, last = (
+                whole_number(line, words[1], "!BOUNDARY"),
+                whole_number(line, words[2] or words[1], "!BOUNDARY"),
+            )
             value = real(line, words[3], "!BOUNDARY") if len(words) > 3 and words[3] else 0.0
             for component in range(first - 1, last):
                 if not 0 <= component < 3:
@@ -521,19 +532,19 @@ class _Reader:
                 origins[component, rows] = number
 
     @staticmethod
-    def _move(steps: list[_Step], group: int, held: Floats, rows: Ints, value: float) -> None:
+    def _move(steps: list[_SolvedStep], group: int, held: Floats, rows: Ints, value: float) -> None:
         n = 0
-        before: Floats = np.zeros(len(rows))
+        earlier: Floats = np.zeros(len(rows))
         for step in steps:
             length = step.instants[-1] - step.begin
             for time in step.instants:
                 if group in step.active["BOUNDARY"]:
-                    held[n, rows] = before + value * (time - step.begin) / length
+                    held[n, rows] = earlier + value * (time - step.begin) / length
                 n += 1
             at_end = held[n - 1, rows]
-            before = np.where(np.isfinite(at_end), at_end, before)
+            earlier = np.where(np.isfinite(at_end), at_end, earlier)
 
-    def _load(self, study: FrontistrStudy, card: Card, steps: list[_Step]) -> None:
+    def _load(self, study: FrontistrStudy, card: ControlCard, steps: list[_SolvedStep]) -> None:
         shares = self._course(card, steps, "LOAD")
         for line, words in card.rows:
             if len(words) < 3:
@@ -552,14 +563,14 @@ class _Reader:
             else:
                 raise CardError(line, f"!DLOAD: {kind[:40]!r} is not known here")
 
-    def _push(self, study: FrontistrStudy, card: Card, steps: list[_Step]) -> None:
+    def _push(self, study: FrontistrStudy, card: ControlCard, steps: list[_SolvedStep]) -> None:
         if "ROT_CENTER" in card.parameters:
             raise CardError(card.line, "!CLOAD: ROT_CENTER is not known here")
         shares = self._course(card, steps, "LOAD")
         for line, words in card.rows:
             if len(words) < 3:
                 raise CardError(line, "!CLOAD: a group, a component and a value are expected")
-            component = whole(line, words[1], "!CLOAD") - 1
+            component = whole_number(line, words[1], "!CLOAD") - 1
             if not 0 <= component < 3:
                 raise CardError(line, "!CLOAD: components are 1 to 3")
             rows = np.searchsorted(self.numbers, self._nodes.numbers(line, words[0])).astype(np.int64)

@@ -22,7 +22,7 @@ class CardError(ValueError):
 
 
 @dataclass
-class Card:
+class ControlCard:
     """A keyword with its parameters and data.
 
     Attributes:
@@ -60,10 +60,10 @@ class Card:
             CardError: it is none.
         """
         value = self.parameters.get(key)
-        return otherwise if value is None else whole(self.line, value, f"!{self.keyword}, {key}")
+        return otherwise if value is None else whole_number(self.line, value, f"!{self.keyword}, {key}")
 
 
-def whole(line: int, word: str, what: str) -> int:
+def whole_number(line: int, word: str, what: str) -> int:
     """A whole number of at most 18 digits.
 
     Raises:
@@ -89,7 +89,7 @@ def real(line: int, word: str, what: str) -> float:
     return value
 
 
-def read_cards(file: Path) -> list[Card]:
+def read_cards(file: Path) -> list[ControlCard]:
     """The cards of a file, up to !END.
 
     Raises:
@@ -99,7 +99,7 @@ def read_cards(file: Path) -> list[Card]:
         text = file.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
-    cards: list[Card] = []
+    cards: list[ControlCard] = []
     for number, line in enumerate(text.split("\n"), 1):
         words = [word.strip() for word in line.strip().split(",")]
         if not line.strip() or line.lstrip().startswith(("#", "!!")):
@@ -113,11 +113,11 @@ def read_cards(file: Path) -> list[Card]:
         if keyword == "END":
             break
         pairs = [word.partition("=") for word in words[1:] if word]
-        cards.append(Card(keyword, number, {key.strip().upper(): value.strip() for key, _, value in pairs}))
+        cards.append(ControlCard(keyword, number, {key.strip().upper(): value.strip() for key, _, value in pairs}))
     return cards
 
 
-class Groups:
+class NumberGroups:
     """Named groups of numbers.
 
     Attributes:
@@ -128,7 +128,7 @@ class Groups:
         self._what = what
         self.content: dict[str, list[int]] = {}
 
-    def add(self, card: Card, key: str, known: Ints) -> None:
+    def add(self, card: ControlCard, key: str, existing: Ints) -> None:
         """The numbers of a card, or those of groups that it names, go into the group that it names.
 
         Raises:
@@ -138,7 +138,7 @@ class Groups:
         for line, words in card.rows:
             entries = [word for word in words if word]
             if "GENERATE" in card.parameters:
-                first, last, *step = (whole(line, word, f"!{card.keyword}") for word in entries)
+                first, last, *step = (whole_number(line, word, f"!{card.keyword}") for word in entries)
                 steps = step[0] if step else 1
                 if not steps or (last - first) // steps > _MOST_IN_RANGE:
                     raise CardError(line, f"!{card.keyword}: first, last and step are expected")
@@ -146,12 +146,12 @@ class Groups:
                 continue
             for word in entries:
                 if word.isdigit():
-                    members.append(whole(line, word, f"!{card.keyword}"))
+                    members.append(whole_number(line, word, f"!{card.keyword}"))
                 elif word.upper() in self.content:
                     members += self.content[word.upper()]
                 else:
                     raise CardError(line, f"!{card.keyword}: there is no {self._what} {word[:40]!r}")
-        missing = np.setdiff1d(np.array(members, dtype=np.int64), known)
+        missing = np.setdiff1d(np.array(members, dtype=np.int64), existing)
         if missing.size:
             raise CardError(card.line, f"!{card.keyword}: {self._what} {missing[0]} is not there")
 
@@ -162,7 +162,7 @@ class Groups:
             CardError: there is no such group.
         """
         if word.isdigit():
-            return np.array([whole(line, word, self._what)], dtype=np.int64)
+            return np.array([whole_number(line, word, self._what)], dtype=np.int64)
         if word.upper() not in self.content:
             raise CardError(line, f"there is no {self._what} {word[:40]!r}")
         return np.unique(np.array(self.content[word.upper()], dtype=np.int64))

@@ -71,7 +71,7 @@ def read_kratos(file: Path) -> KratosStudy:
     """
     parameters = read_object(file)
     try:
-        return _Reader(file, parameters).study()
+        return _KratosCase(file, parameters).study()
     except JsonError as error:
         raise MeshError(f"{file}: {error.text}") from None
 
@@ -85,7 +85,7 @@ def case_file(file: Path, name: str, suffix: str = "") -> Path | None:
     return None
 
 
-class _Reader:
+class _KratosCase:
     """The parameters, and what has been read of the case so far."""
 
     def __init__(self, file: Path, parameters: JsonObject) -> None:
@@ -93,11 +93,11 @@ class _Reader:
         self._settings = parameters.part("solver_settings")
         self._root = self._settings.text("model_part_name", "Structure")
         name = self._settings.part("model_import_settings")
-        found = case_file(file, name.text("input_filename"), ".mdpa")
-        if found is None:
+        mdpa_file = case_file(file, name.text("input_filename"), ".mdpa")
+        if mdpa_file is None:
             raise name.error(f"input_filename: {name.text('input_filename')}.mdpa is not there")
-        self._mdpa = found
-        self._model = read_mdpa(found)
+        self._mdpa = mdpa_file
+        self._model = read_mdpa(mdpa_file)
         self._processes = self._listed_processes()
         self._lost: list[tuple[str, str]] = []
         self._finite = ""
@@ -294,10 +294,10 @@ class _Reader:
         variable = parameters.text("variable_name", "") if "variable_name" in parameters else ""
         base, _, axis = variable.rpartition("_") if variable[-2:-1] == "_" else (variable, "", "")
         on_conditions = name.endswith(("_to_conditions_process", "_to_condition_process"))
-        known = name.startswith(("assign_vector_variable", "assign_scalar_variable", "assign_vector_by_direction"))
+        assigns = name.startswith(("assign_vector_variable", "assign_scalar_variable", "assign_vector_by_direction"))
         if name == "impose_rigid_movement_process":
             self._tie_nodes(study, origin, parameters)
-        elif not known:
+        elif not assigns:
             study.lose(origin, "not known here")
         elif on_conditions and base in ("LINE_LOAD", "SURFACE_LOAD", "POINT_LOAD"):
             self._load(study, course, origin, parameters, base, axis)
@@ -368,8 +368,8 @@ class _Reader:
             ):
                 study.lose(origin, "weight of nodes within a body: that of whole elements is taken")
             study.materials = [
-                (part, properties if number == 0 else properties | {"density": 0.0}, place)
-                for marks, properties, place in study.materials
+                (part, properties if number == 0 else properties | {"density": 0.0}, origin_of)
+                for marks, properties, origin_of in study.materials
                 for number, part in enumerate(
                     ([a & b for a, b in zip(marks, heavy, strict=True)], without(marks, heavy))
                 )

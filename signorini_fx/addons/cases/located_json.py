@@ -112,7 +112,7 @@ def read_object(file: Path) -> JsonObject:
         raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise MeshError(f"{file}: is no text in UTF-8") from None
-    reader = _Reader(text)
+    reader = _JsonText(text)
     try:
         value, end = reader.value(reader.after_blanks(0), 0)
         if (end := reader.after_blanks(end)) < len(text):
@@ -124,7 +124,7 @@ def read_object(file: Path) -> JsonObject:
     return value
 
 
-class _Reader:
+class _JsonText:
     """A text that is read; strings and numbers by the decoder of Python."""
 
     def __init__(self, text: str) -> None:
@@ -132,78 +132,78 @@ class _Reader:
         self._decoder = json.JSONDecoder(parse_constant=self._no_number)
         self._ends = [match.start() for match in re.finditer("\n", text)]
 
-    def line(self, place: int) -> int:
-        """Of a place, from 1."""
-        return bisect_right(self._ends, place - 1) + 1
+    def line(self, position: int) -> int:
+        """Of a position, from 1."""
+        return bisect_right(self._ends, position - 1) + 1
 
-    def error(self, place: int, why: str) -> JsonError:
-        """An error at a place."""
-        return JsonError(self.line(place), why)
+    def error(self, position: int, why: str) -> JsonError:
+        """An error at a position."""
+        return JsonError(self.line(position), why)
 
     @staticmethod
     def _no_number(word: str) -> float:
         raise ValueError(f"{word} is no number")
 
-    def after_blanks(self, place: int) -> int:
+    def after_blanks(self, position: int) -> int:
         """The next place that is neither blank nor comment."""
-        match = _BLANKS.match(self._text, place)
-        return place if match is None else match.end()
+        match = _BLANKS.match(self._text, position)
+        return position if match is None else match.end()
 
-    def _expect(self, place: int, characters: str, what: str) -> str:
-        if place >= len(self._text):
-            raise self.error(place, f"the file ends where {what} is expected")
-        if self._text[place] not in characters:
-            raise self.error(place, f"{what} is expected, not {self._text[place : place + 20]!r}")
-        return self._text[place]
+    def _expect(self, position: int, characters: str, what: str) -> str:
+        if position >= len(self._text):
+            raise self.error(position, f"the file ends where {what} is expected")
+        if self._text[position] not in characters:
+            raise self.error(position, f"{what} is expected, not {self._text[position : position + 20]!r}")
+        return self._text[position]
 
-    def value(self, place: int, depth: int) -> tuple[Any, int]:
-        """The value at a place, and the place after it."""
+    def value(self, position: int, depth: int) -> tuple[Any, int]:
+        """The value at a position, and the place after it."""
         if depth > _DEEPEST:
-            raise self.error(place, "nested too deeply")
-        if place >= len(self._text):
-            raise self.error(place, "the file ends where a value is expected")
-        if self._text[place] == "{":
-            return self._object(place, depth)
-        if self._text[place] == "[":
-            return self._list(place, depth)
+            raise self.error(position, "nested too deeply")
+        if position >= len(self._text):
+            raise self.error(position, "the file ends where a value is expected")
+        if self._text[position] == "{":
+            return self._object(position, depth)
+        if self._text[position] == "[":
+            return self._list(position, depth)
         try:
-            return self._decoder.raw_decode(self._text, place)
+            return self._decoder.raw_decode(self._text, position)
         except json.JSONDecodeError as error:
             raise self.error(error.pos, f"{error.msg[0].lower()}{error.msg[1:]}") from None
         except ValueError as error:
-            raise self.error(place, str(error)) from None
+            raise self.error(position, str(error)) from None
 
-    def _object(self, place: int, depth: int) -> tuple[JsonObject, int]:
+    def _object(self, position: int, depth: int) -> tuple[JsonObject, int]:
         collected = JsonObject()
-        collected.line = self.line(place)
-        place = self.after_blanks(place + 1)
-        if self._text[place : place + 1] == "}":
-            return collected, place + 1
+        collected.line = self.line(position)
+        position = self.after_blanks(position + 1)
+        if self._text[position : position + 1] == "}":
+            return collected, position + 1
         while True:
-            self._expect(place, '"', "a name in quotation marks")
-            name, end = self.value(place, depth)
+            self._expect(position, '"', "a name in quotation marks")
+            name, end = self.value(position, depth)
             if name in collected:
-                raise self.error(place, f"{name} is there twice")
-            place = self.after_blanks(end)
-            self._expect(place, ":", "a colon")
-            collected[name], place = self.value(self.after_blanks(place + 1), depth + 1)
-            place = self.after_blanks(place)
-            if self._expect(place, ",}", "a comma or the end of an object") == "}":
-                return collected, place + 1
-            place = self.after_blanks(place + 1)
+                raise self.error(position, f"{name} is there twice")
+            position = self.after_blanks(end)
+            self._expect(position, ":", "a colon")
+            collected[name], position = self.value(self.after_blanks(position + 1), depth + 1)
+            position = self.after_blanks(position)
+            if self._expect(position, ",}", "a comma or the end of an object") == "}":
+                return collected, position + 1
+            position = self.after_blanks(position + 1)
 
-    def _list(self, place: int, depth: int) -> tuple[list[Any], int]:
+    def _list(self, position: int, depth: int) -> tuple[list[Any], int]:
         collected: list[Any] = []
-        place = self.after_blanks(place + 1)
-        if self._text[place : place + 1] == "]":
-            return collected, place + 1
+        position = self.after_blanks(position + 1)
+        if self._text[position : position + 1] == "]":
+            return collected, position + 1
         while True:
-            entry, place = self.value(place, depth + 1)
+            entry, position = self.value(position, depth + 1)
             collected.append(entry)
-            place = self.after_blanks(place)
-            if self._expect(place, ",]", "a comma or the end of a list") == "]":
-                return collected, place + 1
-            place = self.after_blanks(place + 1)
+            position = self.after_blanks(position)
+            if self._expect(position, ",]", "a comma or the end of a list") == "]":
+                return collected, position + 1
+            position = self.after_blanks(position + 1)
 
 
 def _shown(value: Any) -> str:

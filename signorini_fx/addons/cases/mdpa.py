@@ -121,12 +121,12 @@ def read_mdpa(file: Path) -> ModelPart:
     except OSError as error:
         raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
     try:
-        return _Reader(text).model_part()
+        return _MdpaText(text).model_part()
     except _FileError as error:
         raise MeshError(f"{file}: {error}") from None
 
 
-class _Reader:
+class _MdpaText:
     """Lines of a file without comments, and the place in them."""
 
     def __init__(self, text: str) -> None:
