@@ -438,3 +438,22 @@ def test_a_process_is_found_by_its_module(tmp_path):
     study = kratos_study(tmp_path, case)
     assert [lost.partition(", ")[2] for lost in study.lost] == ["mystery: not known here"]
     assert json.loads(json.dumps(case.parameters))  # the case itself is unchanged
+
+
+def test_a_plane_law_in_elements_of_revolution(tmp_path):
+    """It is said, as such elements have no hoop stress in Kratos."""
+    case = KratosCase("axis")
+    for entry in case.materials:
+        entry["Material"]["constitutive_law"]["name"] = "LinearElasticPlaneStrain2DLaw"
+    study = kratos_study(tmp_path, case)
+    assert study.model == "AXIS"
+    assert all("a plane law in elements of revolution" in lost for lost in study.lost)
+    assert len(study.lost) == 2
+
+
+def test_pressure_that_follows_the_boundary(tmp_path):
+    """In nonlinear statics FrontISTR's pressure does, with small strains too: the size of rotations decides."""
+    case = FrontistrCase()
+    assert read_frontistr(case.write(tmp_path)).finite == "line 9, !DLOAD: a pressure that follows the boundary"
+    case.control = case.control.replace("NLSTATIC", "STATIC")
+    assert read_frontistr(case.write(tmp_path)).finite == ""

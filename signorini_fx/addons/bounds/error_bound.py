@@ -231,7 +231,8 @@ class Bounded(PlainProblem):
         self._balance()
         stress, (size, unknown) = self._stress(), self._energy(computed, self.beyond)
         between = self._between(computed, stress)
-        lifted = self._lifted(float(np.sqrt(between.sum())))
+        # Where the displacement is nearly exact, what is round-off need not be known better.
+        lifted = self._lifted(float(np.sqrt(max(between.sum(), LITTLE_LIFTED**2 * size.sum()))))
         between = (np.sqrt(between) + lifted) ** 2
         v = self._outside(computed, float(between.sum()))
         # Another stress is worth its cost where pressures work on what is open, or say more than the displacement does.

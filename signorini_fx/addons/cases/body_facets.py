@@ -93,10 +93,10 @@ class BodyFacets:
             if wanted.shape[1] != _CORNERS[kind[0]] or not len(wanted):
                 continue
             at = rows_of(wanted, rows[:, : wanted.shape[1]])
-            here = np.flatnonzero(at >= 0)
-            x = points[wanted[here]]
-            away = x.mean(axis=1) - middles[at[here]]
-            signs[here] = np.sign(np.einsum("ij,ij->i", _normals(x, kind), away))
+            located = np.flatnonzero(at >= 0)
+            x = points[wanted[located]]
+            away = x.mean(axis=1) - middles[at[located]]
+            signs[located] = np.sign(np.einsum("ij,ij->i", _normals(x, kind), away))
         return signs
 
     def leans(self, marks: list[Any], component: int) -> bool:

@@ -63,18 +63,18 @@ class ControlCard:
         return otherwise if value is None else whole_number(self.line, value, f"!{self.keyword}, {key}")
 
 
-def whole_number(line: int, word: str, what: str) -> int:
+def whole_number(line: int, word: str, entry: str) -> int:
     """A whole number of at most 18 digits.
 
     Raises:
         CardError: it is none.
     """
     if not word.isascii() or not word.isdigit() or len(word) > 18:
-        raise CardError(line, f"{what}: a whole number is expected, not {word[:40]!r}")
+        raise CardError(line, f"{entry}: a whole number is expected, not {word[:40]!r}")
     return int(word)
 
 
-def real(line: int, word: str, what: str) -> float:
+def real(line: int, word: str, entry: str) -> float:
     """A finite number, with the exponents of Fortran too.
 
     Raises:
@@ -85,7 +85,7 @@ def real(line: int, word: str, what: str) -> float:
     except ValueError:
         value = np.inf
     if not abs(value) < np.inf:
-        raise CardError(line, f"{what}: a number is expected, not {word[:40]!r}")
+        raise CardError(line, f"{entry}: a number is expected, not {word[:40]!r}")
     return value
 
 
@@ -124,8 +124,8 @@ class NumberGroups:
         content: name -> numbers.
     """
 
-    def __init__(self, what: str) -> None:
-        self._what = what
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
         self.content: dict[str, list[int]] = {}
 
     def add(self, card: ControlCard, key: str, existing: Ints) -> None:
@@ -150,10 +150,10 @@ class NumberGroups:
                 elif word.upper() in self.content:
                     members += self.content[word.upper()]
                 else:
-                    raise CardError(line, f"!{card.keyword}: there is no {self._what} {word[:40]!r}")
+                    raise CardError(line, f"!{card.keyword}: there is no {self._kind} {word[:40]!r}")
         missing = np.setdiff1d(np.array(members, dtype=np.int64), existing)
         if missing.size:
-            raise CardError(card.line, f"!{card.keyword}: {self._what} {missing[0]} is not there")
+            raise CardError(card.line, f"!{card.keyword}: {self._kind} {missing[0]} is not there")
 
     def numbers(self, line: int, word: str) -> Ints:
         """Those of a group, or a number alone.
@@ -162,9 +162,9 @@ class NumberGroups:
             CardError: there is no such group.
         """
         if word.isdigit():
-            return np.array([whole_number(line, word, self._what)], dtype=np.int64)
+            return np.array([whole_number(line, word, self._kind)], dtype=np.int64)
         if word.upper() not in self.content:
-            raise CardError(line, f"there is no {self._what} {word[:40]!r}")
+            raise CardError(line, f"there is no {self._kind} {word[:40]!r}")
         return np.unique(np.array(self.content[word.upper()], dtype=np.int64))
 
 

@@ -117,9 +117,9 @@ class _KratosCase:
         study.materials = materials
         for origin, why in self._lost:
             study.lose(origin, why)
-        for line, what in self._model.unread.items():
-            if "NORMAL" not in what:
-                study.lose(f"{self._mdpa.name}: line {line}", f"{what}: not known here")
+        for line, entry in self._model.unread.items():
+            if "NORMAL" not in entry:
+                study.lose(f"{self._mdpa.name}: line {line}", f"{entry}: not known here")
         study.checks = tuple(self._checks())
         self._contacts(study, sizes)
         times = self._times()

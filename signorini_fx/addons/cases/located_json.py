@@ -149,11 +149,11 @@ class _JsonText:
         match = _BLANKS.match(self._text, position)
         return position if match is None else match.end()
 
-    def _expect(self, position: int, characters: str, what: str) -> str:
+    def _expect(self, position: int, characters: str, entry: str) -> str:
         if position >= len(self._text):
-            raise self.error(position, f"the file ends where {what} is expected")
+            raise self.error(position, f"the file ends where {entry} is expected")
         if self._text[position] not in characters:
-            raise self.error(position, f"{what} is expected, not {self._text[position : position + 20]!r}")
+            raise self.error(position, f"{entry} is expected, not {self._text[position : position + 20]!r}")
         return self._text[position]
 
     def value(self, position: int, depth: int) -> tuple[Any, int]:

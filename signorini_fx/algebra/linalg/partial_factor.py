@@ -85,8 +85,8 @@ class _Bordering:
         bordered = sp.csr_array((np.arange(row.size), (row, column)), shape=(size, size))
         ends, columns = (at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices))
         toward_shape, source = (inside, count), bordered.data
-        found = order, places, loads, numbers, between, nonzero, diagonal, upper, source, ends, columns, toward_shape
-        return cls(*found)
+        fields = order, places, loads, numbers, between, nonzero, diagonal, upper, source, ends, columns, toward_shape
+        return cls(*fields)
 
     def fits(self, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> bool:
         """Whether it is that of another matrix too; the same order means the same pattern of its rows."""
@@ -114,12 +114,12 @@ def _bordering(rows: sp.csr_array, order: Indices, places: Indices, count: int, 
     """That of a matrix, see ``_Bordering``."""
     if (last := _last.get("bordering")) is not None and last.fits(rows, order, places, count, loads):
         return last
-    again = _last_order.get("order") is order
+    same_order = _last_order.get("order") is order
     _last.clear()
-    _last_order["order"], found = order, _Bordering.of(rows, order, places, count, loads)
-    if again:
-        _last["bordering"] = replace(found, places=places.copy())
-    return found
+    _last_order["order"], bordering = order, _Bordering.of(rows, order, places, count, loads)
+    if same_order:
+        _last["bordering"] = replace(bordering, places=places.copy())
+    return bordering
 
 
 class PartialFactor:

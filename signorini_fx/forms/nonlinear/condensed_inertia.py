@@ -82,9 +82,9 @@ def is_positive(elastic: ElasticBody, system: ElasticSystem, restraint: Restrain
     load = elastic.stiffness.createVecRight()
     load.getArray()[:] = np.where(elastic.fixed, 0.0, difference)
     onto, between = schur.condense(load)
-    left = schur.recover(load, between, cho_solve(factor, onto, check_finite=False)).getArray(readonly=True)
+    solution = schur.recover(load, between, cho_solve(factor, onto, check_finite=False)).getArray(readonly=True)
     free = ~elastic.fixed
-    return bool(np.linalg.norm(left[free] / at_end.direction.x.array[free]) <= SAME_INERTIA)
+    return bool(np.linalg.norm(solution[free] / at_end.direction.x.array[free]) <= SAME_INERTIA)
 
 
 def _product(matrix: PETSc.Mat, values: Array) -> Array:
@@ -95,27 +95,27 @@ def _product(matrix: PETSc.Mat, values: Array) -> Array:
 
 
 def _change(
-    restraint: Restraint, before: NodalStiffness, holding: float, elastic: ElasticBody
+    restraint: Restraint, beside: NodalStiffness, holding: float, elastic: ElasticBody
 ) -> tuple[Numbers, Numbers, Array]:
     """What takes the last tangent to that of now with what contact holds, as rows, columns and values.
 
     Args:
         restraint: of now.
-        before: what the last tangent has beside the form.
+        beside: what the last tangent has beside the form.
         holding: stiffness of what contact holds.
         elastic: see ``is_positive``.
     """
     dim, free = elastic.dimension, ~elastic.fixed
-    left = restraint.held * free.reshape(-1, dim)[restraint.nodes][:, None, :]
+    directions = restraint.held * free.reshape(-1, dim)[restraint.nodes][:, None, :]
     dyads = NodalStiffness(
         restraint.nodes.astype(np.int64),
-        holding * np.einsum("nki,nkj->nij", left, left),
+        holding * np.einsum("nki,nkj->nij", directions, directions),
         tuple(part.scaled(holding) for part in restraint.joint),
     )
-    parts = [_entries(restraint.beside, 1.0), _entries(before, -1.0), _entries(dyads, 1.0)]
+    parts = [_entries(restraint.beside, 1.0), _entries(beside, -1.0), _entries(dyads, 1.0)]
     row, column, value = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    kept = free[row] & free[column] & (value != 0.0)
-    return row[kept], column[kept], value[kept]
+    entries = free[row] & free[column] & (value != 0.0)
+    return row[entries], column[entries], value[entries]
 
 
 def _entries(stiffness: NodalStiffness, factor: float) -> tuple[Numbers, Numbers, Array]:

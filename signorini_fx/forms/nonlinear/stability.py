@@ -47,9 +47,9 @@ class Stability:
         The factorisation of the last iteration says so as a rule; where it does not there is one more.
         """
         linear = self.linear
-        if not linear.factor_fits or (found := self._derivative()) is None:
+        if not linear.factor_fits or (derivative := self._derivative()) is None:
             return Status.STABILITY_UNKNOWN
-        tangent, at_end = found
+        tangent, at_end = derivative
         linear.bend()
         leading = tangent is self.tangents.leading and linear.relative is None
         if leading and is_positive(linear.elastic, linear.task.system, self._restraint(), at_end):
@@ -72,7 +72,7 @@ class Stability:
         with suppress(FormError):
             forces = self.forces_at(self.u.x.array.copy())
             known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
-            if known and (found := self._derivative()) is not None and self._negative(found[0]):
+            if known and (derivative := self._derivative()) is not None and self._negative(derivative[0]):
                 return "the tangent has lost its stiffness in some direction"
         return ""
 
@@ -104,10 +104,10 @@ class Stability:
             return leading, product(leading, self.u, free, DIFFERENCE_STRAINS[0])
         for given in (True, False) if self.tangents.given else (False,):
             tangent = self.tangents.leading if given else self.tangents.derivative
-            found = product_of_derivative(tangent, self.u, self.forces_at, free)
+            at_end = product_of_derivative(tangent, self.u, self.forces_at, free)
             self.forces_at(values)
-            if found is not None:
-                return tangent, found
+            if at_end is not None:
+                return tangent, at_end
         return None
 
     def _restraint(self) -> Restraint:

@@ -65,8 +65,10 @@ def _gathered(tagged: TaggedMesh) -> MeshArrays:
     first_cell = parallel.rows_before(comm, count)
     parts: Ints = np.empty((0, 2), dtype=np.int64)
     if tagged.cell_tags is not None:
-        own = tagged.cell_tags.indices < count
-        parts = np.column_stack((first_cell + tagged.cell_tags.indices[own], tagged.cell_tags.values[own]))
+        tagged_here = tagged.cell_tags.indices < count
+        parts = np.column_stack(
+            (first_cell + tagged.cell_tags.indices[tagged_here], tagged.cell_tags.values[tagged_here])
+        )
     own_facets = owned_entities(mesh, tagged.facet_tags)
     points = parallel.rows_on_root(comm, mesh.geometry.x[: nodes.size_local, :2].astype(np.float64))
     cells, parts = parallel.rows_on_root(comm, cells), parallel.rows_on_root(comm, parts.astype(np.int64))
@@ -87,11 +89,11 @@ def _on_curves(coarse: MeshArrays, fine: MeshArrays, curved: Collection[str]) ->
     points = fine.points.copy()
     for name in curved:
         ends = coarse.facets[coarse.boundaries[name]]
-        own = np.unique(fine.facets[fine.boundaries[name]])  # another body may have a node at the same place
+        boundary_nodes = np.unique(fine.facets[fine.boundaries[name]])  # another body may have a node at the same place
         straight, middles = coarse.points[ends].mean(axis=1), _middles(coarse.points, ends)
-        far, at = cKDTree(fine.points[own]).query(straight)
+        far, at = cKDTree(fine.points[boundary_nodes]).query(straight)
         halved_ones = far <= SAME_LENGTH * np.linalg.norm(np.diff(coarse.points[ends], axis=1)[:, 0], axis=1)
-        points[own[at[halved_ones]]] = middles[halved_ones]
+        points[boundary_nodes[at[halved_ones]]] = middles[halved_ones]
     return replace(fine, points=points)
 
 
@@ -108,17 +110,17 @@ def _middles(x: Floats, ends: Ints) -> Floats:
         s = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(x[nodes], axis=0), axis=1))))
         middle = s[nodes.index(a) : nodes.index(b) + 1].mean()
         # Lagrange's polynomials of the arc length of the polygon.
-        weights = [np.prod([(middle - other) / (own - other) for other in s if other != own]) for own in s]
+        weights = [np.prod([(middle - knot) / (support - knot) for knot in s if knot != support]) for support in s]
         middles[number] = np.array(weights) @ x[nodes]
     return middles
 
 
-def _going_on(x: Floats, before: int, at: int, beside: list[int]) -> list[int]:
+def _going_on(x: Floats, last: int, at: int, beside: list[int]) -> list[int]:
     """The node beyond one of a facet where the boundary goes on without a corner."""
-    found = []
+    onward = []
     for node in beside:
-        if node != before:
-            first, second = x[at] - x[before], x[node] - x[at]
+        if node != last:
+            first, second = x[at] - x[last], x[node] - x[at]
             if abs(np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second)) <= CORNER_ANGLE:
-                found.append(node)
-    return found[:1]
+                onward.append(node)
+    return onward[:1]

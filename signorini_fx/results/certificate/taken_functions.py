@@ -89,10 +89,10 @@ def taken_functions(side: TestedNodes) -> TakenFunctions:
         smooth = 3.0 * part**2 - 2.0 * part**3
         portion[node] = smooth if smooth > SAME_NUMBER else 0.0
     while portion.any():
-        kept = _kept(portion, tested, neighbours)
+        shares_of_all = _shares_of_all(portion, tested, neighbours)
         nodes = np.flatnonzero(portion)
-        shares = sp.csr_array(kept[nodes])
-        columns = kept.tocsc()
+        shares = sp.csr_array(shares_of_all[nodes])
+        columns = shares_of_all.tocsc()
         means = {
             int(node): (np.searchsorted(nodes, columns[:, [node]].indices), columns[:, [node]].data)
             for node in np.flatnonzero(tested & (portion == 0.0))
@@ -125,7 +125,7 @@ def _neighbours(facets: Numbers, count: int) -> Any:
     return sp.csr_array(sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count)))
 
 
-def _kept(portion: Array, tested: Flags, neighbours: Any) -> Any:
+def _shares_of_all(portion: Array, tested: Flags, neighbours: Any) -> Any:
     """What nodes end with of the functions of all, columns with the sum one, scipy sparse, shape (N, N)."""
     count = portion.size
     takes = np.where(tested, portion + PASSED_ON, 0.0)
@@ -141,7 +141,7 @@ def _kept(portion: Array, tested: Flags, neighbours: Any) -> Any:
     handed = sp.diags_array(takes) @ neighbours @ sp.diags_array(factors)
     columns = np.flatnonzero(hands > 0.0)
     diagonal = np.where(hands > 0.0, 0.0, portion)
-    kept = sp.csr_array(sp.diags_array(diagonal))
+    shares = sp.csr_array(sp.diags_array(diagonal))
     if columns.size:
         within = sp.csc_array(sp.eye_array(columns.size) - handed.tocsr()[columns][:, columns])
         targets = sp.csc_array(sp.diags_array(portion) @ handed)[:, columns]  # what comes to rest in one step
@@ -157,10 +157,10 @@ def _kept(portion: Array, tested: Flags, neighbours: Any) -> Any:
             ends = spsolve(within.T.tocsc(), starts[reaching].T.copy()).reshape(columns.size, reaching.size)
             of_column, of_row = np.nonzero(ends > SAME_NUMBER**2)
             places = resting[reaching[of_row]], columns[of_column]
-            kept = kept + sp.csr_array(sp.coo_array((ends[of_column, of_row], places), shape=(count, count)))
-    sums = np.asarray(kept.sum(axis=0)).ravel()
+            shares = shares + sp.csr_array(sp.coo_array((ends[of_column, of_row], places), shape=(count, count)))
+    sums = np.asarray(shares.sum(axis=0)).ravel()
     inverse = np.divide(1.0, sums, out=np.zeros(count), where=sums > 0.0)
-    return sp.csr_array(kept @ sp.diags_array(inverse))
+    return sp.csr_array(shares @ sp.diags_array(inverse))
 
 
 def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array) -> Any:
@@ -168,7 +168,7 @@ def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array) -> Any:
     rows = np.flatnonzero(portion[nodes] < 1.0)
     if not rows.size:
         return shares
-    sizes, given = shares @ seen, sp.lil_array((nodes.size, nodes.size))
+    sizes, taken = shares @ seen, sp.lil_array((nodes.size, nodes.size))
     of_nodes = shares.tocsc()
     for row in rows:
         column = of_nodes[:, [nodes[row]]].toarray().ravel()
@@ -177,11 +177,11 @@ def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array) -> Any:
         if rest > SAME_NUMBER:
             takers = np.flatnonzero((column != 0.0) & (sizes > 0.0))
             lacking = (1.0 - portion[nodes[row]]) * seen[nodes[row]]
-            given[row, takers] = lacking * column[takers] / rest / sizes[takers]
-    matrix = sp.csr_array(given)
+            taken[row, takers] = lacking * column[takers] / rest / sizes[takers]
+    matrix = sp.csr_array(taken)
     matrix = matrix @ sp.diags_array(1.0 / np.maximum(1.0, 2.0 * np.asarray(matrix.sum(axis=0)).ravel()))
-    left = 1.0 - np.asarray(matrix.sum(axis=0)).ravel()
-    return sp.csr_array(matrix @ shares + sp.diags_array(left) @ shares)
+    remainder = 1.0 - np.asarray(matrix.sum(axis=0)).ravel()
+    return sp.csr_array(matrix @ shares + sp.diags_array(remainder) @ shares)
 
 
 def _by_rings(side: TestedNodes, tested: Flags, neighbours: Any) -> TakenFunctions:
