@@ -752,7 +752,7 @@ def test_what_is_switched_off_can_be_switched_on(line):
     instead = ["at", "x", "y"] if "forces.csv" in line else instead.get(key, [])
     if key in ("about", "axis"):  # they go with a rotation
         text = text.replace("#rotation =", "rotation =", 1)
-    if key == "adjust":  # it goes with another body
+    if key in ("adjust", "sliding"):  # they go with another body
         text = text.replace("#against =", "against =", 1)
     if key == "locked_after":  # that of a force
         table = before.rfind("\n[")

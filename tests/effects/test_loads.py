@@ -1,5 +1,6 @@
 """Loads beside tractions: total forces, weight, fluids, rotation, and functions of time; exact states and statics."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -194,6 +195,28 @@ def test_water_at_a_wall(cells):
     assert solution.certificate.holds
 
 
+@pytest.mark.parametrize("restarted", [False, True])
+def test_a_gap_that_depends_on_the_time(restarted, tmp_path):
+    """Each load step has the gap of its time, also where the first of them was read from a checkpoint."""
+
+    def pressed(gap, **steps):
+        held = {"boundary": "top", "x": 0.0, "y": -0.05 * SIZE[1]}
+        contact = {"boundary": "bottom", "gap": gap, "friction": {"law": "coulomb", "coefficient": 0.3}}
+        return scene(body("quadrilateral"), 1, SOFT, displacement=held, contact=contact, **steps)
+
+    times = [1.0, 2.5]
+    given = pressed(f"{0.01 * SIZE[1]} * t", load_steps={"times": times})
+    kept = tmp_path / "kept"
+    found = solve(given, COMM, check=False, checkpoint=kept)
+    if restarted:
+        shutil.rmtree(kept / "checkpoint" / "0-00001")
+        found = solve(given, COMM, check=False, checkpoint=kept, restart=True)
+    for time, step in zip(times, found.steps, strict=True):
+        alone_at = solve(pressed(0.01 * SIZE[1] * time), COMM, check=False)
+        assert alone_at.contact.pressure.max() > 0.0
+        assert step.contact.pressure == pytest.approx(alone_at.contact.pressure, rel=1e-9, abs=1e-12)
+
+
 # --- functions of time -----------------------------------------------------------------------------------------------
 
 PRESSED = {
@@ -363,7 +386,6 @@ REFUSED = {
     "spread": (SOFT, {"force": {"boundary": "right", "x": 1.0, "spread": "x[1] - 0.5"}}, r"spread.*must not be 0"),
     "no spread": (SOFT, {"force": {"boundary": "right", "x": 1.0, "spread": 0.0}}, r"spread.*must not be 0"),
     "time of a spread": (SOFT, {"force": {"boundary": "right", "x": 1.0, "spread": "t"}}, r"t, the time, is for loads"),
-    "time of a gap": (SOFT, {"contact": {"boundary": "bottom", "gap": "t"}}, r"gap.*t, the time, is for loads"),
     "time of springs": (SOFT, {"springs": {"boundary": "top", "normal": "t"}}, r"springs.*t, the time, is for loads"),
     "times": (
         SOFT,

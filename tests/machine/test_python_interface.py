@@ -202,8 +202,9 @@ def test_points_of_a_sweep_are_short():
 def test_signature_of_a_table():
     """Keys and defaults, as help and a notebook show them."""
     shown = (
-        "(*, boundary, against=None, points='auto', distance='geometry', adjust=None, gap=0.0, direction=None, "
-        "foundation=None, friction=NoFriction(law='none'), contact_size=None, kind='unilateral', overclosure=None)"
+        "(*, boundary, against=None, points='auto', distance='geometry', adjust=None, sliding='finite', gap=0.0, "
+        "direction=None, foundation=None, friction=NoFriction(law='none'), contact_size=None, kind='unilateral', "
+        "overclosure=None)"
     )
     assert str(inspect.signature(sfx.UnilateralContact)) == shown
     assert str(inspect.signature(sfx.LinearElastic)).startswith(

@@ -114,7 +114,7 @@ def test_one_table_instead_of_a_list():
             "contact.0.slack",
             1,
             "contact[0].slack",
-            "unknown key; there are: boundary, against, points, distance, adjust, gap, direction, foundation,",
+            "unknown key; there are: boundary, against, points, distance, adjust, sliding, gap, direction, foundation,",
         ),
         ("contact.0.friction.rate", 1, "contact[0].friction.rate", "unknown key; there are: law, bound"),
         ("traction.0.factors", 5, "traction[0].factors", "must be a list in brackets"),
