@@ -43,7 +43,7 @@ LAYERS = (
     "forms",
     "solving",
     "solving.check",
-    "solving.interfaces",
+    "solving.iterated_interfaces",
     "results",
     "results.certificate",
     "quantities",

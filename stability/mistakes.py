@@ -3583,7 +3583,7 @@ MUTANTS = (
         tests=("abaqus_decks::test_a_bolt_that_a_force_tightens",),
     ),
     Mutant(
-        "interfaces/bolt_preloads",
+        "iterated_interfaces/bolt_preloads",
         '_with_shortenings(model, step, figures["shortenings"])',
         "model",
         "restart: a bolt that was tightened is loose again",
@@ -3820,7 +3820,7 @@ MUTANTS = (
         tests=("load_steps::test_the_round_off_of_coordinates_does_not_wake_a_loose_body",),
     ),
     Mutant(
-        "interfaces/overclosures",
+        "iterated_interfaces/overclosures",
         "np.where(reached > 0, np.abs(by_law - meant), closed)",
         "np.where(reached > 0, np.abs(by_law - meant), 0.0)",
         "soft contact: a point that its tangent leaves open stays open",
@@ -4525,7 +4525,7 @@ MUTANTS = (
         tests=("preload::test_sweep_of_a_heavy_and_heated_bolt",),
     ),
     Mutant(
-        "interfaces/bolt_preloads",
+        "iterated_interfaces/bolt_preloads",
         "best / 2 <= missing <= UNBALANCED_TENSION",
         "missing <= UNBALANCED_TENSION",
         "preload: what Coulomb friction may leave is enough for all",
@@ -4909,7 +4909,7 @@ MUTANTS = (
         tests=("certificate_of_pieces::test_a_body_between_a_support_and_springs",),
     ),
     Mutant(
-        "interfaces/bolt_preloads",
+        "iterated_interfaces/bolt_preloads",
         "np.abs(wanted - force).max()",
         "np.abs(wanted - force).min()",
         "preload: one section that has its force is enough",

@@ -46,7 +46,7 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import refuse_other_than_comm
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.first_start import begin_at_coarse
-from signorini_fx.solving.interfaces.protocol import LoadStepStart, solve_step
+from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.solve_on_mesh import contact_task
 

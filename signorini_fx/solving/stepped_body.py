@@ -26,7 +26,7 @@ from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tra
 from signorini_fx.results.last_digits import status_by_digits
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.interfaces.protocol import LoadStepStart, solve_step
+from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
 
 
 class Places(Protocol):

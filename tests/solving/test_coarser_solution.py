@@ -21,7 +21,7 @@ from signorini_fx.scenes import mesh_sequence
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving.coarser_solution import OF_THE_BODY, Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.interfaces import protocol
+from signorini_fx.solving.iterated_interfaces import protocol
 
 # Unknowns of the meshes before the one that fails: 13 x 5 nodes, or 7 x 3 of the forms; the others have more.
 MOST = 2 * 13 * 5

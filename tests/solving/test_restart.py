@@ -36,7 +36,7 @@ from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import first_start
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.data_at_times import stated_body
-from signorini_fx.solving.interfaces import protocol
+from signorini_fx.solving.iterated_interfaces import protocol
 from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.solve_on_mesh import contact_task
 

@@ -1,5 +1,5 @@
 """``NonlinearContactProblem``: contact and friction for anybody's residual, in the idiom of dolfinx's
-``NonlinearProblem``; see ``equilibrium`` for one step, ``load_continuation`` for the way through load steps.
+``NonlinearProblem``; see ``newton`` for one step, ``load_continuation`` for the way through load steps.
 """
 
 from __future__ import annotations

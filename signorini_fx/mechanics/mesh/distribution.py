@@ -79,7 +79,8 @@ def from_root(
         kind: of the cells.
         held: on the first rank the mesh, the tag of each of its facets and of each of its cells, 0 for none; None on
             the others.
-        touching: the boundaries with which bodies touch each other; if there are any, ``cuts`` divides the cells.
+        touching: the boundaries with which bodies touch each other; if there are any, ``shares_of_ranks`` divides the
+            cells.
 
     Returns:
         The mesh, and the tags of its facets and cells.

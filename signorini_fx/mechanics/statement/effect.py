@@ -187,7 +187,9 @@ class Effect(Table):
 
     @property
     def interface(self) -> str:
-        """The file of ``interfaces`` that has what it contributes beside forms and contact points; "": none does."""
+        """The file of ``solving.iterated_interfaces`` that has what it contributes beside forms and contact points; "":
+        none does.
+        """
         return ""
 
     @property

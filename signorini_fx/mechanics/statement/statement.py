@@ -23,7 +23,7 @@ from signorini_fx.mechanics.statement.units import unit_names
 
 _Effect = TypeVar("_Effect", bound=Effect)
 # The package whose files have the interfaces of this one.
-_INTERFACES = "signorini_fx.solving.interfaces"
+_INTERFACES = "signorini_fx.solving.iterated_interfaces"
 
 
 @dataclass(frozen=True, kw_only=True)

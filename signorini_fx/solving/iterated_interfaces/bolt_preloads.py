@@ -33,7 +33,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.section_forces import section_forces
-from signorini_fx.solving.interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
+from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 from signorini_fx.tuned import (
     BALANCED,
     DIGITS_OF_FILES,

@@ -19,7 +19,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.overclosure import Overclosure
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.promised_law import overclosures_of
-from signorini_fx.solving.interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
+from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 from signorini_fx.tuned import OVERCLOSURE_MISSED, OVERCLOSURE_PROBLEMS, PRESSURE_FALLS
 
 

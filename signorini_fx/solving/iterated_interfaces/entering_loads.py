@@ -28,7 +28,7 @@ from signorini_fx.mechanics.body.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Status
-from signorini_fx.solving.interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
+from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 
 Array = npt.NDArray[np.float64]
 
