@@ -4739,12 +4739,22 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/plain_scene",
-        "(least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)",
-        "least.clip(min=0.0)",
+        "linear_below(seen, d)",
+        "seen[:, NODES[d][:d]]",
         "error bound: a friction bound is its chord",
         tests=(
             "terms_of_proofs::test_what_dips_inside_a_facet",
             "terms_of_proofs::test_what_dips_inside_a_facet_in_space",
+        ),
+    ),
+    Mutant(
+        "bounds/facets",
+        "np.where(better[:, None], lowered, scaled).clip(min=0.0)",
+        "lowered.clip(min=0.0)",
+        "error bound: shear above a friction bound that vanishes on a part of a facet",
+        tests=(
+            "terms_of_proofs::test_shear_is_at_most_a_bound_that_vanishes_on_a_part_of_a_facet",
+            "terms_of_proofs::test_shear_beside_the_end_of_friction",
         ),
     ),
     Mutant(

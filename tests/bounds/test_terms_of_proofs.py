@@ -19,7 +19,7 @@ from test_uniqueness import random_points
 
 from signorini_fx.addons.bounds.bounded_scene import moduli_of, why_estimated
 from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
-from signorini_fx.addons.bounds.facets import POINTS, bernstein
+from signorini_fx.addons.bounds.facets import POINTS, SEEN, bernstein, linear_below
 from signorini_fx.addons.bounds.johnson_mercier import constant_forces
 from signorini_fx.addons.bounds.korn import korn, on_edges
 from signorini_fx.addons.bounds.simplices import ROWS, IsotropicModuli, Simplices
@@ -32,6 +32,7 @@ from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Timings
 from signorini_fx.scenes.mesh import load_mesh
@@ -252,6 +253,36 @@ def test_the_work_of_a_displacement_that_is_wrong(seed):
     found = error_bound(solution.model, wrong, solution.contact)
     assert found.work[0] <= case.loads.work(case.y, case.middle) <= found.work[1]
     assert 0.01 * found.size < found.error < found.size
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("power", [0, 0.5, 1, 2, 20])
+def test_shear_is_at_most_a_bound_that_vanishes_on_a_part_of_a_facet(dimension, power):
+    """A linear function below it that is raised to zero at a vertex is above it beside this."""
+    chance, seen = np.random.default_rng(4), SEEN[dimension]
+    slopes = chance.normal(size=(200, dimension))
+    values = (slopes @ seen.T).clip(min=0.0) ** power if power else (slopes @ seen.T > 0).astype(float)
+    values[100:] += chance.uniform(size=100)[:, None]
+    linear = linear_below(values, dimension)
+    assert (linear >= 0).all()
+    assert (linear @ seen.T <= values * (1 + 1e-12) + 1e-15).all()
+    # In the mean it is no less than the least value, and what is linear stays.
+    assert (linear.mean(axis=1) >= values.min(axis=1) * (1 - 1e-12) - 1e-15).all()
+    same = np.exp(chance.normal(size=(5, dimension)))
+    np.testing.assert_allclose(linear_below(same @ seen.T, dimension), same, rtol=1e-12)
+
+
+def test_shear_beside_the_end_of_friction():
+    """A block that slides over the place where its friction begins: the admissible shear is below the bound there."""
+    scene = uniform(5, dip="bound")
+    contact = scene.contact[0]
+    length = scene.mesh.parameters["length"]
+    bound = Expression(f"max(0, x[0] - {0.3 * length!r}) ** 2 * 0.01")
+    rough = contact.model_copy(update={"friction": Tresca(bound=bound)})
+    (surface,) = error_bounds.problem(alone(scene.model_copy(update={"contact": (rough,)}))).contacts
+    shear = np.linalg.norm(np.einsum("qc,fcd->fqd", POINTS[2], surface.shear), axis=2)
+    assert shear.max() > 0
+    assert (shear <= surface.bound + 1e-3 * surface.bound.max()).all()  # which is seen at points
 
 
 def test_friction_of_a_slip_that_changes_its_sign():

@@ -28,7 +28,16 @@ from signorini_fx.addons.bounds.bounded_scene import (
     refuse_unknown,
 )
 from signorini_fx.addons.bounds.common_refinement import CommonRefinement, FacetTractions
-from signorini_fx.addons.bounds.facets import NODES, POINTS, SEEN, TRIPLE, bernstein, coefficients, times_linear
+from signorini_fx.addons.bounds.facets import (
+    NODES,
+    POINTS,
+    SEEN,
+    TRIPLE,
+    bernstein,
+    coefficients,
+    linear_below,
+    times_linear,
+)
 from signorini_fx.addons.bounds.graded_moduli import graded_moduli
 from signorini_fx.addons.bounds.initial_stress import free_strain, initial_stress
 from signorini_fx.addons.bounds.matching_facets import MatchingFacets
@@ -649,8 +658,7 @@ class PlainProblem:
         else:
             given = effect.friction.given_bound if effect.friction.acts else 0.0
             bounds, seen = points.value(given), self.on(with_tractions, SEEN[d]).value(given)
-            least = seen[:, NODES[d][:d]]
-            least = (least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)
+            least = linear_below(seen, d)
         if d == 2:
             shear = linear(contact.shear) * turn(normal)[:, None]
         else:
