@@ -305,6 +305,11 @@ def test_cards(tmp_path):
         ("cnt", "!STEP, SUBSTEPS=2", "!STEP, SUBSTEPS=2\n HEAT, 1", r"line 18: !STEP: a number is expected"),
         ("cnt", " LOAD, 1", " HEAT, 1", r"line 19: !STEP: 'HEAT' is not known here"),
         ("cnt", "!STEP, SUBSTEPS=2", "!WRITE", r"line 1: !STEP is expected"),
+        ("cnt", " WALL_X, 1, 1", " 999999, 1, 1", r"line 7: !BOUNDARY: node 999999 is not there"),
+        ("cnt", " WALL_X, 1, 1", " 0, 1, 1", r"line 7: !BOUNDARY: node 0 is not there"),
+        ("cnt", "!SOLVER", "!CLOAD\n 0, 1, 5.0\n!SOLVER", r"!CLOAD: node 0 is not there"),
+        ("cnt", "!SOLVER", "!CLOAD\n 999999, 1, 5.0\n!SOLVER", r"!CLOAD: node 999999 is not there"),
+        ("msh", ", LOWER\n", ", LOWER\n UPPER, LOWER\n", r"!CONTACT PAIR: one line with two groups is expected"),
         ("cnt", "!CONTACT, INT", "!CONTAKT, INT", r"line 1: no contact is known here"),
     ],
 )  # fmt: skip
@@ -323,12 +328,18 @@ def test_cards_that_are_wrong(tmp_path, file, before, after, message):
 def test_what_frontistr_has_and_a_scene_has_not(tmp_path):
     """It is named with its line."""
     case = FrontistrCase(interaction="FSLID, SMOOTHING=NAGATA")
-    case.control = case.control.replace("!SOLVER", "!SPRING\n BOTTOM, 1, 5.0\n!SOLVER")
+    more = "!SPRING\n BOTTOM, 1, 5.0\n!ULOAD\n!RESTART, FREQUENCY=-1\n!SECTION, SECNUM=1, FORM341=SELECTIVE_ESNS\n"
+    case.control = case.control.replace("!SOLVER", f"{more}!RESTART, FREQUENCY=1\n!SOLVER")
+    case.control = case.control.replace("!END", "!VISUAL, metod=PSR\n!color_comp_name = STRESS\n!END")
     case.mesh = case.mesh.replace("!CONTACT PAIR", "!MYSTERY\n!CONTACT PAIR")
     study = read_frontistr(case.write(tmp_path))
     lost = " ".join(study.lost)
     assert "!CONTACT: surfaces that are made smooth" in lost
     assert "!SPRING: not known here" in lost
+    assert "!ULOAD: not known here" in lost
+    assert lost.count("!RESTART: it goes on from a state that is not there") == 1
+    assert len(study.lost) == 5
+    assert "with tetrahedra of smoothed strains at edges and nodes" in study.formulations
     assert re.search(r"case.msh: line \d+, !MYSTERY: not known here", lost)
     assert study.follows.endswith("!CONTACT")
 

@@ -39,12 +39,19 @@ _MESH = (
     "CONTACT PAIR",
     "AMPLITUDE",
 )
+# Of a control file what is read, up to the cards of pictures.
+_CONTROL = (
+    *("SOLUTION", "STEP", "BOUNDARY", "CLOAD", "DLOAD", "CONTACT", "CONTACT_ALGO", "EMBED", "SPRING", "TEMPERATURE"),
+    *("FLOAD", "SECTION", "MATERIAL", "ELASTIC", "DENSITY", "PLASTIC", "HYPERELASTIC", "VISCOELASTIC", "CREEP"),
+    "EXPANSION_COEFF",
+)
 _MOST_INSTANTS = 400
 _FORMULATIONS = {
     "SLAGRANGE": "by Lagrange multipliers at the nodes of one surface",
     "ALAGRANGE": "by an augmented Lagrangian at the nodes of one surface",
 }
 _HEXAHEDRA = {"BBAR": "B-bar", "IC": "incompatible modes", "FBAR": "F-bar, for small strains B-bar"}
+_TETRAHEDRA = {"SELECTIVE_ESNS": "smoothed strains at edges and nodes"}
 
 
 @dataclass
@@ -152,8 +159,8 @@ class _FrontistrCase:
                     self._read_equations(card)
                 case "CONTACT PAIR":
                     for line, words in card.rows:
-                        if len(words) < 2:
-                            raise CardError(line, "!CONTACT PAIR: two groups are expected")
+                        if len(words) < 2 or len(card.rows) > 1:
+                            raise CardError(line, "!CONTACT PAIR: one line with two groups is expected")
                         self._pairs[card.name("NAME")] = (card.name("TYPE", "NODE-SURF"), words[:2], card)
                 case "AMPLITUDE":
                     self._amplitudes.add(card.name("NAME"))
@@ -220,6 +227,13 @@ class _FrontistrCase:
         middles = np.array([x[list(ends)].mean(axis=0) for ends in CELLS[kind].nodes[corners : rows.shape[1]]])
         nearest = np.linalg.norm(middles[:, None] - x[None, corners:], axis=2).argmin(axis=1)
         return rows[:, [*range(corners), *(corners + nearest)]]
+
+    def _rows(self, line: int, word: str, keyword: str) -> Ints:
+        """The rows of the nodes of a group, or of a node."""
+        numbers = self._nodes.numbers(line, word)
+        if (missing := np.setdiff1d(numbers, self.numbers)).size:
+            raise CardError(line, f"!{keyword}: node {missing[0]} is not there")
+        return np.searchsorted(self.numbers, numbers).astype(np.int64)
 
     def _read_surface(self, card: ControlCard) -> None:
         faces = self._surfaces.setdefault(card.name("SGRP"), [])
@@ -303,6 +317,7 @@ class _FrontistrCase:
         study.relations = list(self._relations)
         for origin, why in self._unknown:
             study.lose(origin, why)
+        self._lose_unknown(study, cards)
         self._nonlinear = self._solution(cards)
         self._behaviour(study, cards)
         self._give_materials(study)
@@ -314,6 +329,17 @@ class _FrontistrCase:
             raise CardError(steps[0].card.line, f"!STEP: more than {_MOST_INSTANTS} steps")
         self._act(study, cards, steps)
         return study
+
+    @staticmethod
+    def _lose_unknown(study: FrontistrStudy, cards: list[ControlCard]) -> None:
+        """Cards that may change the answer, and a state to begin from."""
+        for card in cards:
+            if card.keyword == "VISUAL":  # the cards of pictures follow
+                break
+            if card.keyword == "RESTART" and card.parameters.get("FREQUENCY", "").startswith("-"):
+                study.lose(card.origin, "it goes on from a state that is not there")
+            elif card.keyword not in _CONTROL and not _PLAIN.fullmatch(card.keyword):
+                study.lose(card.origin, "not known here")
 
     @staticmethod
     def _solution(cards: list[ControlCard]) -> bool:
@@ -364,7 +390,9 @@ class _FrontistrCase:
             raise CardError(1, f"some elements of {self._mesh.name} are in no !SECTION")
 
     def _elements_of(self, study: FrontistrStudy, cards: list[ControlCard]) -> None:
-        """What hexahedra are in FrontISTR: it has another choice than full integration for these."""
+        """What tetrahedra and hexahedra are in FrontISTR: it has other choices than full integration for these."""
+        for form in {card.parameters["FORM341"].upper() for card in cards if "FORM341" in card.parameters} - {"FI"}:
+            add_once(study.formulations, f"with tetrahedra of {_TETRAHEDRA.get(form, form)}")
         if not any(kind == "hexahedron" for kind, _, _ in self._blocks):
             return
         forms = {card.parameters["FORM361"].upper() for card in cards if "FORM361" in card.parameters}
@@ -435,7 +463,7 @@ class _FrontistrCase:
         if form == "SURF-SURF":
             slave, missing = self._surface(pair, names[0])
         else:
-            rows = np.searchsorted(self.numbers, self._nodes.numbers(pair.line, names[0])).astype(np.int64)
+            rows = self._rows(pair.line, names[0], pair.keyword)
             slave, missing = self._facets.within(rows), 0
             left = np.setdiff1d(rows, self._facets.filled(slave, rows))
             if left.size:
@@ -517,9 +545,7 @@ class _FrontistrCase:
         for line, words in card.rows:
             if len(words) < 3:
                 raise CardError(line, "!BOUNDARY: a group, and the first and the last component, are expected")
-            rows = np.searchsorted(self.numbers, self._nodes.numbers(line, words[0]))
-            if (rows >= len(self.numbers)).any():
-                raise CardError(line, f"!BOUNDARY: node {words[0]} is not there")
+            rows = self._rows(line, words[0], card.keyword)
             first, last = (
                 whole_number(line, words[1], "!BOUNDARY"),
                 whole_number(line, words[2] or words[1], "!BOUNDARY"),
@@ -573,7 +599,7 @@ class _FrontistrCase:
             component = whole_number(line, words[1], "!CLOAD") - 1
             if not 0 <= component < 3:
                 raise CardError(line, "!CLOAD: components are 1 to 3")
-            rows = np.searchsorted(self.numbers, self._nodes.numbers(line, words[0])).astype(np.int64)
+            rows = self._rows(line, words[0], card.keyword)
             values = np.zeros((len(shares), 3))
             values[:, component] = shares * real(line, words[2], "!CLOAD")
             study.forces.append(NodalForce(rows, values, card.origin))
