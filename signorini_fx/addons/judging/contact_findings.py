@@ -198,7 +198,7 @@ def figures_of_contact(
         name: {"value": max(getattr(figure, attributes.get(name, name)) for figure in contacts), "threshold": limit}
         for name, limit in limits.items()
     }
-    figures |= _coefficients(contacts, below)
+    figures |= _coefficients(contacts, below, JUDGED_CONE[unknown])
     soft = [figure for figure in contacts if figure.is_soft]
     figures["gives_way"] = {"value": max(figure.gives_way for figure in contacts), "threshold": None}
     figures["unlawful"] = {"value": None, "reason": "contact is hard"}
@@ -217,15 +217,16 @@ def figures_of_contact(
     return figures
 
 
-def _coefficients(contacts: Sequence[JudgedContactFigures], below: float) -> dict[str, dict[str, Any]]:
+def _coefficients(contacts: Sequence[JudgedContactFigures], below: float, cone: float) -> dict[str, dict[str, Any]]:
     """Between which times the problem's coefficient another one would fit as well, by the displacement.
 
     From below where no shear exceeds its bound; up to where, at the slip there is, less of its work than thresholds say
-    would be missing.
+    would be missing.  Where the problem's own does not fit, as shear is above ``cone`` times its bound, there is none.
     """
     rubbing = [figure for figure in contacts if figure.surface.contact.rubs]
-    if not rubbing:
-        return {name: {"value": None, "reason": "no friction"} for name in ("coefficient_from", "coefficient_to")}
+    without = "no friction" if not rubbing else "shear exceeds its bound"
+    if not rubbing or max(figure.cone for figure in rubbing) > cone:
+        return {name: {"value": None, "reason": without} for name in ("coefficient_from", "coefficient_to")}
     work = max(figure.slip_work for figure in rubbing)
     figures: dict[str, dict[str, Any]] = {
         "coefficient_from": {"value": min(1.0, max(figure.used for figure in rubbing)), "threshold": None},
@@ -261,8 +262,8 @@ def contact_lines(contacts: Sequence[JudgedContactFigures], figures: Mapping[str
         wrong = max(figure.wrong_way for figure in rubbing)
         lines["friction"] = f"at most {cone:.3g} times its bound, {100 * wrong:.2g} % of the energy along the slip"
         low, high = (figures[f"coefficient_{end}"] for end in ("from", "to"))
-        if high["value"] is None:
-            lines["friction"] += f"; any coefficient from {low['value']:.2g} times it on fits: {high['reason']}"
-        else:
+        if low["value"] is not None and high["value"] is None:
+            lines["friction"] += f"; any coefficient from {low['value']:.2g} times it on may fit: {high['reason']}"
+        elif low["value"] is not None:
             lines["friction"] += f"; {low['value']:.2g} to {high['value']:.3g} times the coefficient fits"
     return lines
