@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.algebra.linalg.failures import memory_ended
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mechanics.mesh.zone_halving import halved_around, has_divisible_zone
 from signorini_fx.records import History
@@ -26,7 +27,7 @@ def peak_of_finer_zone(problem: MeshedProblem[Any], solved: SolvedMesh) -> Peak 
 
     Returns:
         None without contact, for cells that are no triangles in the plane, for curved boundaries of forms whose names
-        the mesh does not know, and where there is no solution.
+        the mesh does not know, and where there is no solution or, on one rank, not enough memory.
     """
     level, history = solved.level, problem.history
     if level is None or not has_divisible_zone(solved.tagged):
@@ -46,6 +47,10 @@ def peak_of_finer_zone(problem: MeshedProblem[Any], solved: SolvedMesh) -> Peak 
         tagged = halved_around(solved.tagged, points, ZONE_REACH * peak.spacing, curved)
         finer = replace(problem, history=own, stored=None).on(tagged).solved(0, solved.state, None)
     except SignoriniError:
+        return None
+    except Exception as failure:  # the solution stands; of several ranks that lack memory the others wait
+        if problem.comm.size > 1 or not memory_ended(failure):
+            raise
         return None
     if finer.level is None:
         return None

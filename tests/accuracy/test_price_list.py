@@ -10,6 +10,7 @@ from effectivity import of_made_up
 from mpi4py import MPI
 from scenes import alone, example1
 
+from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.body.contact_table import ContactTable
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import price_list as prices
@@ -18,6 +19,7 @@ from signorini_fx.results.accuracy.forecast import seconds_to_come
 from signorini_fx.results.accuracy.pressure_error import interval_squares, pressure_square
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
+from signorini_fx.solving import finer_zone
 
 
 def table(s, pressure):
@@ -333,3 +335,22 @@ def test_one_more_solve_tells_the_error_of_the_largest_pressure(degree, contact_
     # Where another quantity is asked for, nothing is solved for the largest pressure.
     other = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.1, of="energy")}))
     assert not any(event.startswith("largest pressure:") for event in other.history.events)
+
+
+@pytest.mark.parametrize("failure", [MemoryError("no memory"), MeshError("no mesh")])
+def test_one_more_solve_that_fails(monkeypatch, failure):
+    """The solution stands with the estimate that it has without; what is wrong in the program is an error."""
+    scene = half_disk_on(1, 0.3)
+    goal = {"accuracy": Accuracy(target=0.05, of="peak")}
+
+    def fails(*given):
+        raise failure
+
+    monkeypatch.setattr(finer_zone, "halved_around", fails)
+    solution = alone(scene.model_copy(update=goal))
+    assert solution.converged
+    assert solution.price_list[-2].peak <= 0.05
+    assert not any(event.startswith("largest pressure:") for event in solution.history.events)
+    failure = ZeroDivisionError()
+    with pytest.raises(ZeroDivisionError):
+        alone(scene.model_copy(update=goal))
