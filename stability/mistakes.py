@@ -4749,7 +4749,7 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/facets",
-        "np.where(better[:, None], lowered, scaled).clip(min=0.0)",
+        "np.where(lowered_counts[:, None], lowered, scaled).clip(min=0.0)",
         "lowered.clip(min=0.0)",
         "error bound: shear above a friction bound that vanishes on a part of a facet",
         tests=(

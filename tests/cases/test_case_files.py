@@ -200,6 +200,27 @@ def test_parameters_that_are_wrong(tmp_path, change, message):
     assert re.search(r"\.json: line \d+: ", str(caught.value))
 
 
+@pytest.mark.parametrize("constrained", [True, False])
+def test_a_component_that_is_not_constrained(tmp_path, constrained):
+    """What is a value to begin with and holds nothing is no support."""
+    case = KratosCase()
+    held = case.parameters["processes"]["constraints"][0]["Parameters"]
+    name = held["model_part_name"]
+    case.parameters["processes"]["constraints"].append(
+        {
+            "python_module": "assign_scalar_variable_process",
+            "Parameters": {
+                "model_part_name": name,
+                "variable_name": "DISPLACEMENT_X",
+                "value": 0.125,
+                "constrained": constrained,
+            },
+        }
+    )
+    values = {value for support in kratos_study(tmp_path, case).supports for value in support.values}
+    assert (0.125 in values) == constrained
+
+
 def test_friction_of_a_pair_and_of_materials(tmp_path):
     """The coefficient of the pair counts, else that of the materials of the slave side; all steps are solved then."""
     case = KratosCase()

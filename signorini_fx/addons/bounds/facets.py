@@ -65,7 +65,7 @@ def coefficients(nodal: Array) -> Array:
     return np.concatenate((ends, 2 * nodal[:, d:] - ends[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1)
 
 
-def linear_below(seen: Array, d: int) -> Array:
+def linear_below(sampled: Array, d: int) -> Array:
     """At the vertices of facets a linear function that is not negative and at most a given one, shape (m, d).
 
     The linear function between the vertices is lowered as a whole.  Where it would be negative at a vertex it must not
@@ -73,18 +73,20 @@ def linear_below(seen: Array, d: int) -> Array:
     a factor instead.
 
     Args:
-        seen: the given one at ``SEEN``, not negative, shape (m, s).
+        sampled: the given one at ``SEEN``, not negative, shape (m, s).
         d: the dimension.
     """
-    ends = seen[:, NODES[d][:d]]
-    between = ends @ SEEN[d].T
-    lowered = ends - (between - seen).max(axis=1, initial=0.0)[:, None]
-    least = seen.min(axis=1)[:, None]
-    above = between - least
-    share = np.divide(seen - least, above, out=np.ones_like(seen), where=above > 0).clip(max=1.0).min(axis=1)
-    scaled = least + share[:, None] * (ends - least)
-    better = (lowered.min(axis=1) >= 0) & (lowered.sum(axis=1) >= scaled.sum(axis=1))
-    return np.where(better[:, None], lowered, scaled).clip(min=0.0)
+    nodal = sampled[:, NODES[d][:d]]
+    chord = nodal @ SEEN[d].T
+    lowered = nodal - (chord - sampled).max(axis=1, initial=0.0)[:, None]
+    smallest = sampled.min(axis=1)[:, None]
+    height = chord - smallest
+    factor = (
+        np.divide(sampled - smallest, height, out=np.ones_like(sampled), where=height > 0).clip(max=1.0).min(axis=1)
+    )
+    scaled = smallest + factor[:, None] * (nodal - smallest)
+    lowered_counts = (lowered.min(axis=1) >= 0) & (lowered.sum(axis=1) >= scaled.sum(axis=1))
+    return np.where(lowered_counts[:, None], lowered, scaled).clip(min=0.0)
 
 
 def times_linear(linear: Array, quadratic: Array) -> Array:

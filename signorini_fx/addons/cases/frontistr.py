@@ -231,8 +231,8 @@ class _FrontistrCase:
     def _rows(self, line: int, word: str, keyword: str) -> Ints:
         """The rows of the nodes of a group, or of a node."""
         numbers = self._nodes.numbers(line, word)
-        if (missing := np.setdiff1d(numbers, self.numbers)).size:
-            raise CardError(line, f"!{keyword}: node {missing[0]} is not there")
+        if (unknown_nodes := np.setdiff1d(numbers, self.numbers)).size:
+            raise CardError(line, f"!{keyword}: node {unknown_nodes[0]} is not there")
         return np.searchsorted(self.numbers, numbers).astype(np.int64)
 
     def _read_surface(self, card: ControlCard) -> None:

@@ -342,7 +342,7 @@ class _KratosCase:
             raise parameters.error("constrained: true, false, or three of them are expected")
         interval = _interval(parameters)
         for component, value in self._entries(parameters, axis):
-            if component < study.dim and value is not None and (fixed[component] or axis):
+            if component < study.dim and value is not None and fixed[component]:
                 course.hold(parameters, origin, component, rows, value, self._model.points[rows], interval)
 
     def _load(

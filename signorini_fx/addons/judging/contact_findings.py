@@ -224,9 +224,9 @@ def _coefficients(contacts: Sequence[JudgedContactFigures], below: float, cone: 
     would be missing.  Where the problem's own does not fit, as shear is above ``cone`` times its bound, there is none.
     """
     rubbing = [figure for figure in contacts if figure.surface.contact.rubs]
-    without = "no friction" if not rubbing else "shear exceeds its bound"
+    reason = "no friction" if not rubbing else "shear exceeds its bound"
     if not rubbing or max(figure.cone for figure in rubbing) > cone:
-        return {name: {"value": None, "reason": without} for name in ("coefficient_from", "coefficient_to")}
+        return {name: {"value": None, "reason": reason} for name in ("coefficient_from", "coefficient_to")}
     work = max(figure.slip_work for figure in rubbing)
     figures: dict[str, dict[str, Any]] = {
         "coefficient_from": {"value": min(1.0, max(figure.used for figure in rubbing)), "threshold": None},
