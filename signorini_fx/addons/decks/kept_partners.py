@@ -109,5 +109,8 @@ def _share_of_sliding(draft: Draft, unknowns: int) -> float | None:
             ends.append([solution.at(step).displacement.x.array.copy() for step in solution.shown_steps])
     except (SignoriniError, ConvergenceError):
         return None
+    if len(ends[0]) != len(ends[1]):  # steps of automatic size
+        return None
     small, finite = (np.array(values) for values in ends)
-    return float(np.abs(small - finite).max() / np.abs(finite).max())
+    largest = float(np.abs(finite).max())
+    return float(np.abs(small - finite).max() / largest) if largest > 0.0 else None
