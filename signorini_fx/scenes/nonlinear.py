@@ -373,16 +373,16 @@ def _conditions(model: Model) -> tuple[list[Any], list[fem.DirichletBC]]:
 
 
 def _of_scene(error: FormError, statement: Statement) -> SceneError:
-    """An error of a form with the keys of a scene."""
+    """An error of a form with the keys of a scene, and its values."""
     settings = type(statement.solver).model_fields
-    return SceneError(
-        [
-            (
-                f"solver.{key}"
-                if key in settings
-                else key.replace("].shape", "].foundation").replace("].bonded", "].kind"),
-                reason,
-            )
-            for key, reason in error.problems
-        ]
-    )
+    keys = {"].shape": "].foundation", "].bonded": "].kind"}
+    for number, contact in enumerate(statement.contact):
+        if contact.distance == "nominal":  # the gap is no distance of the sides
+            keys[f"contact[{number}].gap"] = f"contact[{number}].distance"
+    problems = list[tuple[str, str]]()
+    for key, reason in error.problems:
+        name = f"solver.{key}" if key in settings else key
+        for old, new in keys.items():
+            name = name.replace(old, new)
+        problems.append((name, reason.replace("sliding = False", 'sliding = "small"')))
+    return SceneError(problems)

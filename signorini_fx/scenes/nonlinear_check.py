@@ -63,7 +63,7 @@ def newton_findings(statement: Statement, body: Model) -> Iterator[Finding]:
         yield Finding("note", "mesh", body.tagged.note)
     large = any(getattr(material, "finite", False) for material in statement.material)
     for number, contact in enumerate(statement.contact):
-        if large and contact.foundation is None:
+        if large and contact.foundation is None and contact.against is None:
             text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"
             yield Finding("note", f"contact[{number}]", text)
     nearly = [number for number, material in enumerate(statement.material) if material.locks]

@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 from support.nonlinear_bodies import LAME, MU, stress_of_block
 
-from signorini_fx import Scene, SceneError, solve
+from signorini_fx import ConvergenceError, Scene, SceneError, Status, solve
 from signorini_fx.scenes.checks import check_scene
 
 POISSON = LAME / (2 * (LAME + MU))
@@ -73,5 +73,37 @@ def test_what_is_refused():
     """By the key; between linear bodies nothing slides."""
     with pytest.raises(SceneError, match="sliding: is for contact against another boundary"):
         two_blocks({"against": None, "sliding": "small"})
-    with pytest.raises(SceneError, match=r"contact\[0\].kind: is not possible where sides slide"):
-        solve(two_blocks({"kind": "bonded"}), MPI.COMM_SELF)
+    for key, value in {"kind": "bonded", "distance": "nominal", "adjust": 0.1}.items():
+        with pytest.raises(SceneError, match=rf"contact\[0\].{key}: .* where sides slide.* give sliding = \"small\""):
+            solve(two_blocks({key: value}), MPI.COMM_SELF)
+
+
+def test_what_check_says():
+    """Nothing of a rigid foundation: the other side moves."""
+    for contact in ({}, {"sliding": "small"}):
+        assert not [found for found in check_scene(two_blocks(contact)).findings if "foundation" in found.message]
+
+
+@pytest.mark.parametrize("points", ["boundary", "against"])
+def test_a_side_that_ends_over_the_other(points):
+    """A square on a block three times as wide is pressed, then moved: points on the block see past its corner, and what
+    is said is the key of a scene with which they are on the square.
+    """
+    wide = {"length": 3.0, "height": 1.0, "nx": 18, "ny": 6}
+    body = [
+        {"name": "lower", "mesh": {"generator": "rectangle", "parameters": wide}, "shift": [-1.0, -1.0]},
+        {"name": "upper", "mesh": {"generator": "rectangle", "parameters": wide | {"length": 1.0, "nx": 8}}},
+    ]
+    displacement = [
+        {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+        {"boundary": "upper.top", "x": 0.2, "factors": [0.0, 1.0]},
+        {"boundary": "upper.top", "y": -0.1},
+    ]
+    contact = {"boundary": "upper.bottom", "against": "lower.top", "points": points}
+    scene = Scene(body=body, material=MODULI, displacement=displacement, contact=contact)
+    if points == "boundary":
+        assert solve(scene, MPI.COMM_SELF).certificate.holds
+        return
+    with pytest.raises(ConvergenceError, match="in a scene by its key points") as raised:
+        solve(scene, MPI.COMM_SELF)
+    assert raised.value.solution.status is Status.AT_END

@@ -95,13 +95,13 @@ def slides(entry: Any) -> bool:
 
 def _faults(number: int, pair: Any) -> list[tuple[str, str]]:
     """What of a pair is not possible where its sides slide on each other."""
-    path = f"contact[{number}]"
+    path, kept = f"contact[{number}]", "give sliding = False"
     return [
         (f"{path}.{key}", reason)
         for key, wrong, reason in (
-            ("gap", pair.gap != "geometry", 'must be "geometry": sides that slide do not stay opposite each other'),
-            ("bonded", pair.bonded, "is not possible where sides slide: give sliding = False"),
-            ("adjust", pair.adjust is not None, "is not possible yet: move the meshes to where they touch"),
+            ("gap", pair.gap != "geometry", f'must be "geometry" where sides slide, as partners change: or {kept}'),
+            ("bonded", pair.bonded, f"is not possible where sides slide: {kept}"),
+            ("adjust", pair.adjust is not None, f"is not possible where sides slide: move the meshes, or {kept}"),
         )
         if wrong
     ]
