@@ -310,6 +310,30 @@ def test_adjusted_sides_beside_such_a_region(region, beside, moves, slave):
     assert solved[0].u.x.array == pytest.approx(solved[1].u.x.array if moves else 0.0, abs=1e-9 * DEPTH)
 
 
+@pytest.mark.parametrize("keeps", [False, True])
+@pytest.mark.parametrize(("cells", "slave"), [((8, 8), 0), ((16, 8), 0), ((8, 16), 1)])
+def test_a_bond_beside_such_a_region(cells, slave, keeps):
+    """What supports move apart ends the bond there: its forces are those of sides that end before, of linear bodies and
+    of nonlinear ones that keep their partners.
+    """
+    forces, way = [], [0.0005, -0.002]
+    for end in (True, False):
+        if keeps:
+            scene = clamped(
+                2, slave, 0.5, end=end, cells=cells, pair={"bonded": True, "sliding": False}, algorithm="alm"
+            )
+            forces.append(scene.move(*way))
+            assert scene.problem.certificate.holds
+        else:
+            scene = clamped(2, slave, 0.5, end=end, cells=cells)
+            scene.pair = Pair(scene.sides[slave], scene.sides[1 - slave], reach=0.5, bonded=True)
+            scene.drive.value[:] = way
+            linear = as_linear_bodies(scene)
+            assert linear.certificate.holds
+            forces.append(np.sum(linear.state.forces, axis=0))
+    assert forces[1] == pytest.approx(forces[0], rel=1e-6, abs=1e-9)
+
+
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_certificate_misses_overlap_beside_such_a_region(monkeypatch, dim):
     """A solver that counts what supports fix at the points beside is refused."""

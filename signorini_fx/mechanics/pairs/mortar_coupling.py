@@ -256,7 +256,7 @@ def couple(
         reach = default_reach(*used)
     whole, directions = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
     tested, still = whole, whole.overlap.chosen(np.zeros(len(whole.overlap.slave), dtype=bool))
-    if held is not None and not bonded:  # a bond transmits what its functions sum up to
+    if held is not None:
         tested, still = whole.parted(slave, master, held, comm)
     overlap = tested.overlap
     weight = tested.areas(slave, comm)
@@ -270,7 +270,7 @@ def couple(
     nodes, shares = carried(slave, tested.covered, weight, unable | helpless)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
-    if held is not None and not bonded:
+    if held is not None:
         # Facets apart from all points, of which all nodes are helpless: nobody takes over their functions.
         carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
         idle = np.asarray((helpless & ~carried_nodes)[slave.points].all(axis=1))
@@ -282,7 +282,7 @@ def couple(
         helpless = held.helpless(over_ranks(comm, whole.products(slave, master)[1]))
         helpless[nodes] = False
     fixed, fixed_shares = None, None
-    if held is not None and not bonded:
+    if held is not None:
         overlaps = whole.overlap, overlap
         fixed = FixedDistances.of((slave, master), held, overlaps, tested.weighted, directions, comm)
     if fixed is not None:
