@@ -197,7 +197,8 @@ def test_the_certificate_sees_what_is_wrong(dim):
 def test_products(monkeypatch, tmp_path_factory, law, slave, kind, degree):
     """On any number of ranks, gone on with after a kill, in other units and as a mirror image: the same forces."""
     settings = {"ratio": 10.0, "cells": (12, 3), "around": 8, "degree": degree, "slave": slave, "algorithm": "alm"}
-    times = (0.5, 1.0, 1.5, 2.0)
+    # At 2.0 one point is about to open: its cohesion ends at once, no set repeats, and the run ends with that name.
+    times = (0.5, 1.0, 1.5, 1.9)
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path_factory.mktemp("restart")) if comm.rank == 0 else None)
 
@@ -238,7 +239,7 @@ def test_products(monkeypatch, tmp_path_factory, law, slave, kind, degree):
     assert again.problem.history.events[0].startswith("restart: 2 complete load steps")
     assert force(again) == pytest.approx(alone, abs=1e-8 * size)
     ramped, at = made(comm=comm)
-    ramped.problem.ramp(at, 2.0, first=0.5, largest=0.5)
+    ramped.problem.ramp(at, 1.9, first=0.5, largest=0.5)
     assert force(ramped) == pytest.approx(alone, abs=1e-8 * size)
     monkeypatch.setattr("support.sliding_bodies.turn_of", lambda angle, dim: np.diag([-1.0, 1.0]))
     assert run(comm=comm) == pytest.approx(alone, abs=1e-8 * size)
