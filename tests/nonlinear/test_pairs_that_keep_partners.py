@@ -1,5 +1,6 @@
 """Two nonlinear bodies whose points keep their partners: invariances, limits, ties, stability and the certificate."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,21 @@ def test_near_sides_that_slide():
     away = np.abs(kept / slid - 1.0)
     assert away[1] < 0.005
     assert away[0] < away[1] / 2
+
+
+@pytest.mark.parametrize("facets", [0.2, 0.9])
+def test_sides_that_slide_too_far_are_told(facets):
+    """A warning says how many facets points have moved along the side whose partners they keep."""
+    scene = blocks(lower=(6, 3), upper=(3, 2), **KEPT)
+    x = scene.u.function_space.mesh.geometry.x[:, 0]
+    size = float(np.ptp(x[np.abs(scene.u.function_space.mesh.geometry.x[:, 1]) < 1e-9])) / 6
+    scene.move(0.0, -0.01)
+    scene.move(facets * size, -0.01)
+    told = [finding for finding in scene.problem.findings if finding.path == "contact[0].sliding"]
+    assert len(told) == (facets > 0.5)
+    if told:
+        moved = float(re.search(r"side, ([\d.]+) facets", told[0].message)[1])
+        assert moved == pytest.approx(facets, rel=0.15)
 
 
 def test_ties():

@@ -26,6 +26,7 @@ from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, PathSizes, RampStep, Way
 from signorini_fx.forms.nonlinear.tangent import Tangents
+from signorini_fx.forms.nonlinear.undeformed_pairs import facet_size, slid_past_partners
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import findings_of_last
 from signorini_fx.forms.steps import begun_path
@@ -181,7 +182,13 @@ class NonlinearContactProblem(ProblemOfForms):
         held = [pair.held_nodes(bilateral=self.contact[k].bilateral) for k, pair in linear.pairs.items()]
         pushed = pushed_nodes(linear.space.mesh.comm, [held], linear.scales.size)
         across = sheared_across_gaps(linear.pairs, linear.state)
-        return (*self._continuation.leaps.findings, *findings_of_last(linear), *pushed, *across)
+        sizes = {
+            number: facet_size(linear.space.mesh, linear.foundations.facets[number])
+            for number, entry in enumerate(self.contact)
+            if isinstance(entry, Pair) and not entry.sliding and not entry.bonded
+        }
+        past = slid_past_partners(linear.state, sizes)
+        return (*self._continuation.leaps.findings, *findings_of_last(linear), *pushed, *across, *past)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

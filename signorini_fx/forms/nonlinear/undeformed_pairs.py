@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
+from dolfinx import mesh as dmesh
 
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
+from signorini_fx.records import Finding
+from signorini_fx.tuned import FACETS_OF_KEPT_PARTNERS
 
 
 def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[np.bool_]) -> JointStiffness:
@@ -40,3 +44,34 @@ def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[
     places = np.searchsorted(reached, np.stack((row, column)) // dim) * dim + np.stack((row, column)) % dim
     matrix = sp.coo_array((value, (places[0], places[1])), shape=(dim * reached.size, dim * reached.size))
     return JointStiffness(reached, sp.csr_array(matrix))
+
+
+def slid_past_partners(state: ContactState, sides: Mapping[int, float]) -> list[Finding]:
+    """A warning for each pair whose touching points have moved farther along the other side than partners may be kept;
+    collective.
+
+    Args:
+        state: the contact points of this rank.
+        sides: the mean size of facets of the first side of each of these pairs, length, by the number of the contact.
+    """
+    findings, boundary = list[Finding](), state.boundary
+    for number, facet in sides.items():
+        touching = (boundary.part == number) & state.in_contact
+        farthest = parallel.largest(boundary.comm, np.linalg.norm(state.u_t[touching], axis=1), 0.0)
+        if farthest > FACETS_OF_KEPT_PARTNERS * facet:
+            message = (
+                f"points that keep their partners have moved by up to {farthest:.3g} along the other side, "
+                f"{farthest / facet:.2g} facets: forces there may be wrong; let the sides slide"
+            )
+            findings.append(Finding("warning", f"contact[{number}].sliding", message))
+    return findings
+
+
+def facet_size(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> float:
+    """The mean size of facets of all ranks, length; collective.  ``facets``: local numbers."""
+    dim = mesh.topology.dim - 1
+    mesh.topology.create_connectivity(dim, mesh.topology.dim)
+    owned = facets[facets < mesh.topology.index_map(dim).size_local]
+    sums = np.array([mesh.h(dim, owned).sum(), owned.size], dtype=np.float64)
+    total, count = parallel.global_sum(mesh.comm, sums)
+    return float(total / max(count, 1.0))
