@@ -147,6 +147,28 @@ def test_two_nodes_at_one_place_need_numbers(tmp_path):
     (tmp_path / "xy.csv").write_text("x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in rows))
     with pytest.raises(MeshError, match=r"several nodes are at .*, as in contact: give a column node"):
         judge(scene, tmp_path / "xy.csv", compare=False)
+    # The cells of a .vtu tell which body a point is of, in any order.
+    order = np.random.default_rng(1).permutation(len(v))
+    mesh, place = problem.mesh, np.argsort(order)
+    at, cells = np.pad(mesh.points, ((0, 0), (0, 1)))[order], [("quad", place[mesh.cells])]
+    meshio.Mesh(at, cells, point_data={"u": v[order]}).write(tmp_path / "u.vtu")
+    judgement = judge(scene, tmp_path / "u.vtu", compare=False)
+    assert judgement.word == "agrees"
+    assert judgement.figures["equilibrium"]["value"] < 1e-6
+    # Each cell may have points of its own; those of one node move alike.
+    of_cells, whole = mesh.cells[::-1].ravel(), np.arange(mesh.cells.size).reshape(-1, 4)
+    at, moved = np.pad(mesh.points, ((0, 0), (0, 1)))[of_cells], v[of_cells]
+    meshio.Mesh(at, [("quad", whole)], point_data={"u": moved}).write(tmp_path / "u.vtu")
+    assert judge(scene, tmp_path / "u.vtu", compare=False).word == "agrees"
+    moved[0, 1] += 1e-3
+    meshio.Mesh(at, [("quad", whole)], point_data={"u": moved}).write(tmp_path / "u.vtu")
+    with pytest.raises(MeshError, match=r"several points are at .*, with different displacements"):
+        judge(scene, tmp_path / "u.vtu", compare=False)
+    meshio.Mesh(at, [("quad", whole.reshape(-1, 2)[:-1].repeat(2, axis=1))], point_data={"u": moved}).write(
+        tmp_path / "u.vtu"
+    )
+    with pytest.raises(MeshError, match=r"several nodes are at one place, .* its cells are others"):
+        judge(scene, tmp_path / "u.vtu", compare=False)
 
 
 def test_what_is_not_judged_yet_is_said():

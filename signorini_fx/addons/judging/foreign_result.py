@@ -192,6 +192,8 @@ def _rows_at(file: Path, table: PointTable, mesh: JudgedMesh) -> tuple[npt.NDArr
     several = [len(rows) for rows in together]
     at_nodes = [len(rows) for rows in cKDTree(x).query_ball_point(x, near)]
     if max(at_nodes) > 1 and max(several) > 1:
+        if table.cells:
+            return _rows_by_cells(file, table, mesh, near)
         node = int(np.argmax(at_nodes))
         cure = "give a column node with the numbers of the problem"
         raise MeshError(f"{file}: several nodes are at {tuple(plain(mesh.points[node]))}, as in contact: {cure}")
@@ -200,3 +202,38 @@ def _rows_at(file: Path, table: PointTable, mesh: JudgedMesh) -> tuple[npt.NDArr
         if len(at_place) > 1 and not np.ptp(table.displacement[at_place], axis=0).max() <= alike:
             raise MeshError(f"{file}: several points are at {tuple(place)}, with different displacements")
     return rows.astype(np.int64), held
+
+
+def _rows_by_cells(
+    file: Path, table: PointTable, mesh: JudgedMesh, near: float
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """``_rows_at`` where several nodes are at one place: cells with the same middle are the same, with their points.
+
+    Raises:
+        MeshError: a node has points with different displacements, or no cell has the middle of one of the problem.
+    """
+    assert table.points is not None
+    x = np.pad(mesh.points, ((0, 0), (0, table.points.shape[1] - mesh.dim)))
+    tree, nodes, rows = cKDTree(x[mesh.cells].mean(axis=1)), [], []
+    for block in table.cells:
+        away, cells = tree.query(table.points[block].mean(axis=1))
+        same, of_cells = block[away <= near], mesh.cells[cells[away <= near]]
+        for points in same.T:
+            distance = np.linalg.norm(x[of_cells] - table.points[points][:, None], axis=2)
+            at = np.argmin(distance, axis=1)
+            met = distance[np.arange(len(at)), at] <= near
+            nodes.append(of_cells[np.arange(len(at)), at][met])
+            rows.append(points[met])
+    node, row = np.concatenate(nodes), np.concatenate(rows)
+    if not node.size:
+        cure = "give a table with a column node, numbers of the problem"
+        raise MeshError(f"{file}: several nodes are at one place, as in contact, and its cells are others: {cure}")
+    numbers, first = np.unique(node, return_index=True)
+    chosen = np.zeros(len(x), dtype=np.int64)
+    chosen[numbers] = row[first]
+    alike = DIGITS_OF_FILES * float(np.abs(table.displacement).max())
+    differ = np.abs(table.displacement[row] - table.displacement[chosen[node]]).max(axis=1) > alike
+    if differ.any():
+        place = tuple(plain(mesh.points[node[np.argmax(differ)]]))
+        raise MeshError(f"{file}: several points are at {place}, with different displacements")
+    return chosen, np.isin(np.arange(len(x)), numbers)

@@ -33,12 +33,14 @@ class PointTable:
         points: positions, length, shape (n, 2 or 3); None: not known.
         displacement: length, shape (n, 2 or 3).
         half_units: half a unit of the last digit of each, shape (n, 2 or 3).
+        cells: points of the cells of each kind, shape (m, k); none where only points are known.
     """
 
     numbers: Ints | None
     points: Floats | None
     displacement: Floats
     half_units: Floats
+    cells: tuple[Ints, ...] = ()
 
 
 def read_csv(file: Path) -> PointTable:
@@ -130,4 +132,6 @@ def read_vtu(file: Path) -> PointTable:
     half = np.zeros_like(values)
     if vectors[chosen].dtype == np.float32:
         half = np.abs(values) * np.finfo(np.float32).eps / 2
-    return PointTable(None, np.asarray(mesh.points, dtype=np.float64), values, half)
+    points = np.asarray(mesh.points, dtype=np.float64)
+    cells = tuple(block.data.astype(np.int64) for block in mesh.cells if block.dim > 0)
+    return PointTable(None, points, values, half, cells)
