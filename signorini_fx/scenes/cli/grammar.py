@@ -86,7 +86,8 @@ def parser() -> argparse.ArgumentParser:
         type=named_path,
         nargs="+",
         metavar="FOLDER",
-        help="with input files of CalculiX, and NAME.dat.ref or NAME.frd.ref beside them, or .comm of code_aster",
+        help="with input files of CalculiX, and NAME.dat.ref or NAME.frd.ref beside them, .comm of code_aster, "
+        "*_parameters.json of Kratos, or .cnt of FrontISTR",
     )
     gauntlet.add_argument("--out", type=named_path, metavar="FILE", help="write the table as a page of Markdown")
     gauntlet.add_argument("--seconds", type=float, default=120.0, help="limit for each case (default: %(default)g)")
