@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
@@ -16,8 +17,9 @@ from signorini_fx.addons.aster.problem import instants_of, results_of
 from signorini_fx.addons.aster.study import AsterStudy
 from signorini_fx.addons.aster.values import Concept
 from signorini_fx.addons.decks.content import Deck
-from signorini_fx.addons.decks.node_results import NodeResults, at_nodes
+from signorini_fx.addons.decks.node_results import NodeResults
 from signorini_fx.addons.gauntlet.aster_kinds import other_behaviour, other_kind
+from signorini_fx.addons.gauntlet.case_run import CaseRun
 from signorini_fx.addons.gauntlet.finer import FinerValues, finer_values
 from signorini_fx.addons.gauntlet.outcomes import (
     LOST,
@@ -29,9 +31,8 @@ from signorini_fx.addons.gauntlet.outcomes import (
     GauntletCase,
     in_short,
 )
-from signorini_fx.addons.gauntlet.solved_drafts import solved_draft, without_folders
 from signorini_fx.addons.gauntlet.sources import ASTER
-from signorini_fx.errors import MeshError, SignoriniError
+from signorini_fx.errors import SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.results.solution import Solution
@@ -43,19 +44,8 @@ _WORSE = (WHOLE, LOST, UNSOLVED, REFUSED)
 _AXES = ("DX", "DY", "DZ")
 
 
-@dataclass
-class CommandRun:
-    """A case that runs.
-
-    Attributes:
-        file: the command file.
-        out: a folder for what it writes.
-        tell: is called with what is known so far.
-    """
-
-    file: Path
-    out: Path
-    tell: Callable[[GauntletCase], None]
+class CommandRun(CaseRun):
+    """A case that runs; its file is the command file."""
 
     def outcome(self) -> GauntletCase:
         """Run all results of the file, and say what they have come to."""
@@ -63,7 +53,7 @@ class CommandRun:
         try:
             commands = read_commands(self.file)
         except SignoriniError as error:
-            return replace(case, why=self._without_folder(str(error)))
+            return replace(case, why=self.without_folders(str(error)))
         if why := other_kind(commands):
             return replace(case, state=OTHER_KIND, why=why)
         results = results_of(commands)
@@ -79,30 +69,25 @@ class CommandRun:
         case = GauntletCase(self.file.stem, ASTER, REFUSED)
         if why := other_behaviour(result):
             return replace(case, state=OTHER_KIND, why=why)
-        target = self.out / f"{self.file.stem}_{number}.toml"
-        try:
-            drafted = draft_result(self.file, commands, result, target, tested_instants(commands, result))
-        except SignoriniError as error:
-            return replace(case, why=self._without_folder(str(error)))
-        solved = solved_draft(case, drafted, target, self._without_folder)
-        if isinstance(solved, GauntletCase):
-            return solved
-        scene, solution, lost = solved
-        case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
-        try:
-            return self._compared(case, commands, drafted, scene, solution)
-        except MeshError as error:
-            return replace(case, state=REFUSED, why=in_short([self._without_folder(str(error)), *lost]))
+
+        def draft(target: Path) -> CommandDraft:
+            return draft_result(self.file, commands, result, target, tested_instants(commands, result))
+
+        # What is told are the rows of all results so far.
+        return self.solved_row(
+            case, f"{self.file.stem}_{number}", draft, partial(self._compared, commands), tells=False
+        )
 
     def _compared(
-        self, case: GauntletCase, commands: CommandFile, drafted: CommandDraft, scene: Scene, solution: Solution
+        self,
+        commands: CommandFile,
+        case: GauntletCase,
+        drafted: CommandDraft,
+        moments: list[NodeResults],
+        scene: Scene,
+        solution: Solution,
     ) -> GauntletCase:
         study, deck = drafted.study, drafted.deck
-        moments = [moment for moment in at_nodes(solution, deck) if moment is not None]
-        if not moments:
-            return replace(case, why=in_short([*filter(None, [case.why]), "our solution has other nodes"]))
-        if len(moments) == 1:
-            moments *= len(study.instants)
         wanted, further = expectations(commands, study, instants_of(study.result.made_by))
         fields = [_Fields(moment, deck, study) for moment in moments]
         case = replace(case, quantities=tuple(_quantities(wanted, fields, None)))
@@ -124,9 +109,6 @@ class CommandRun:
             message = "with sides half as long ours moves by {:.2g} %; theirs is {:.2g} % from that"
             case = replace(case, reasons=(*case.reasons, message.format(100 * shares[1], 100 * shares[0])))
         return case
-
-    def _without_folder(self, text: str) -> str:
-        return without_folders(text, self.file.parent, self.out)
 
 
 @dataclass

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
 
-from signorini_fx.addons.aster.draft import StudyDraft, draft_study
+from signorini_fx.addons.aster.draft import StudyDraft
 from signorini_fx.addons.cases.frontistr import FrontistrStudy, read_frontistr
 from signorini_fx.addons.cases.hecmw import read_result
-from signorini_fx.addons.decks.node_results import at_nodes
+from signorini_fx.addons.decks.node_results import NodeResults
+from signorini_fx.addons.gauntlet.case_run import StudyRun
 from signorini_fx.addons.gauntlet.case_values import DISPLACEMENT, PRESSURE, REACTION, WantedValue, with_values
-from signorini_fx.addons.gauntlet.outcomes import LOST, REFUSED, WHOLE, GauntletCase, in_short
-from signorini_fx.addons.gauntlet.solved_drafts import solved_draft, without_folders
-from signorini_fx.addons.gauntlet.sources import FRONTISTR, name_of
+from signorini_fx.addons.gauntlet.outcomes import GauntletCase, in_short
+from signorini_fx.addons.gauntlet.sources import FRONTISTR
 from signorini_fx.addons.judging.judge import judge
 from signorini_fx.errors import MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import plain
@@ -26,50 +25,26 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import DIGITS_OF_FILES, EXPLAINED_FROM
 
 
-@dataclass
-class FrontistrRun:
-    """A case that runs.
+class FrontistrRun(StudyRun[FrontistrStudy]):
+    """A case that runs; its file is the control file."""
 
-    Attributes:
-        file: the control file.
-        out: a folder for what it writes.
-        tell: is called with what is known so far.
-    """
+    program = FRONTISTR
 
-    file: Path
-    out: Path
-    tell: Callable[[GauntletCase], None]
+    def read(self) -> FrontistrStudy:
+        """See ``StudyRun``."""
+        return read_frontistr(self.file)
 
-    def outcome(self) -> GauntletCase:
-        """Run it, and say what it has come to."""
-        case = GauntletCase(name_of(self.file), FRONTISTR, REFUSED)
-        target = self.out / f"{self.file.stem}.toml"
-        try:
-            study = read_frontistr(self.file)
-            drafted = draft_study(study, self.file, target, self.file.stem)
-        except SignoriniError as error:
-            return replace(case, why=self._without_folder(str(error)))
-        solved = solved_draft(case, drafted, target, self._without_folder)
-        if isinstance(solved, GauntletCase):
-            return solved
-        scene, solution, lost = solved
-        case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
-        self.tell(case)
-        try:
-            return self._compared(case, study, drafted, scene, solution)
-        except MeshError as error:
-            return replace(case, state=REFUSED, why=in_short([self._without_folder(str(error)), *lost]))
-
-    def _compared(
-        self, case: GauntletCase, study: FrontistrStudy, drafted: StudyDraft, scene: Scene, solution: Solution
+    def compared(
+        self,
+        study: FrontistrStudy,
+        case: GauntletCase,
+        drafted: StudyDraft,
+        moments: list[NodeResults],
+        scene: Scene,
+        solution: Solution,
     ) -> GauntletCase:
-        deck = drafted.deck
-        moments = [moment for moment in at_nodes(solution, deck) if moment is not None]
-        if not moments:
-            return replace(case, why=in_short([*filter(None, [case.why]), "our solution has other nodes"]))
-        if len(moments) == 1:
-            moments *= len(study.instants)
-        case = with_values(case, wanted_values(study), moments, (scene, deck, solution), study.formulations)
+        """See ``StudyRun``."""
+        case = with_values(case, wanted_values(study), moments, (scene, drafted.deck, solution), study.formulations)
         if case.quantities:
             explained = (case.difference or 0.0) <= EXPLAINED_FROM
             return case if explained else replace(case, reasons=(*case.reasons, *self._verdict(study)))
@@ -89,9 +64,6 @@ class FrontistrRun:
                 formulation = verdict.theirs.get("formulation")
                 words = f"judge says of theirs: {verdict.word}: {verdict.findings[0].text}"
                 yield words + (f" ({formulation})" if formulation else "")
-
-    def _without_folder(self, text: str) -> str:
-        return without_folders(text, self.file.parent, self.out)
 
 
 def wanted_values(study: FrontistrStudy) -> list[WantedValue]:

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
 
-from signorini_fx.addons.aster.draft import StudyDraft, draft_study
+from signorini_fx.addons.aster.draft import StudyDraft
 from signorini_fx.addons.cases.kratos import SAME_TIME, KratosStudy, read_kratos, times_of
-from signorini_fx.addons.decks.node_results import at_nodes
+from signorini_fx.addons.decks.node_results import NodeResults
+from signorini_fx.addons.gauntlet.case_run import StudyRun
 from signorini_fx.addons.gauntlet.case_values import DISPLACEMENT, PRESSURE, WantedValue, with_values
-from signorini_fx.addons.gauntlet.outcomes import LOST, REFUSED, WHOLE, GauntletCase, in_short
-from signorini_fx.addons.gauntlet.solved_drafts import solved_draft, without_folders
-from signorini_fx.addons.gauntlet.sources import KRATOS, name_of
-from signorini_fx.errors import MeshError, SignoriniError
+from signorini_fx.addons.gauntlet.outcomes import GauntletCase, in_short
+from signorini_fx.addons.gauntlet.solved_drafts import without_folders
+from signorini_fx.addons.gauntlet.sources import KRATOS
+from signorini_fx.errors import MeshError
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.scene import Scene
 
@@ -29,57 +30,34 @@ _VARIABLES = {
 }
 
 
-@dataclass
-class KratosRun:
-    """A case that runs.
+class KratosRun(StudyRun[KratosStudy]):
+    """A case that runs; its file is that of the parameters."""
 
-    Attributes:
-        file: the parameters.
-        out: a folder for what it writes.
-        tell: is called with what is known so far.
-    """
+    program = KRATOS
 
-    file: Path
-    out: Path
-    tell: Callable[[GauntletCase], None]
+    def read(self) -> KratosStudy:
+        """See ``StudyRun``."""
+        return read_kratos(self.file)
 
-    def outcome(self) -> GauntletCase:
-        """Run it, and say what it has come to."""
-        case = GauntletCase(name_of(self.file), KRATOS, REFUSED)
-        target = self.out / f"{self.file.stem}.toml"
-        try:
-            study = read_kratos(self.file)
-            drafted = draft_study(study, self.file, target, self.file.stem)
-        except SignoriniError as error:
-            return replace(case, why=self._without_folder(str(error)))
-        solved = solved_draft(case, drafted, target, self._without_folder)
-        if isinstance(solved, GauntletCase):
-            return solved
-        scene, solution, lost = solved
-        case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
-        self.tell(case)
-        try:
-            return self._compared(case, study, drafted, scene, solution)
-        except MeshError as error:
-            return replace(case, state=REFUSED, why=in_short([self._without_folder(str(error)), *lost]))
-
-    def _compared(
-        self, case: GauntletCase, study: KratosStudy, drafted: StudyDraft, scene: Scene, solution: Solution
+    def compared(
+        self,
+        study: KratosStudy,
+        case: GauntletCase,
+        drafted: StudyDraft,
+        moments: list[NodeResults],
+        scene: Scene,
+        solution: Solution,
     ) -> GauntletCase:
-        deck = drafted.deck
-        moments = [moment for moment in at_nodes(solution, deck) if moment is not None]
-        if not moments:
-            return replace(case, why=in_short([*filter(None, [case.why]), "our solution has other nodes"]))
-        if len(moments) == 1:
-            moments *= len(study.instants)
+        """See ``StudyRun``."""
         wanted, further = wanted_values(study)
-        case = with_values(case, wanted, moments, (scene, deck, solution), study.formulations)
+        case = with_values(case, wanted, moments, (scene, drafted.deck, solution), study.formulations)
         if case.quantities:
             return case
         message = f"{further} values, all of something else than both have" if further else "Kratos' file has no value"
         return replace(case, why=in_short([*filter(None, [case.why]), message]))
 
-    def _without_folder(self, text: str) -> str:
+    def without_folders(self, text: str) -> str:
+        """See ``CaseRun``; what the parameters name may be beside their folder."""
         return without_folders(text, self.file.parent, self.file.parent.parent, self.out)
 
 

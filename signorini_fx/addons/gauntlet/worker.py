@@ -7,6 +7,7 @@ from pathlib import Path
 
 from signorini_fx.addons.gauntlet.aster import CommandRun
 from signorini_fx.addons.gauntlet.calculix import DeckRun
+from signorini_fx.addons.gauntlet.case_run import CaseRun
 from signorini_fx.addons.gauntlet.frontistr import FrontistrRun
 from signorini_fx.addons.gauntlet.kratos import KratosRun
 from signorini_fx.addons.gauntlet.outcomes import GauntletCase
@@ -19,7 +20,7 @@ def main(case: Path, folder: Path, file: Path) -> None:
     def tell(outcome: GauntletCase) -> None:
         outcome.write(file)
 
-    kinds: dict[str, type[CommandRun | KratosRun | FrontistrRun]] = {
+    kinds: dict[str, type[CaseRun]] = {
         ASTER: CommandRun,
         KRATOS: KratosRun,
         FRONTISTR: FrontistrRun,
