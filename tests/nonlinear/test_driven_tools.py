@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
+from support.nonlinear_bodies import Killed, held, neo_hooke, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
 
 from signorini_fx import (
@@ -261,10 +261,6 @@ def test_unstable_under_a_force_alone():
     assert leaves.status is Status.UNSTABLE
     assert not leaves.u.x.array.any()
     assert not leaves.tools[0].translation.any()
-
-
-class Killed(Exception):
-    """The end of a run."""
 
 
 @pytest.mark.mpi

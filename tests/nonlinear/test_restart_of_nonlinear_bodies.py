@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from support.nonlinear_bodies import held, rectangle, residual
+from support.nonlinear_bodies import Killed, held, rectangle, residual
 from support.nonlinear_scenes import indented, material
 from support.sliding_bodies import pillow, roller
 
@@ -41,10 +41,6 @@ ROLL = {
     "shift": ["max(0.1 * (min(t, 2) - 1), 0)", "-0.1 * min(t, 1) + 0.05 * max(t - 2, 0)"],
 }
 WALL = {"shape": "plane", "point": [2.005, 0.0], "normal": [-1.0, 0.0], "shift": ["-0.01 * t", "0.02 * t"]}
-
-
-class Killed(Exception):
-    """The end of a run in these tests."""
 
 
 def pressed(law="rubber", steps=2, **further):

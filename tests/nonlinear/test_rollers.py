@@ -8,7 +8,7 @@ import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
+from support.nonlinear_bodies import Killed, held, neo_hooke, rectangle, residual
 from support.nonlinear_scenes import indented, material
 
 from signorini_fx import (
@@ -226,10 +226,6 @@ def test_the_roller_of_the_gallery():
         assert tool.rotation[0] == pytest.approx(-way / 25, abs=0.05 * way / 25 + 0.02)  # it rolls
         taken = wrench(step.contact, step.displacement, tool.reference + tool.translation)
         assert taken[1:] == pytest.approx([20.0, -60 * (step.time - 1)], abs=1e-5)
-
-
-class Killed(Exception):
-    """The end of a run."""
 
 
 @pytest.mark.mpi

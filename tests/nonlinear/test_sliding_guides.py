@@ -7,7 +7,17 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
-from support.sliding_bodies import as_linear_bodies, blocks, bulge, bump, out_of_balance, roller, stacked
+from support.sliding_bodies import (
+    as_linear_bodies,
+    blocks,
+    bulge,
+    bump,
+    out_of_balance,
+    roller,
+    run_alone,
+    same_in_products,
+    stacked,
+)
 
 from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
@@ -135,10 +145,6 @@ def test_the_certificate_sees_what_is_wrong():
     assert judged().entered > 1e-5
 
 
-class Killed(Exception):
-    """The end of a run that is gone on with."""
-
-
 @pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize(("kind", "degree"), [("quadrilateral", 1), ("triangle", 2)])
@@ -157,34 +163,6 @@ def test_products(monkeypatch, tmp_path_factory, friction, kind, degree):
 
         return scene, at
 
-    def force(scene):
-        assert scene.problem.certificate.holds
-        return scene.turn.T @ sum(scene.problem.state.forces) / np.linalg.norm(scene.turn[0]) ** 2
-
-    def run(**more):
-        scene, at = made(**more)
-        scene.problem.run(times, at)
-        return force(scene)
-
-    def kill(step):
-        if step.step == 3:
-            raise Killed
-
-    alone = run(comm=MPI.COMM_SELF)
-    size = np.abs(alone).max()
-    assert size > 1.0
-    assert run(comm=comm) == pytest.approx(alone, abs=1e-8 * size)
-    assert run(comm=comm, unit=1e-3) == pytest.approx(alone, abs=1e-7 * size)
-    assert run(comm=comm, angle=0.7) == pytest.approx(alone, abs=1e-8 * size)
-    scene, at = made(comm=comm)
-    with pytest.raises(Killed):
-        scene.problem.run(times, at, folder=folder, on_step=kill)
-    again, at = made(comm=comm)
-    again.problem.run(times, at, folder=folder, restart=True)
-    assert again.problem.history.events[0].startswith("restart: 2 complete load steps")
-    assert force(again) == pytest.approx(alone, abs=1e-8 * size)
-    ramped, at = made(comm=comm)
-    ramped.problem.ramp(at, 2.0, first=0.5, largest=0.5)
-    assert force(ramped) == pytest.approx(alone, abs=1e-8 * size)
-    monkeypatch.setattr("support.sliding_bodies.turn_of", lambda angle, dim: np.diag([-1.0, 1.0]))
-    assert run(comm=comm) == pytest.approx(alone, abs=1e-8 * size)
+    alone = run_alone(made, times)
+    assert np.abs(alone).max() > 1.0
+    same_in_products(made, times, alone, folder, monkeypatch)

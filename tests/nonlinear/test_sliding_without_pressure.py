@@ -7,7 +7,17 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import neo_hooke
-from support.sliding_bodies import as_linear_bodies, blocks, bulge, bump, out_of_balance, pillow, roller
+from support.sliding_bodies import (
+    as_linear_bodies,
+    blocks,
+    bulge,
+    bump,
+    out_of_balance,
+    pillow,
+    roller,
+    run_alone,
+    same_in_products,
+)
 from ufl import dx
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Tresca
@@ -18,10 +28,6 @@ from signorini_fx.results.certificate.promised_law import Law, Tractions
 BOUND = 0.4
 THERE_AND_BACK = ((0, -0.02), (0, -0.1), (0.05, -0.1), (0.3, -0.1), (0.27, -0.1), (0.05, -0.1))
 WIDE = {"slave": 1, "width": 3.0, "algorithm": "alm"}
-
-
-class Killed(Exception):
-    """The end of a run that is gone on with."""
 
 
 class Sticky(FrictionLaw):
@@ -210,36 +216,6 @@ def test_products(monkeypatch, tmp_path_factory, law, slave, kind, degree):
 
         return scene, at
 
-    def force(scene):
-        unit = np.linalg.norm(scene.turn[0])
-        assert scene.problem.certificate.holds
-        return scene.turn.T @ sum(scene.problem.state.forces) / unit**2
-
-    def run(**more):
-        scene, at = made(**more)
-        scene.problem.run(times, at)
-        return force(scene)
-
-    alone = run(comm=MPI.COMM_SELF)
-    size = np.abs(alone).max()
-    assert abs(alone[0]) > 0.005 * size
-    assert run(comm=comm) == pytest.approx(alone, abs=1e-8 * size)
-    assert run(comm=comm, unit=1e-3) == pytest.approx(alone, abs=1e-7 * size)
-    assert run(comm=comm, angle=0.7) == pytest.approx(alone, abs=1e-8 * size)
-
-    def kill(step):
-        if step.step == 3:
-            raise Killed
-
-    scene, at = made(comm=comm)
-    with pytest.raises(Killed):
-        scene.problem.run(times, at, folder=folder, on_step=kill)
-    again, at = made(comm=comm)
-    again.problem.run(times, at, folder=folder, restart=True)
-    assert again.problem.history.events[0].startswith("restart: 2 complete load steps")
-    assert force(again) == pytest.approx(alone, abs=1e-8 * size)
-    ramped, at = made(comm=comm)
-    ramped.problem.ramp(at, 1.9, first=0.5, largest=0.5)
-    assert force(ramped) == pytest.approx(alone, abs=1e-8 * size)
-    monkeypatch.setattr("support.sliding_bodies.turn_of", lambda angle, dim: np.diag([-1.0, 1.0]))
-    assert run(comm=comm) == pytest.approx(alone, abs=1e-8 * size)
+    alone = run_alone(made, times)
+    assert abs(alone[0]) > 0.005 * np.abs(alone).max()
+    same_in_products(made, times, alone, folder, monkeypatch)

@@ -12,6 +12,10 @@ MU, LAME = YOUNG / 2 / (1 + POISSON), YOUNG * POISSON / (1 + POISSON) / (1 - 2 *
 PLATE = {"shape": "plane", "point": (0.0, 1.0), "normal": (0.0, -1.0)}
 
 
+class Killed(Exception):
+    """The end of a run that is gone on with."""
+
+
 def rectangle(corner, cells, comm=MPI.COMM_WORLD, cell="quadrilateral", degree=1):
     """A mesh from the origin to a corner, its vector space, and its sides by the axis and the coordinate."""
     mesh = dmesh.create_rectangle(comm, [[0.0, 0.0], corner], cells, getattr(dmesh.CellType, cell))

@@ -20,7 +20,7 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.records import Finding
-from signorini_fx.results.solution import ConvergenceError, Solution
+from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
@@ -107,7 +107,7 @@ def _share_of_sliding(draft: Draft, unknowns: int) -> float | None:
             if not solution.converged:
                 return None
             ends.append([solution.at(step).displacement.x.array.copy() for step in solution.shown_steps])
-    except (SignoriniError, ConvergenceError):
+    except SignoriniError:
         return None
     if len(ends[0]) != len(ends[1]):  # steps of automatic size
         return None

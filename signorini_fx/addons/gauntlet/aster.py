@@ -103,12 +103,8 @@ class CommandRun(CaseRun):
         finer = None if study.nodal else finer_values(scene, deck, solution)
         if finer is None:
             return case
-        case = replace(case, quantities=tuple(_quantities(wanted, fields, (finer, len(moments) - 1))))
-        shares = next((quantity.finer for quantity in case.quantities if quantity.finer is not None), None)
-        if shares is not None:
-            message = "with sides half as long ours moves by {:.2g} %; theirs is {:.2g} % from that"
-            case = replace(case, reasons=(*case.reasons, message.format(100 * shares[1], 100 * shares[0])))
-        return case
+        quantities = _quantities(wanted, fields, (finer, len(moments) - 1))
+        return replace(case, quantities=tuple(quantities)).told_by_finer()
 
 
 @dataclass

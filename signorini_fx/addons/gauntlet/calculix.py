@@ -111,13 +111,7 @@ class DeckRun:
         if finer is None:
             return case
         quantities = self._quantities(theirs, ours, fields, deck, moments[-1], finer.displacement)
-        case = replace(case, quantities=tuple(quantities))
-        shares = next((quantity.finer for quantity in case.quantities if quantity.finer is not None), None)
-        if shares is not None:
-            message = "with sides half as long ours moves by {:.2g} %; theirs is {:.2g} % from that"
-            reasons = (*case.reasons, message.format(100 * shares[1], 100 * shares[0]))
-            case = replace(case, reasons=reasons)
-        return case
+        return replace(case, quantities=tuple(quantities)).told_by_finer()
 
     def _quantities(
         self,

@@ -67,12 +67,7 @@ def with_values(
     finer = finer_values(scene, deck, solution)
     if finer is None:
         return case
-    case = replace(case, quantities=tuple(_quantities(wanted, moments, deck, finer)))
-    shares = next((quantity.finer for quantity in case.quantities if quantity.finer is not None), None)
-    if shares is None:
-        return case
-    message = "with sides half as long ours moves by {:.2g} %; theirs is {:.2g} % from that"
-    return replace(case, reasons=(*case.reasons, message.format(100 * shares[1], 100 * shares[0])))
+    return replace(case, quantities=tuple(_quantities(wanted, moments, deck, finer))).told_by_finer()
 
 
 def _quantities(
