@@ -88,10 +88,6 @@ class Course:
                 raise parameters.error("a load that depends on the place is not known here")
             values[n:, component] = at_both[0]
 
-    def held_everywhere(self) -> Ints:
-        """Nodes all of whose components are prescribed throughout."""
-        return np.flatnonzero(np.isfinite(self._held).all(axis=(0, 1))).astype(np.int64)
-
     def supports(self) -> Iterator[tuple[int, Ints, list[float | Floats | None], str]]:
         """Component, nodes, values at each instant and origin of what holds the same nodes at the same times."""
         for component, (held, origins) in enumerate(zip(self._held, self._origins, strict=True)):
