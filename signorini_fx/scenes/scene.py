@@ -153,12 +153,12 @@ class Scene(Table):
     @cached_property
     def statement(self) -> Statement:
         """The same without its mesh, as all that solves and judges reads it."""
+        fields, origin, known = type(self).model_fields, ("mesh", "body", "rigid", "title_block"), keys()
+        given = {key: getattr(self, key) for key in fields if key in known}
         effects = {
             key: entries if isinstance(entries, tuple) else () if entries is None else (entries,)
-            for key, entries in self
-            if key in keys()
+            for key, entries in given.items()
         }
-        fields, origin = type(self).model_fields, ("mesh", "body", "rigid", "title_block")
         meshes: list[Any] = [body.mesh for body in self.body] or [self.mesh]
         return Statement(
             title=self.title,

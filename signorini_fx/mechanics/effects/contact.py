@@ -52,6 +52,7 @@ class Contact(Effect):
             raise refused(type(self).__name__, wrong)
         return self
 
+    vectors: ClassVar[tuple[str, ...]] = ("direction",)
     opens: ClassVar[bool] = True
     bonded: ClassVar[bool] = False
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
@@ -150,11 +151,6 @@ class Contact(Effect):
         foundation = self.foundation.at_time(time) if self.moves else self.foundation
         gap = self.gap.at(time) if self.gap_timed else self.gap
         return self.model_copy(update={"foundation": foundation, "gap": gap, "friction": self.friction.at_time(time)})
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """See ``Effect``."""
-        return ("direction",)
 
     @property
     def coulomb(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
@@ -32,6 +32,8 @@ class PrescribedDisplacement(Load):
         holds: whether it holds in each load step; in the others nothing is prescribed; None: in all.
         factors: one number per load step; None: 1 in every step.
     """
+
+    vectors: ClassVar[tuple[str, ...]] = ("at", "about")
 
     boundary: str | None = None
     at: Vector | None = None
@@ -93,11 +95,6 @@ class PrescribedDisplacement(Load):
     def name(self) -> str:
         """See ``Effect``."""
         return f"{self.label} {self.place}"
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """See ``Effect``."""
-        return ("at", "about")
 
     @property
     def components(self) -> tuple[Any, Any, Any]:

@@ -37,6 +37,7 @@ class PointForce(VectorForce):
         }
     }
     nodal: ClassVar[bool] = True
+    vectors: ClassVar[tuple[str, ...]] = ("at",)
 
     at: Vector | None = None
     region: str | None = None
@@ -57,11 +58,6 @@ class PointForce(VectorForce):
             return f"{self.label} {self.file.name if self.file else ''}"
         point = f"({', '.join(f'{x:g}' for x in self.at)})"
         return f"{self.label} {point}" if self.region is None else f"{self.label} {point} of {self.region}"
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """See ``Effect``."""
-        return ("at",)
 
     @property
     def features(self) -> Features:

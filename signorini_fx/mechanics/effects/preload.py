@@ -29,6 +29,7 @@ class Preload(Load):
         factors: one number per load step, by which force or shortening are multiplied; None: 1 in every step.
     """
 
+    vectors: ClassVar[tuple[str, ...]] = ("point", "axis")
     strains: ClassVar[bool] = True
     grouped: ClassVar[bool] = False
 
@@ -67,11 +68,6 @@ class Preload(Load):
     def name(self) -> str:
         """See ``Effect``."""
         return f"{self.label} {self.place}"
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """See ``Effect``."""
-        return ("point", "axis")
 
     @property
     def given(self) -> dict[str, Any]:

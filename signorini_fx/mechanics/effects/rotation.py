@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,6 +21,8 @@ class Rotation(Force):
         live: whether the safety factor multiplies it, as it does tractions.
     """
 
+    vectors: ClassVar[tuple[str, ...]] = ("about", "axis")
+
     speed: TimedValue
     about: Vector | None = None
     axis: Direction | None = None
@@ -35,11 +37,6 @@ class Rotation(Force):
         yield from without_density(statement, "rotation") if self.acts else ()
         if reason := statement.kinematics.refused_axis(self.axis, self.about):
             yield ("rotation", number, "axis"), reason
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """See ``Effect``."""
-        return ("about", "axis")
 
     def _about(self, dimension: int) -> tuple[float, ...]:
         """A point of the axis, shape (d,)."""

@@ -21,7 +21,9 @@ def fault_of(kinematics: Kinematics) -> str:
     The strain of displacements that are linear is compared with that of their gradients, whose third column is
     ``third_column``, and the measure with ``measure_at``, at points with x[0] > 0.
     """
-    if is_of_package(type(kinematics)) and kinematics.words in kinematics_of_package():
+    from signorini_fx.mechanics.kinematics import KINDS
+
+    if is_of_package(type(kinematics)) and kinematics.words in [kind.words for kind in KINDS]:
         return ""
     random, name, dim = np.random.default_rng(0), kinematics.words, kinematics.dimension
     if dim not in (2, 3):
@@ -46,13 +48,6 @@ def fault_of(kinematics: Kinematics) -> str:
     if not measures.min() > 0:
         return f"measure of {name!r} is not positive"
     return ""
-
-
-def kinematics_of_package() -> tuple[str, ...]:
-    """What those of this package are called."""
-    from signorini_fx.mechanics.kinematics import KINDS
-
-    return tuple(kind.words for kind in KINDS)
 
 
 def _as_the_solver(kinematics: Kinematics, slope: _Floats, offset: _Floats, points: _Floats) -> tuple[_Floats, _Floats]:

@@ -62,7 +62,8 @@ class Table(BaseModel, metaclass=_OwnErrors):
 
     def __iter__(self) -> Generator[tuple[str, Any], None, None]:
         """The keys with their values, without what is kept of what follows from them."""
-        yield from ((name, getattr(self, name)) for name in type(self).model_fields)
+        for name in type(self).model_fields:
+            yield name, getattr(self, name)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A changed copy, whose new values are not validated; a single table stands for a list of one.

@@ -40,8 +40,9 @@ def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, .
         size, path = contact.contact_size, f"contact[{index}].contact_size"
         if size is None:
             size, path = of_mesh, "mesh.contact_size"
-        names = [_in_body(name, body) for name in (contact.boundary, contact.against) if name is not None]
-        wanted += [ContactSize(name, size, path) for name in names if name and size is not None]
+        if size is not None:
+            names = [_in_body(name, body) for name in (contact.boundary, contact.against) if name is not None]
+            wanted += [ContactSize(name, size, path) for name in names if name]
     if of_mesh is not None and not wanted and not any(contact.contact_size for contact in scene.contact):
         raise SceneError([("mesh.contact_size", "is for boundaries in contact, and here is none: leave it out")])
     return tuple(wanted)

@@ -117,6 +117,10 @@ class Effect(Table):
     strains: ClassVar[bool] = False
     # Whether it acts at single nodes, without any form, see ``body.nodal_effects``.
     nodal: ClassVar[bool] = False
+    # The keys of points and directions, which have as many numbers as the mesh has dimensions.
+    vectors: ClassVar[tuple[str, ...]] = ()
+    # The value that its forces are proportional to, where their sum is given; None: they are given themselves.
+    weighting: ClassVar[Any] = None
 
     @property
     def label(self) -> str:
@@ -164,16 +168,6 @@ class Effect(Table):
         return self.model_copy(
             update={key: value.at(time) for key, value in fields.items() if getattr(value, "timed", False)}
         )
-
-    @property
-    def weighting(self) -> Any:
-        """The value that its forces are proportional to, where their sum is given; None: they are given themselves."""
-        return None
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """The keys of points and directions, which have as many numbers as the mesh has dimensions."""
-        return ()
 
     @property
     def said(self) -> str:
@@ -399,7 +393,7 @@ _Model = TypeVar("_Model", bound=type[BaseModel])
 
 def keys() -> tuple[str, ...]:
     """The keys of all effects, those of other packages last; none is imported."""
-    return (*modules_of(PACKAGE), *(name for name in names_of(EFFECTS) if name not in modules_of(PACKAGE)))
+    return tuple(dict.fromkeys((*modules_of(PACKAGE), *names_of(EFFECTS))))
 
 
 def entry_type(key: str) -> Any:
@@ -427,19 +421,15 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def _reader(key: str, *, many: bool) -> TypeAdapter[Any]:
-    return _adapter(_type(key, many=many))
-
-
 def _read_many(entry: Any, info: ValidationInfo) -> Any:
     several = [entry] if isinstance(entry, Mapping | BaseModel) else entry
     if several in ((), []):
         return ()
-    return _reader(str(info.field_name), many=True).validate_python(several)
+    return _adapter(_type(str(info.field_name), many=True)).validate_python(several)
 
 
 def _read_one(entry: Any, info: ValidationInfo) -> Any:
-    return None if entry is None else _reader(str(info.field_name), many=False).validate_python(entry)
+    return None if entry is None else _adapter(_type(str(info.field_name), many=False)).validate_python(entry)
 
 
 # The entries of a key that a scene has: its file is imported when there is one.
