@@ -22,7 +22,6 @@ from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.records import Finding
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.reading import read_scene
-from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import FINER_AT_MOST, LINEAR_IN_DECK
 
@@ -93,8 +92,7 @@ def _share_of_sliding(draft: Draft, unknowns: int) -> float | None:
     has_files = any(getattr(entry, "file", None) for _, entry in scene.statement.listed())
     if has_files or (2 / mesh.degree) ** mesh.dim * unknowns > FINER_AT_MOST:
         return None
-    fields = {key: getattr(scene, key) for key in scene.model_fields_set}
-    fields["element"] = scene.element.model_copy(update={"degree": 1})
+    element = scene.element.model_copy(update={"degree": 1})
     ends = []
     try:
         for sliding in ("small", "finite"):
@@ -102,7 +100,7 @@ def _share_of_sliding(draft: Draft, unknowns: int) -> float | None:
                 entry if entry.bonded or entry.against is None else entry.model_copy(update={"sliding": sliding})
                 for entry in scene.contact
             )
-            finer = Scene(**fields | {"mesh": tagged(halved(mesh), straight=True), "contact": contact})
+            finer = scene.remade(mesh=tagged(halved(mesh), straight=True), element=element, contact=contact)
             solution = solve(finer, MPI.COMM_SELF, check=False)
             if not solution.converged:
                 return None

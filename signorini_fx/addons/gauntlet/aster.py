@@ -31,12 +31,11 @@ from signorini_fx.addons.gauntlet.outcomes import (
     GauntletCase,
     in_short,
 )
+from signorini_fx.addons.gauntlet.solved_drafts import SolvedDraft
 from signorini_fx.addons.gauntlet.sources import ASTER
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import DIGITS_OF_FILES, EXPLAINED_FROM
 
 _STRESSES = ("SIXX", "SIYY", "SIZZ", "SIXY", "SIXZ", "SIYZ")
@@ -84,8 +83,7 @@ class CommandRun(CaseRun):
         case: GauntletCase,
         drafted: CommandDraft,
         moments: list[NodeResults],
-        scene: Scene,
-        solution: Solution,
+        solved: SolvedDraft,
     ) -> GauntletCase:
         study, deck = drafted.study, drafted.deck
         wanted, further = expectations(commands, study, instants_of(study.result.made_by))
@@ -100,7 +98,7 @@ class CommandRun(CaseRun):
             return case
         theirs = [f"theirs is {words}" for words in study.formulations]
         case = replace(case, reasons=tuple(filter(None, [*theirs, f"here {deck.mesh.note}" if deck.mesh.note else ""])))
-        finer = None if study.nodal else finer_values(scene, deck, solution)
+        finer = None if study.nodal else finer_values(solved, deck)
         if finer is None:
             return case
         quantities = _quantities(wanted, fields, (finer, len(moments) - 1))

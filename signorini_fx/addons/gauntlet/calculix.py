@@ -32,7 +32,7 @@ from signorini_fx.addons.gauntlet.outcomes import (
     in_short,
 )
 from signorini_fx.addons.gauntlet.printed_tables import by_time, last_tables, read_tables
-from signorini_fx.addons.gauntlet.solved_drafts import solved_draft, without_folders
+from signorini_fx.addons.gauntlet.solved_drafts import SolvedDraft, solved_draft, without_folders
 from signorini_fx.addons.gauntlet.sources import PRINTED, PROGRAM
 from signorini_fx.addons.judging.calculix_results import NodeTables, read_frd
 from signorini_fx.addons.judging.judge import judge
@@ -41,8 +41,6 @@ from signorini_fx.mechanics.mesh.files.abaqus import read_keywords
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import EXPLAINED_FROM, JUDGED_SAME_TIME
 
 # Keywords of steps that are none of a scene.
@@ -78,22 +76,21 @@ class DeckRun:
         solved = solved_draft(case, drafted, target, self._without_folder, self.deck)
         if isinstance(solved, GauntletCase):
             return solved
-        scene, solution, lost = solved
-        case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
+        case = replace(case, state=LOST if solved.lost else WHOLE, why=in_short(solved.lost))
         self.tell(case)
         try:
-            return self._compared(case, drafted, scene, solution)
+            return self._compared(case, drafted, solved)
         except MeshError as error:
             message = f"what stands beside it cannot be read: {self._without_folder(str(error))}"
-            return replace(case, state=REFUSED, why=in_short([message, *lost]))
+            return replace(case, state=REFUSED, why=in_short([message, *solved.lost]))
 
     def _without_folder(self, text: str) -> str:
         """A message without the folder of the deck, which differs between machines."""
         return without_folders(text, self.deck.parent)
 
-    def _compared(self, case: GauntletCase, drafted: Draft, scene: Scene, solution: Solution) -> GauntletCase:
+    def _compared(self, case: GauntletCase, drafted: Draft, solved: SolvedDraft) -> GauntletCase:
         deck = drafted.deck
-        moments = [moment for moment in at_nodes(solution, deck) if moment is not None]
+        moments = [moment for moment in at_nodes(solved.solution, deck) if moment is not None]
         if not moments:
             return replace(case, why=in_short([*filter(None, [case.why]), "our solution has other nodes"]))
         if len(moments) == 1:
@@ -107,7 +104,7 @@ class DeckRun:
             return case
         case = replace(case, reasons=tuple(self._verdicts(printed, fields)))
         self.tell(case)
-        finer = finer_values(scene, deck, solution)
+        finer = finer_values(solved, deck)
         if finer is None:
             return case
         quantities = self._quantities(theirs, ours, fields, deck, moments[-1], finer.displacement)

@@ -18,11 +18,9 @@ from signorini_fx.addons.aster.draft import StudyDraft, draft_study
 from signorini_fx.addons.aster.study import CaseStudy
 from signorini_fx.addons.decks.node_results import NodeResults, at_nodes
 from signorini_fx.addons.gauntlet.outcomes import LOST, REFUSED, WHOLE, GauntletCase, in_short
-from signorini_fx.addons.gauntlet.solved_drafts import solved_draft, without_folders
+from signorini_fx.addons.gauntlet.solved_drafts import SolvedDraft, solved_draft, without_folders
 from signorini_fx.addons.gauntlet.sources import name_of
 from signorini_fx.errors import MeshError, SignoriniError
-from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
 
 D = TypeVar("D", bound=StudyDraft)
 S = TypeVar("S", bound=CaseStudy)
@@ -51,7 +49,7 @@ class CaseRun(ABC):
         case: GauntletCase,
         name: str,
         draft: Callable[[Path], D],
-        compared: Callable[[GauntletCase, D, list[NodeResults], Scene, Solution], GauntletCase],
+        compared: Callable[[GauntletCase, D, list[NodeResults], SolvedDraft], GauntletCase],
         *,
         tells: bool = True,
     ) -> GauntletCase:
@@ -72,19 +70,18 @@ class CaseRun(ABC):
         solved = solved_draft(case, drafted, target, self.without_folders)
         if isinstance(solved, GauntletCase):
             return solved
-        scene, solution, lost = solved
-        case = replace(case, state=LOST if lost else WHOLE, why=in_short(lost))
+        case = replace(case, state=LOST if solved.lost else WHOLE, why=in_short(solved.lost))
         if tells:
             self.tell(case)
         try:
-            moments = [moment for moment in at_nodes(solution, drafted.deck) if moment is not None]
+            moments = [moment for moment in at_nodes(solved.solution, drafted.deck) if moment is not None]
             if not moments:
                 return replace(case, why=in_short([*filter(None, [case.why]), "our solution has other nodes"]))
             if len(moments) == 1:
                 moments *= len(drafted.study.instants)
-            return compared(case, drafted, moments, scene, solution)
+            return compared(case, drafted, moments, solved)
         except MeshError as error:
-            return replace(case, state=REFUSED, why=in_short([self.without_folders(str(error)), *lost]))
+            return replace(case, state=REFUSED, why=in_short([self.without_folders(str(error)), *solved.lost]))
 
     def without_folders(self, text: str) -> str:
         """A message without the folders of the case, which differ between machines."""
@@ -128,8 +125,7 @@ class StudyRun(CaseRun, Generic[S]):
         case: GauntletCase,
         drafted: StudyDraft,
         moments: list[NodeResults],
-        scene: Scene,
-        solution: Solution,
+        solved: SolvedDraft,
     ) -> GauntletCase:
         """The row of the case with the values that the other program has, see ``CaseRun.solved_row``.
 

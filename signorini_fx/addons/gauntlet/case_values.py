@@ -12,10 +12,9 @@ from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.node_results import NodeResults
 from signorini_fx.addons.gauntlet.finer import FinerValues, finer_values
 from signorini_fx.addons.gauntlet.outcomes import ComparedQuantity, GauntletCase
+from signorini_fx.addons.gauntlet.solved_drafts import SolvedDraft
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import DIGITS_OF_FILES, EXPLAINED_FROM
 
 DISPLACEMENT, PRESSURE, REACTION = "displacement", "contact pressure", "nodal force"
@@ -46,7 +45,8 @@ def with_values(
     case: GauntletCase,
     wanted: Sequence[WantedValue],
     moments: Sequence[NodeResults],
-    solved: tuple[Scene, Deck, Solution],
+    solved: SolvedDraft,
+    deck: Deck,
     formulations: Sequence[str],
 ) -> GauntletCase:
     """The case with what both programs have, and, where they differ, with what explains that.
@@ -55,16 +55,16 @@ def with_values(
         case: without quantities.
         wanted: their values.
         moments: ours at each instant.
-        solved: the scene, the deck that it was drafted from, and our solution.
+        solved: the scene and our solution.
+        deck: that it was drafted from.
         formulations: how the other program solves its contact, in words.
     """
-    scene, deck, solution = solved
     case = replace(case, quantities=tuple(_quantities(wanted, moments, deck, None)))
     if (case.difference or 0.0) <= EXPLAINED_FROM:
         return case
     theirs = [f"theirs is {words}" for words in formulations]
     case = replace(case, reasons=(*theirs, *([f"here {deck.mesh.note}"] if deck.mesh.note else [])))
-    finer = finer_values(scene, deck, solution)
+    finer = finer_values(solved, deck)
     if finer is None:
         return case
     return replace(case, quantities=tuple(_quantities(wanted, moments, deck, finer))).told_by_finer()

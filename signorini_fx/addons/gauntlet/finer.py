@@ -12,13 +12,13 @@ from scipy.spatial import cKDTree
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.node_results import contact_by_node, stress_by_node
 from signorini_fx.addons.decks.tagged_arrays import tagged
+from signorini_fx.addons.gauntlet.solved_drafts import SolvedDraft
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats, is_straight
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import FINER_AT_MOST
 
@@ -38,19 +38,17 @@ class FinerValues:
     pressure: dict[int, Floats]
 
 
-def finer_values(scene: Scene, deck: Deck, coarse: Solution) -> FinerValues | None:
+def finer_values(solved: SolvedDraft, deck: Deck) -> FinerValues | None:
     """Our solution with all sides halved; None: the mesh, or the scene, does not allow that, or there is none."""
     arrays = deck.mesh
-    unknowns = coarse.model.dofs * 2**arrays.dim
-    nodal = deck.links or any(getattr(entry, "file", None) for _, entry in scene.statement.listed())
+    unknowns = solved.solution.model.dofs * 2**arrays.dim
+    nodal = deck.links or any(getattr(entry, "file", None) for _, entry in solved.scene.statement.listed())
     straight = arrays.degree == 1 or is_straight(arrays.points, arrays.cells, arrays.cell)
     if nodal or unknowns > FINER_AT_MOST:
         return None
     try:
-        fields = {key: getattr(scene, key) for key in scene.model_fields_set}
-        solution = solve(
-            Scene(**fields | {"mesh": tagged(halved(arrays), straight=straight)}), MPI.COMM_SELF, check=False
-        )
+        finer = solved.scene.remade(mesh=tagged(halved(arrays), straight=straight))
+        solution = solve(finer, MPI.COMM_SELF, check=False)
     except SignoriniError:
         return None
     return _at_nodes_of(solution, deck) if solution.converged else None

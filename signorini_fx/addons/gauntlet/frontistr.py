@@ -16,12 +16,11 @@ from signorini_fx.addons.decks.node_results import NodeResults
 from signorini_fx.addons.gauntlet.case_run import StudyRun
 from signorini_fx.addons.gauntlet.case_values import DISPLACEMENT, PRESSURE, REACTION, WantedValue, with_values
 from signorini_fx.addons.gauntlet.outcomes import GauntletCase, in_short
+from signorini_fx.addons.gauntlet.solved_drafts import SolvedDraft
 from signorini_fx.addons.gauntlet.sources import FRONTISTR
 from signorini_fx.addons.judging.judge import judge
 from signorini_fx.errors import MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import DIGITS_OF_FILES, EXPLAINED_FROM
 
 
@@ -40,11 +39,10 @@ class FrontistrRun(StudyRun[FrontistrStudy]):
         case: GauntletCase,
         drafted: StudyDraft,
         moments: list[NodeResults],
-        scene: Scene,
-        solution: Solution,
+        solved: SolvedDraft,
     ) -> GauntletCase:
         """See ``StudyRun``."""
-        case = with_values(case, wanted_values(study), moments, (scene, drafted.deck, solution), study.formulations)
+        case = with_values(case, wanted_values(study), moments, solved, drafted.deck, study.formulations)
         if case.quantities:
             explained = (case.difference or 0.0) <= EXPLAINED_FROM
             return case if explained else replace(case, reasons=(*case.reasons, *self._verdict(study)))

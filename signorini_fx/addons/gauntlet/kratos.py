@@ -17,11 +17,9 @@ from signorini_fx.addons.decks.node_results import NodeResults
 from signorini_fx.addons.gauntlet.case_run import StudyRun
 from signorini_fx.addons.gauntlet.case_values import DISPLACEMENT, PRESSURE, WantedValue, with_values
 from signorini_fx.addons.gauntlet.outcomes import GauntletCase, in_short
-from signorini_fx.addons.gauntlet.solved_drafts import without_folders
+from signorini_fx.addons.gauntlet.solved_drafts import SolvedDraft, without_folders
 from signorini_fx.addons.gauntlet.sources import KRATOS
 from signorini_fx.errors import MeshError
-from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
 
 # Of the variables that Kratos writes the quantity and the component.
 _VARIABLES = {
@@ -45,12 +43,11 @@ class KratosRun(StudyRun[KratosStudy]):
         case: GauntletCase,
         drafted: StudyDraft,
         moments: list[NodeResults],
-        scene: Scene,
-        solution: Solution,
+        solved: SolvedDraft,
     ) -> GauntletCase:
         """See ``StudyRun``."""
         wanted, further = wanted_values(study)
-        case = with_values(case, wanted, moments, (scene, drafted.deck, solution), study.formulations)
+        case = with_values(case, wanted, moments, solved, drafted.deck, study.formulations)
         if case.quantities:
             return case
         message = f"{further} values, all of something else than both have" if further else "Kratos' file has no value"

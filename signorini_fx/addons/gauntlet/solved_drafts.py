@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
@@ -21,10 +21,25 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
 
 
+@dataclass(frozen=True)
+class SolvedDraft:
+    """A draft whose scene has a solution.
+
+    Attributes:
+        scene: that was drafted.
+        solution: ours, on this rank.
+        lost: what it has lost of the draft, in words.
+    """
+
+    scene: Scene
+    solution: Solution
+    lost: list[str]
+
+
 def solved_draft(
     case: GauntletCase, drafted: Draft, file: Path, plainly: Callable[[str], str], deck: Path | None = None
-) -> tuple[Scene, Solution, list[str]] | GauntletCase:
-    """The scene, its solution on this rank and what that has lost of the draft; or the row of a case that has none.
+) -> SolvedDraft | GauntletCase:
+    """The scene and its solution; or the row of a case that has none.
 
     Where small displacements are not enough for a deck with NLGEOM, it is drafted and solved with finite strains.
 
@@ -38,7 +53,7 @@ def solved_draft(
     if drafted.deck.apart:
         return replace(case, state=LOST, why=in_short(drafted.lost))
     solved = _solved(case, drafted, file, plainly)
-    if deck is None or isinstance(solved, GauntletCase) or not lacks_finite_strains(solved[1]):
+    if deck is None or isinstance(solved, GauntletCase) or not lacks_finite_strains(solved.solution):
         return solved
     finite = finite_draft(deck, file)
     if finite is None:
@@ -49,7 +64,7 @@ def solved_draft(
 
 def _solved(
     case: GauntletCase, drafted: Draft, file: Path, plainly: Callable[[str], str]
-) -> tuple[Scene, Solution, list[str]] | GauntletCase:
+) -> SolvedDraft | GauntletCase:
     """See ``solved_draft``; of one draft."""
     lost = list(drafted.lost)
     for path, text in drafted.files.items():
@@ -66,7 +81,7 @@ def _solved(
     graded = graded_solution(solution, drafted)
     further = graded.statement.incomplete[len(solution.statement.incomplete) :]
     at_case = drafted.at_case if isinstance(drafted, StudyDraft) else str
-    return scene, graded, [*lost, *map(at_case, further)]
+    return SolvedDraft(scene, graded, [*lost, *map(at_case, further)])
 
 
 def without_folders(text: str, *folders: Path) -> str:

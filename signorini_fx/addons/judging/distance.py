@@ -37,7 +37,6 @@ from signorini_fx.addons.judging.reference_elements import gauss, reference_elem
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import JUDGED_FINEST, JUDGED_HALVINGS
 
 # Along each axis, exact for squares of gradients of degree 4.
@@ -124,8 +123,7 @@ def _guaranteed(problem: JudgedProblem, body: OneBody, contacts: Sequence[Judged
         missed = [_interpolation_error(problem, mesh, number) for number in range(len(missed))]
         mesh = mesh.on_triangles()
     if mesh.arrays is not body.mesh.arrays:
-        fields = {key: getattr(body.scene, key) for key in body.scene.model_fields_set}
-        ours = solved(Scene(**fields | {"mesh": tagged(mesh.arrays)}))
+        ours = solved(body.scene.remade(mesh=tagged(mesh.arrays)))
     size, own_error = _bound(ours, ours.displacement)
     finest = at_points(ours, mesh.arrays.points)
     intervals = []

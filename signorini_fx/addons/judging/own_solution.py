@@ -124,10 +124,9 @@ def one_body(problem: JudgedProblem, v: Floats) -> OneBody:
         if len(acting) < len(entries):
             changed[key] = acting
     solver = scene.solver.model_copy(update={"gamma_n": "auto", "gamma_t": "auto"})
-    fields = {key: getattr(scene, key) for key in scene.model_fields_set} | changed
     if scene.element.degree == 2 and not is_straight(carried.arrays.points, carried.arrays.cells, carried.arrays.cell):
         raise Refused("a guaranteed bound is for straight cells so far")
-    return OneBody(carried, Scene(**fields | {"solver": solver, "mesh": tagged(carried.arrays)}))
+    return OneBody(carried, scene.remade(**changed, solver=solver, mesh=tagged(carried.arrays)))
 
 
 def _acts_on(entry: Any, named: set[str], carried: CarriedMesh, problem: JudgedProblem) -> bool:

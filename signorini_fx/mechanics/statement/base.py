@@ -65,6 +65,10 @@ class Table(BaseModel, metaclass=_OwnErrors):
         for name in type(self).model_fields:
             yield name, getattr(self, name)
 
+    def remade(self, **changes: Any) -> Self:
+        """The same with other entries of some keys, all validated anew."""
+        return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | changes)
+
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A changed copy, whose new values are not validated; a single table stands for a list of one.
 

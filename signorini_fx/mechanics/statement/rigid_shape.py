@@ -210,7 +210,7 @@ class Shape(RigidMotion):
         Raises:
             SceneError: one of them is wrong.
         """
-        return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | placement)
+        return self.remade(**placement)
 
     def _moved_back(self, x: Array) -> Array:
         """Where points of it were before it was turned and moved."""
