@@ -125,5 +125,5 @@ def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction)
     # The bound of a bond is infinite.
     away = np.abs(np.subtract(following, bound, out=np.zeros_like(bound), where=np.isfinite(following)))
     felt = np.maximum(points.felt(pressure, shear), points.felt(shear, pressure))
-    largest, size, any_size = (groups.largest(values) for values in (away, felt, np.abs(pressure)))
+    largest, size, any_size = map(groups.largest, (away, felt, np.abs(pressure)))
     return float(shares(largest, newton.problem.scales(np.where(size > 0, size, any_size), newton.x)).max())

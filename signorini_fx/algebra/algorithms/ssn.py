@@ -165,7 +165,9 @@ class SemismoothNewton:
         )
         # With a friction bound that depends on the pressure there is no energy, and there are other fall-backs.
         may_fall_back = max_iterations is None and data.follows is None
-        if self._fall_backs is not None and may_fall_back and (status is Status.CYCLING or self._ran_on(status)):
+        # A limit that the user has set is no failure.
+        ran_on = status is Status.MAX_ITERATIONS and not self._limited
+        if self._fall_backs is not None and may_fall_back and (status is Status.CYCLING or ran_on):
             status = self._fall_backs(self, data, first_sets, status, measure)
         failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
         return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, RESIDUAL_TOLERANCE) else status
@@ -240,10 +242,6 @@ class SemismoothNewton:
         unlock(self.x)
         return Status.NO_MEMORY if memory_ended(error) else Status.SINGULAR
 
-    def _ran_on(self, status: Status) -> bool:
-        """Whether the iteration failed for another reason than a limit that the user has set."""
-        return status is Status.MAX_ITERATIONS and not self._limited
-
     def _run(self, data: RegularisedData, limit: int) -> Status:
         """Let SNES iterate; again from other sets if they change too slowly, with exact linear solves if old factors or
         loose tolerances did not suffice, and with a factorisation if a Krylov method did not, then for the rest of the
@@ -273,7 +271,11 @@ class SemismoothNewton:
         if self._slow:
             self._propose()
             return True
-        if self._may_keep and self._unreliable(status):
+        # It may be the failure of a linear solve that was cheaper than an exact one.
+        cheaper = (
+            self._loosened if status is Status.CYCLING else status is Status.LINEAR_SOLVER and not self._factorised
+        )
+        if self._may_keep and cheaper:
             self._may_keep = False
             return True
         if status is not Status.LINEAR_SOLVER or not self._factorise():
@@ -311,12 +313,6 @@ class SemismoothNewton:
     def _iterate(self) -> Status:
         callbacks.solve(self.snes.solve, None, self.x)
         return self._status or self._reason()
-
-    def _unreliable(self, status: Status) -> bool:
-        """Whether a failure may be that of a linear solve that was cheaper than an exact one."""
-        if status is Status.LINEAR_SOLVER:
-            return not self._factorised
-        return status is Status.CYCLING and self._loosened
 
     def checkpoint(self) -> Checkpoint:
         """The iterate with its sets and its problem, for ``restore``."""

@@ -131,16 +131,12 @@ def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData)
     return pressure, np.where(sets.slip[:, None], sliding_shear(sets, bound, trial, data.gamma_t), trial)
 
 
-def at_bound(sets: ActiveSets, bound: Nodal) -> Nodal:
-    """F g e on A_f and zero on I_f, where the bound may be infinite."""
-    return np.where(sets.slip, bound, 0.0)[:, None] * sets.direction
-
-
 def sliding_shear(sets: ActiveSets, bound: Nodal, trial: Nodal, per: float = 1.0) -> Nodal:
-    """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``; the second term is zero in the plane."""
-    if trial.shape[1] == 1:
-        return at_bound(sets, bound)
-    return at_bound(sets, bound) + (sets.turning / per)[:, None] * sets.across(trial)
+    """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``, where the second term is zero in the plane; zero on
+    I_f, where the bound may be infinite.
+    """
+    at_bound = np.where(sets.slip, bound, 0.0)[:, None] * sets.direction
+    return at_bound if trial.shape[1] == 1 else at_bound + (sets.turning / per)[:, None] * sets.across(trial)
 
 
 def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:

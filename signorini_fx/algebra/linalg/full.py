@@ -28,7 +28,7 @@ class FullSystem(AssembledSystem):
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix, and as a preconditioner if only a few contact nodes have changed their state."""
-        if petsc_options.user_sets("ksp_") or petsc_options.user_sets("pc_"):
+        if petsc_options.user_sets("ksp_", "pc_"):
             return moved == 0
         lagging = self.definite and not exact  # of an indefinite matrix CG would break down
         retained = moved == 0 or (lagging and moved is not None and moved <= LAGGED_NODES)

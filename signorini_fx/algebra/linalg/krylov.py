@@ -141,7 +141,7 @@ class KrylovSystem(AssembledSystem):
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
         """Where the user has chosen no solver, and a factor, without symmetry two of them, fits into the memory."""
-        if petsc_options.user_sets("ksp_") or petsc_options.user_sets("pc_") or not can_factorise(self.comm):
+        if petsc_options.user_sets("ksp_", "pc_") or not can_factorise(self.comm):
             return False
         unknowns, dimension = self.matrix.getSize()[0], self.contact.points.dimension
         if not enough_memory(self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension)):

@@ -12,15 +12,15 @@ PREFIX = "sfx_"
 _WATCHING = ("monitor", "view", "converged_reason")
 
 
-def user_sets(start: str) -> bool:
-    """Whether the user has set any option whose name begins with ``start`` (without the prefix), monitors excepted."""
-    names = (name for name in PETSc.Options().getAll() if name.startswith(PREFIX + start))
-    return any(not watches(name) for name in names)
+def user_sets(*starts: str) -> bool:
+    """Whether the user has set any option whose name begins with one of these (without prefix), monitors excepted."""
+    names = [name.removeprefix(PREFIX) for name in PETSc.Options().getAll() if name.startswith(PREFIX)]
+    return any(name.startswith(starts) and not watches(name) for name in names)
 
 
 def user_chooses_solver() -> bool:
     """Whether the user has set any option of the linear solvers and their matrices."""
-    return any(user_sets(start) for start in ("pc_", "ksp_", "mat_"))
+    return user_sets("pc_", "ksp_", "mat_")
 
 
 def watches(name: str) -> bool:

@@ -141,7 +141,7 @@ class Problem(ABC):
         # What follows the pressure of nodes that supports press into the foundation is no scale for others, nor is
         # what a pressure and a shear undo in each other.
         felt = np.maximum(felt_ratio * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
-        away, size = (self.groups.largest(values) for values in (self.away(x), felt))
+        away, size = map(self.groups.largest, (self.away(x), felt))
         size = self.scales(size, x)
         if self.system.contact.paired:
             size = np.maximum(size, self._least_traction(x))

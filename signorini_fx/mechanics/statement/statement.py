@@ -157,7 +157,7 @@ class Statement:
         """The names of facets inside its mesh that it uses."""
         return tuple(name for _, effect in self.listed() for name in effect.inner_facets)
 
-    @property
+    @cached_property
     def interfaces(self) -> list[Any]:
         """Those of its entries, one ``interfaces.protocol.Interface`` for each kind; other packages add kinds by entry
         points ``signorini_fx.interfaces``.

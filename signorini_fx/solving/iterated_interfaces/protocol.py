@@ -115,7 +115,10 @@ class Interface:
 
 def solve_step(step: LoadStepStart) -> LoadStepEnd:
     """Solve a load step: by the interfaces that something is sought of, or as one contact problem; collective."""
-    sought = step.model.statement.sought_at(step.start.place)
-    seeking = [entry for entry in step.model.statement.interfaces if sought and sought.keys() & entry.entries.keys()]
+    statement = step.model.statement
+    if not statement.interfaces:
+        return step.solved(step.model, step.start)
+    sought = statement.sought_at(step.start.place)
+    seeking = [entry for entry in statement.interfaces if sought.keys() & entry.entries.keys()]
     inner = tuple(sorted(seeking, key=lambda interface: not interface.outer))
     return replace(step, inner=inner).solved(step.model, step.start)
