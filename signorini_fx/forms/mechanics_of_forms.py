@@ -8,24 +8,26 @@ direction and measure at the nodes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
+import ufl
+from dolfinx import fem, la
 
 from signorini_fx.forms.given_forms import Facets, GivenForms
-from signorini_fx.forms.resultants import FormResultants, integrals_of
 from signorini_fx.forms.stated_data import stated_body
-from signorini_fx.forms.stress import stresses_of
-from signorini_fx.mechanics.body.assembly import action, assemble
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.forms.stress import exterior_facets, stresses_of
+from signorini_fx.machine import parallel
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.body.assembly import action, assemble, facet_nodes
 from signorini_fx.mechanics.body.foundations_on_points import FoundationData
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.quantities.proved_statements import Refused
@@ -37,6 +39,7 @@ from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tra
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.mechanics import Mechanics
+from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
@@ -77,7 +80,7 @@ class FormMechanics(Mechanics):
         """See ``Mechanics``."""
         return True
 
-    def sides(self, model: Model) -> list[ContactSide]:
+    def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
         """See ``Mechanics``."""
         return self.contact_sides
 
@@ -126,27 +129,79 @@ class FormMechanics(Mechanics):
             raise RuntimeError(NO_STRESS)
         return stresses_of(forms.stress, y, forms.parts, forms.original, forms.touching, self.fixed, shared)
 
-    def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> FormResultants:
-        """See ``Mechanics``: of contact, and through the parts of the boundary that have names."""
-        forms = self.forms
-        integrals = integrals_of(*forms.original, forms.mesh) if self.settled else []
-        return FormResultants(
-            model.statement,
-            model.tagged,
-            y,
-            contact,
-            self.balance(y),
-            self.contact_sides,
-            integrals,
-            forms.boundaries if self.settled else {},
-            self.fixed,
-        )
+    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
+        """See ``Mechanics``: what acts through the parts of the boundary that have names."""
+        if not self.settled:
+            return ActingForces(self.balance(y), (), (), ())
+        return acting_on(self.balance(y), self.forms.boundaries, self.fixed, loads_of(self.forms, model.tagged, y))
 
     def stated(self, model: Model) -> Model:
         """See ``Mechanics``."""
         if not self.settled:
             raise Refused("the forms are those of a load step that has no solution")
         return stated_body(self.forms, self.fixed, self.values, model)
+
+
+def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[tuple[str | None, str, Nodal]]:
+    """The loads of UFL forms, and what resists the displacement on the boundary, see ``ActingForces``; of compiled forms
+    nothing is known.  A load belongs to each part of the boundary that holds all facets of its integral; collective.
+    """
+    comm, dim = forms.mesh.comm, forms.mesh.geometry.dim
+    nodes = np.arange(y.x.array.size // dim, dtype=np.int32)
+    (a, L) = forms.original
+    for form, resists in ((L, False), (a, True)):
+        for integral in form.integrals() if isinstance(form, ufl.Form) else ():
+            kind = integral.integral_type()
+            if kind not in ("exterior_facet", "cell") or (resists and kind == "cell"):
+                continue
+            with compiling():
+                compiled = fem.form(ufl.Form([integral]))
+            values = -action((compiled,), y, nodes) if resists else np.asarray(assemble(compiled))
+            if not parallel.any_rank(comm, bool(np.any(values))):
+                continue
+            if kind == "cell":
+                yield None, "body force", values.reshape(-1, dim)
+                continue
+            facets = exterior_facets(integral, forms.mesh)
+            for name in tagged.boundaries:
+                if not parallel.any_rank(comm, not np.isin(facets, tagged.facets(name)).all()):
+                    yield name, "springs" if resists else "traction", values.reshape(-1, dim)
+
+
+def acting_on(
+    balance: Balance,
+    boundaries: Mapping[str, Facets],
+    fixed: npt.NDArray[np.bool_],
+    loads: Iterable[tuple[str | None, str, Nodal]],
+    *,
+    displaced: bool = False,
+) -> ActingForces:
+    """What acts on a body whose supports are parts of its boundary: those at all of whose nodes the same components are
+    prescribed; at a node of two of them a component belongs to the later one; collective.
+
+    Args:
+        balance: the forces.
+        boundaries: the facets of each part.
+        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+        loads: see ``ActingForces``.
+        displaced: likewise.
+    """
+    space, supports = balance.surface.space, list[str | None]()
+    by = np.full((fixed.size // space.dofmap.index_map_bs, space.dofmap.index_map_bs), -1, dtype=np.int64)
+    marks = fem.Function(space)
+    for number, (name, facets) in enumerate(boundaries.items()):
+        nodes = facet_nodes(space, facets)
+        free = ~fixed.reshape(by.shape)[nodes].all(axis=(0, 1))
+        held = parallel.global_sum(space.mesh.comm, free.astype(np.float64)) == 0
+        supports.append(name if held.any() else None)
+        marks.x.array[:] = 0.0
+        on_part = marks.x.array.reshape(by.shape)
+        on_part[np.unique(nodes)] = 1.0
+        marks.x.scatter_reverse(la.InsertMode.add)  # the owner of a node need not have the facet
+        by[(on_part > 0) & held] = number
+    balance, loads = replace(balance, supports=replace(balance.supports, by=by[: balance.surface.owned])), list(loads)
+    acted_on = {*supports, *(where for where, *_ in loads)}
+    return ActingForces(balance, supports, loads, [name for name in boundaries if name in acted_on], displaced)
 
 
 def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Nodal, space: fem.FunctionSpace) -> PrescribedNodes:

@@ -5,23 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.certificate import Certificate, certify
+from signorini_fx.results.certificate.certificate import Certificate, balance_of, certify
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import sides_of
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
-from signorini_fx.results.resultants import Resultants, StatedResultants
-from signorini_fx.results.safety import Safety, safety_of
+from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.stresses import RawStresses, Stresses
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.model import Model
-    from signorini_fx.results.certificate.nodal_forces import NodalForces
-    from signorini_fx.results.section_forces import SectionForce
 
 
 NO_ESTIMATE = "nonlinear bodies have no estimate of their error: compare solutions on two meshes"
@@ -40,8 +40,8 @@ class Mechanics(Protocol):
         """Whether forces are linear in the displacement, so that there is a strain energy, and errors are estimated."""
         ...
 
-    def sides(self, model: Model) -> list[ContactSide]:
-        """The parts of the boundary with contact, for second opinions."""
+    def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
+        """The parts of the boundary with contact at a displacement, for second opinions."""
         ...
 
     def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
@@ -58,19 +58,9 @@ class Mechanics(Protocol):
         """
         ...
 
-    def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> Resultants:
-        """Forces and moments on the body through each boundary; ``contact``: of this rank."""
+    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
+        """What acts on the body at a displacement and a place in the lists of factors, beside contact; collective."""
         ...
-
-    def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
-        """The forces through sections that are tightened; collective.  Forms name none."""
-        return []
-
-    def safety(self, model: Model, contact: ContactState, step: float) -> Safety | None:
-        """By how much the live loads can grow before the body moves away, see ``Solution``; collective.  Forms do not
-        say which loads are live.
-        """
-        return None
 
     def stated(self, model: Model) -> Model:
         """The body with loads, supports and moduli as entries of its statement, which proofs read.
@@ -110,7 +100,7 @@ class StatedMechanics:
             *on, displacement, tractions, law=law, step=step, before=last, pairs=model.pairs, rigid=rigid, like=like
         )
 
-    def sides(self, model: Model) -> list[ContactSide]:
+    def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
         """See ``Mechanics``."""
         return sides_of(model.statement, model.tagged, model.space, model.pairs)
 
@@ -118,20 +108,29 @@ class StatedMechanics:
         """See ``Mechanics``."""
         return Stresses.of(model, y, step, shared)
 
-    def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> Resultants:
+    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
         """See ``Mechanics``."""
-        return StatedResultants(model.statement, model.tagged, y, contact, step, model.pairs)
-
-    def sections(self, model: Model, y: fem.Function, step: float) -> list[SectionForce]:
-        """See ``Mechanics``."""
-        from signorini_fx.results.section_forces import section_forces
-
-        return section_forces(model.statement, model.tagged, y, step)
-
-    def safety(self, model: Model, contact: ContactState, step: float) -> Safety | None:
-        """See ``Mechanics``."""
-        return safety_of(model, contact, step)
+        forces = NodalForces(model.statement, model.tagged, y.function_space)
+        supports = [effect.place for effect in model.statement.displacement]
+        names = [effect.where for _, effect in model.statement.listed()]
+        return ActingForces(balance_of(forces, y, step), supports, loads_of(forces, y, step), names)
 
     def stated(self, model: Model) -> Model:
         """See ``Mechanics``: the body itself."""
         return model
+
+
+def loads_of(forces: NodalForces, y: fem.Function, step: float) -> list[tuple[str | None, str, npt.NDArray[np.float64]]]:
+    """The loads of a statement and what resists a displacement, those of one kind and place together, see
+    ``ActingForces``; collective.
+    """
+    displacements, loads = y.x.array.reshape(-1, forces.dimension), []
+    for kind in forces.statement.effects.values():
+        for where in dict.fromkeys(effect.where for effect in kind):
+            effects = [effect for effect in kind if effect.where == where]
+            pushing = [effect for effect in effects if isinstance(effect, Force)]
+            resisting = [effect for effect in effects if isinstance(effect, Resistance)]
+            if pushing or resisting:
+                values = forces.external(step, some=pushing) - forces.resisted(displacements, resisting)
+                loads.append((where, effects[0].label, values))
+    return loads

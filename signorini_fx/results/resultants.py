@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -18,18 +17,11 @@ from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.certificate.contact_nodes import ContactNodes
-from signorini_fx.results.certificate.contact_sides import sides_of
-from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
+from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.promised_law import Tractions
-from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.tuned import ZERO_IN_SOLUTION
-
-if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.paired_points import PairedSides
 
 Array = npt.NDArray[np.float64]
 
@@ -90,21 +82,49 @@ class NodalForcesAt:
     values: Array
 
 
+@dataclass(frozen=True)
+class ActingForces:
+    """What acts on a body at one displacement beside contact, evaluated anew.
+
+    Attributes:
+        balance: the forces.
+        supports: the name of the part of the boundary, or of the point, that each number in ``balance.supports.by``
+            stands for; None: it stands for none.
+        loads: loads and what resists the displacement: the part of the boundary, None for the body; what acts, in
+            words; the forces, shape (owned nodes, d).
+        names: of the parts of the boundary with any of them, in the order in which they are listed; None: the body.
+        displaced: whether they act at the displaced points, as on a body with large displacements.
+    """
+
+    balance: Balance
+    supports: Sequence[str | None]
+    loads: Sequence[tuple[str | None, str, Array]]
+    names: Sequence[str | None]
+    displaced: bool = False
+
+
 @dataclass(frozen=True, repr=False)
 class Resultants:
     """The resultants of one load step, from nodal forces: exact for the discrete solution, so that they are in balance.
+
+    Reactions are what the stresses in the body leave at the nodes of supports (at a node of two of them a component
+    belongs to one alone), those of contact come from the tractions of the contact.
 
     Attributes:
         statement: what is stated of the problem.
         tagged: its mesh.
         displacement: y, length.
         contact: the contact boundary of this rank; None without contact.
+        sides: the parts of the boundary with contact.
+        acting: all else that acts on the body.
     """
 
     statement: Statement
     tagged: TaggedMesh
     displacement: fem.Function
     contact: ContactState | None
+    sides: Sequence[ContactSide]
+    acting: ActingForces
 
     def __repr__(self) -> str:
         return f"<Resultants: {', '.join(self._names)}; of(boundary), body_force(), every()>"
@@ -149,31 +169,61 @@ class Resultants:
         )
         return [resultant.as_dict(size, self.tagged.size) for resultant in resultants]
 
+    def at_nodes(self) -> Array:
+        """What loads and supports do to the body, forces at the owned nodes, shape (n, d); collective."""
+        acting, numbers = self.acting, range(len(self.acting.supports))
+        told = acting.loads if acting.balance.with_loads else ()
+        loads = sum((values for *_, values in told), acting.balance.external)
+        return sum((self._taken(number) for number in numbers), loads)
+
     @property
     def _names(self) -> list[str]:
         """The boundaries through which something acts."""
-        raise NotImplementedError
+        sides = [name for effect in self.statement.contact for name in (effect.boundary, effect.against)]
+        return list(dict.fromkeys(name for name in [*self.acting.names, *sides, *self._points] if name is not None))
 
     @property
     def _points(self) -> dict[str, tuple[float, ...]]:
         """The points with supports, by their names."""
-        return {}
+        return {effect.place: effect.at for effect in self.statement.displacement if effect.at is not None}
 
     @cached_property
-    def _nodal(self) -> SurfaceQuadrature:
-        raise NotImplementedError
+    def _moved(self) -> Array:
+        """By how much nodes are moved from where forces would act on a body with small displacements, shape (nodes, d)."""
+        y = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
+        return np.asarray(y if self.acting.displaced else np.zeros_like(y))
 
     @cached_property
     def _x(self) -> Array:
         """Positions of the owned nodes."""
-        space = self.displacement.function_space
-        return node_positions(space)[: self._nodal.owned, : self.tagged.mesh.geometry.dim]
+        owned, dim = self.acting.balance.surface.owned, self.tagged.mesh.geometry.dim
+        return node_positions(self.displacement.function_space)[:owned, :dim] + self._moved[:owned]
 
     @cached_property
     def _contact_points(self) -> Array:
         """Positions of the contact points."""
         assert self.contact is not None
-        return self.contact.boundary.centre
+        boundary = self.contact.boundary
+        return boundary.centre + self._moved[boundary.nodes]
+
+    @cached_property
+    def _reactions(self) -> Array:
+        """What the stresses in the body leave to the supports, shape (owned nodes, d); collective."""
+        balance = self.acting.balance
+        unbalanced = balance.internal + balance.resisted - balance.external - balance.initial
+        if self.contact is not None:
+            tractions = Tractions.of(self.contact)
+            reached, forces, _ = ContactNodes.of(balance.surface, self.sides, tractions).forces()
+            np.add.at(unbalanced, reached, forces)
+            if tractions.joint is not None:
+                from signorini_fx.results.certificate.joint_loads import forces_of_joint_loads
+
+                unbalanced -= forces_of_joint_loads(balance.surface, self.sides, tractions)
+        return unbalanced
+
+    def _taken(self, number: int) -> Array:
+        """The part of them that one support takes, shape (owned nodes, d); collective."""
+        return self.acting.balance.supports.taken(self._reactions, number)
 
     def _through(self, boundary: str) -> dict[str, NodalForcesAt]:
         """The forces on the body at the nodes of a boundary, by what exerts them."""
@@ -194,11 +244,19 @@ class Resultants:
 
     def _of_supports(self, boundary: str) -> dict[str, NodalForcesAt]:
         """Those of supports."""
-        raise NotImplementedError
+        held = [number for number, name in enumerate(self.acting.supports) if name == boundary]
+        if not held:
+            return {}
+        taken = (self._taken(number) for number in held)
+        return {"support": NodalForcesAt(self._x, sum(taken, np.zeros_like(self._reactions)))}
 
     def _of_effects(self, boundary: str | None) -> dict[str, NodalForcesAt]:
         """Those of loads and of what resists the displacement, by their kinds; None: in the body."""
-        raise NotImplementedError
+        by_cause = dict[str, Array]()
+        for where, cause, values in self.acting.loads:
+            if where == boundary:
+                by_cause[cause] = by_cause[cause] + values if cause in by_cause else values
+        return {cause: NodalForcesAt(self._x, values) for cause, values in by_cause.items()}
 
     def _sum(self, boundary: str | None, forces: dict[str, NodalForcesAt], about: npt.ArrayLike | None) -> Resultant:
         """The resultant of what acts through a boundary."""
@@ -227,102 +285,17 @@ class Resultants:
         return self.statement.kinematics_in(self.tagged.dimension)
 
     def _middle(self, boundary: str) -> tuple[Array, Array | None]:
-        """The middle of a boundary, and its normal if it is flat; a point itself."""
+        """The middle of a boundary, and its normal if it is flat, as no displaced one is; a point itself."""
         if boundary in self._points:
             return np.array(self._points[boundary]), None
-        areas = self._nodal.moments(self.tagged.facets(boundary))
+        areas = self.acting.balance.surface.moments(self.tagged.facets(boundary))
         weights = np.linalg.norm(areas, axis=1)
         sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))
         sums = parallel.global_sum(self.tagged.mesh.comm, sums)
         dim, total = self.tagged.mesh.geometry.dim, sums[-1]
         normal = sums[dim:-1] / total
-        return sums[:dim] / total, normal if np.linalg.norm(normal) > 1 - ZERO_IN_SOLUTION else None
-
-
-@dataclass(frozen=True, repr=False)
-class StatedResultants(Resultants):
-    """The resultants of one load step of a scene.
-
-    Reactions are what the stresses in the body leave at the nodes of supports (at a node of two supported boundaries,
-    a component belongs to the one that prescribes it), those of tractions are integrals, those of contact come from the
-    tractions of the contact.
-
-    Attributes:
-        place: of the load step in the lists of factors, see ``statement.load_path``.
-        pairs: bodies in contact as the solver has paired them, see ``sides_of``.
-    """
-
-    place: float
-    pairs: Mapping[int, PairedSides] | None = None
-
-    @property
-    def _names(self) -> list[str]:
-        """The boundaries through which something acts."""
-        boundaries = [effect.where for _, effect in self.statement.listed()]
-        boundaries += [effect.against for effect in self.statement.contact]
-        return list(dict.fromkeys(name for name in [*boundaries, *self._points] if name is not None))
-
-    @property
-    def _points(self) -> dict[str, tuple[float, ...]]:
-        """The points with supports, by their names."""
-        return {effect.place: effect.at for effect in self.statement.displacement if effect.at is not None}
-
-    @cached_property
-    def _nodal(self) -> NodalForces:
-        return NodalForces(self.statement, self.tagged, self.displacement.function_space)
-
-    @cached_property
-    def _supports(self) -> PrescribedNodes:
-        return PrescribedNodes.of(self._nodal, self.place, 1.0)
-
-    @cached_property
-    def _forces_of_supports(self) -> Array:
-        """What the stresses in the body leave to the supports, shape (owned nodes, d)."""
-        nodal = self._nodal
-        displacements = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
-        unbalanced = (
-            nodal.internal(self.displacement)
-            + nodal.resisted(displacements)
-            - nodal.external(self.place)
-            - nodal.initial(self.place)[0]
-        )
-        if self.contact is not None:
-            sides = sides_of(self.statement, self.tagged, nodal.space, self.pairs)
-            tractions = Tractions.of(self.contact)
-            nodes = ContactNodes.of(nodal, sides, tractions)
-            reached, forces, _ = nodes.forces()
-            np.add.at(unbalanced, reached, forces)
-            if tractions.joint is not None:
-                from signorini_fx.results.certificate.joint_loads import forces_of_joint_loads
-
-                unbalanced -= forces_of_joint_loads(nodal, sides, tractions)
-        return unbalanced
-
-    def at_nodes(self) -> Array:
-        """What loads and supports do to the body, forces at the owned nodes, shape (n, d); collective."""
-        supported = (self._supports.taken(self._forces_of_supports, k) for k in range(len(self.statement.displacement)))
-        return sum(supported, self._nodal.external(self.place))
-
-    def _of_supports(self, boundary: str) -> dict[str, NodalForcesAt]:
-        """See ``Resultants``."""
-        held = [k for k, effect in enumerate(self.statement.displacement) if effect.place == boundary]
-        if not held:
-            return {}
-        taken = (self._supports.taken(self._forces_of_supports, k) for k in held)
-        return {"support": NodalForcesAt(self._x, sum(taken, np.zeros_like(self._forces_of_supports)))}
-
-    def _of_effects(self, boundary: str | None) -> dict[str, NodalForcesAt]:
-        """See ``Resultants``."""
-        nodal, displacements = self._nodal, self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
-        by_cause: dict[str, NodalForcesAt] = {}
-        for kind in self.statement.effects.values():
-            effects = [effect for effect in kind if effect.where == boundary]
-            forces = [effect for effect in effects if isinstance(effect, Force)]
-            resisting = [effect for effect in effects if isinstance(effect, Resistance)]
-            if forces or resisting:
-                values = nodal.external(self.place, some=forces) - nodal.resisted(displacements, resisting)
-                by_cause[effects[0].label] = NodalForcesAt(self._x, values)
-        return by_cause
+        flat = not self.acting.displaced and np.linalg.norm(normal) > 1 - ZERO_IN_SOLUTION
+        return sums[:dim] / total, normal if flat else None
 
 
 def moments(arms: Array, forces: Array) -> Array:

@@ -99,7 +99,7 @@ def safety_of(model: Model, contact: ContactState, step: float) -> Safety | None
         has entered the contact stays where it is.
     """
     motions, boundary, count = model.motions, contact.boundary, model.motions.free.shape[1]
-    if not count:
+    if not count or not model.applied:
         return None
     at_contact = motions.at(boundary)
     nothing: npt.NDArray[np.float64] = np.zeros(len(motions.of_all) - len(motions.free))

@@ -40,7 +40,7 @@ from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import NO_ESTIMATE, Mechanics, StatedMechanics
 from signorini_fx.results.requested_law import AskedLaw, asked_law
 from signorini_fx.results.resultants import Resultants
-from signorini_fx.results.safety import Safety
+from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
@@ -329,7 +329,7 @@ class Solution:
     @cached_property
     def sides(self) -> list[ContactSide]:
         """The parts of the boundary with contact, for second opinions."""
-        return self.mechanics.sides(self.model)
+        return self.mechanics.sides(self.model, self.displacement)
 
     @cached_property
     def stress(self) -> RawStresses:
@@ -343,13 +343,16 @@ class Solution:
 
     @cached_property
     def resultants(self) -> Resultants:
-        """Forces and moments on the body through each boundary; with load steps, of the last one."""
-        return self.mechanics.resultants(self.model, self.displacement, self.contact, self._position)
+        """Forces and moments on the body through each boundary; with load steps, of the last one; collective."""
+        acting = self.mechanics.acting(self.model, self.displacement, self._position)
+        return Resultants(self.statement, self.model.tagged, self.displacement, self.contact, self.sides, acting)
 
     @cached_property
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; with load steps, in the last one; collective."""
-        return self.mechanics.sections(self.model, self.displacement, self._position)
+        from signorini_fx.results.section_forces import section_forces
+
+        return section_forces(self.statement, self.model.tagged, self.displacement, self._position)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:
@@ -478,7 +481,7 @@ class Solution:
         """
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
-        return self.mechanics.safety(self.model, self.contact, self._position)
+        return safety_of(self.model, self.contact, self._position)
 
     def plot(self, *fields: str) -> Any:
         """Pictures that a notebook displays, see the function ``plot``; collective."""

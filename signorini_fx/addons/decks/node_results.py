@@ -17,7 +17,6 @@ from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.results.certificate.nodal_forces import NodalForces
-from signorini_fx.results.resultants import StatedResultants
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import DIGITS_OF_FILES
 
@@ -95,16 +94,11 @@ def _by_node(moment: Solution) -> Floats:
     """Displacements, forces and reactions by the global number of the node."""
     space = moment.displacement.function_space
     dim, owned = space.dofmap.index_map_bs, space.dofmap.index_map.size_local
-    resultants = moment.resultants
-    forces = resultants.at_nodes() if isinstance(resultants, StatedResultants) else np.zeros((owned, dim))
-    reactions = np.zeros((owned, dim))
-    links = [effect for effect in moment.statement.of(Resistance) if effect.nodal]
-    if isinstance(resultants, StatedResultants):
+    balance, forces = moment.resultants.acting.balance, moment.resultants.at_nodes()
+    reactions = balance.internal - (balance.external + balance.initial)
+    if links := [effect for effect in moment.statement.of(Resistance) if effect.nodal]:
         nodal = NodalForces(moment.statement, moment.model.tagged, space)
-        loads = nodal.external(resultants.place) + nodal.initial(resultants.place)[0]
-        reactions = nodal.internal(moment.displacement) - loads
-        if links:
-            forces = forces - nodal.resisted(moment.displacement.x.array.reshape(-1, dim), links)
+        forces = forces - nodal.resisted(moment.displacement.x.array.reshape(-1, dim), links)
     y = moment.displacement.x.array.reshape(-1, dim)[:owned]
     return np.asarray(parallel.rows_on_root(moment.comm, np.column_stack((y, forces, reactions))))
 

@@ -11,14 +11,14 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.forms.given_forms import Facets
-from signorini_fx.forms.resultants import FormResultants
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.forms.mechanics_of_forms import acting_on
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.mechanics import Mechanics
+from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.stresses import RawStresses
 
 
@@ -31,7 +31,7 @@ class ResidualMechanics(Mechanics):
         contact_sides: the parts of the boundary with contact, met at the displaced points.
         boundaries: the facets of each part of the boundary that was given a name.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
-        loads: gives the loads beside the residual at a place in the lists of factors, see ``FormResultants``.
+        loads: gives the loads beside the residual at a place in the lists of factors, see ``ActingForces``.
         steps: the same of each load step, by its displacement; none: there is this one alone.
         stresses: gives the stress at the end of a load step from the displacements of those up to it; None: the
             residual alone knows it.
@@ -48,9 +48,9 @@ class ResidualMechanics(Mechanics):
     stresses: Callable[[Model, Sequence[fem.Function]], RawStresses] | None = None
     linear: bool = False
 
-    def sides(self, model: Model) -> list[ContactSide]:
+    def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
         """See ``Mechanics``."""
-        return list(self.contact_sides)
+        return list(self._at(y).contact_sides)
 
     @property
     def has_stress(self) -> bool:
@@ -69,16 +69,14 @@ class ResidualMechanics(Mechanics):
         last = next((number for number, displacement in enumerate(path) if displacement is y), None)
         return self.stresses(model, [y] if last is None else path[: last + 1])
 
-    def resultants(self, model: Model, y: fem.Function, contact: ContactState | None, step: float) -> FormResultants:
-        """See ``Mechanics``: of contact and of supports; which loads act is known to the residual alone."""
-        at_step = next((mechanics for displacement, mechanics in self.steps if displacement is y), self)
-        statement, tagged, sides = model.statement, model.tagged, at_step.contact_sides
-        named, held = at_step.boundaries, at_step.fixed
-        loads, balance = at_step.loads(step), at_step.balance
-        displaced = at_step.displaced
-        return FormResultants(
-            statement, tagged, y, contact, balance, sides, [], named, held, displaced=displaced, loads=loads
-        )
+    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
+        """See ``Mechanics``: at the supports; which loads act is known to the residual alone."""
+        end = self._at(y)
+        return acting_on(end.balance, end.boundaries, end.fixed, end.loads(step), displaced=end.displaced)
+
+    def _at(self, y: fem.Function) -> ResidualMechanics:
+        """That of the load step with a displacement."""
+        return next((mechanics for displacement, mechanics in self.steps if displacement is y), self)
 
     def stated(self, model: Model) -> NoReturn:
         """See ``Mechanics``.

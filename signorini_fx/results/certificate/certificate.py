@@ -167,22 +167,7 @@ def certify(
     """
     space = displacement.function_space
     forces = NodalForces(statement, tagged, space) if like is None else like.of(statement)
-    nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
-    scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
-    pressed = forces.volume.pressed  # then forces are not those of a change of volume
-    stiffest = replace(scales, modulus=max(material.stiffest(pressed=pressed) for material in statement.material))
-    balance = Balance(
-        forces,
-        forces.internal(displacement),
-        forces.external(step, scale),
-        PrescribedNodes.of(forces, step, scale),
-        scales,
-        stiffest,
-        forces.resisted(nodal_displacements),
-        *forces.initial(step, scale, displacement),
-        dilation=forces.volume.dilation(forces, displacement, step, scale),
-        lost=forces.lost_in_links(nodal_displacements),
-    )
+    balance = balance_of(forces, displacement, step, scale)
     sides = sides_of(statement, tagged, space, pairs)
     if tractions is not None and tractions.joint is not None:
         from signorini_fx.results.certificate.joint_loads import forces_entered
@@ -194,6 +179,29 @@ def certify(
     certificate = judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)
     missed = [material.missed() for material in statement.material if not material.isotropic]
     return replace(certificate, moduli=max(missed)) if missed else certificate
+
+
+def balance_of(forces: NodalForces, displacement: fem.Function, step: float, scale: float = 1.0) -> Balance:
+    """The forces on a body without contact at a place in the lists of factors, for the arguments see ``certify``;
+    collective.
+    """
+    statement, tagged = forces.statement, forces.tagged
+    nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
+    scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
+    pressed = forces.volume.pressed  # then forces are not those of a change of volume
+    stiffest = replace(scales, modulus=max(material.stiffest(pressed=pressed) for material in statement.material))
+    return Balance(
+        forces,
+        forces.internal(displacement),
+        forces.external(step, scale),
+        PrescribedNodes.of(forces, step, scale),
+        scales,
+        stiffest,
+        forces.resisted(nodal_displacements),
+        *forces.initial(step, scale, displacement),
+        dilation=forces.volume.dilation(forces, displacement, step, scale),
+        lost=forces.lost_in_links(nodal_displacements),
+    )
 
 
 def _faint_forces(

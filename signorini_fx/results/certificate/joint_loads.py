@@ -17,13 +17,14 @@ from signorini_fx.mechanics.body.joint_pressure import Flags
 from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.promised_law import PreviousStep, Tractions
+from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 
-def forces_of_joint_loads(forces: NodalForces, sides: Sequence[ContactSide], tractions: Tractions) -> Array:
+def forces_of_joint_loads(forces: SurfaceQuadrature, sides: Sequence[ContactSide], tractions: Tractions) -> Array:
     """The forces of the loads within contact on the body, shape (owned nodes, d); collective."""
     assert tractions.joint is not None
     alone = replace(tractions, pressure=tractions.joint.pressure, shear=np.zeros_like(tractions.shear))
