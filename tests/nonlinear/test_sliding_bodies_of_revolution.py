@@ -17,7 +17,7 @@ from support.sliding_bodies import as_linear_bodies, cylinders, dome, ring_on_co
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides
-from signorini_fx.mechanics.pairs import sliding
+from signorini_fx.mechanics.pairs import sliding_plane
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 
 FRICTION = pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
@@ -326,8 +326,8 @@ def other_side(monkeypatch):
 
 def turned_back(monkeypatch):
     """Normals turn the wrong way round."""
-    turned = sliding._turned
-    monkeypatch.setattr(sliding, "_turned", lambda side: -turned(side))
+    turned = sliding_plane._turned_by_facets
+    monkeypatch.setattr(sliding_plane, "_turned_by_facets", lambda side: -turned(side))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import as_linear_bodies, blocks, bump, cylinders, dome, out_of_balance, ring_on_cone, roller
 
 from signorini_fx import ConvergenceError, Coulomb, Status, Tresca
-from signorini_fx.mechanics.pairs import sliding
+from signorini_fx.mechanics.pairs import sliding_plane
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 
 
@@ -173,8 +173,8 @@ def straight(monkeypatch):
 
 def turned_back(monkeypatch):
     """Normals turn the wrong way round."""
-    turned = sliding._turned
-    monkeypatch.setattr(sliding, "_turned", lambda side: -turned(side))
+    turned = sliding_plane._turned_by_facets
+    monkeypatch.setattr(sliding_plane, "_turned_by_facets", lambda side: -turned(side))
 
 
 def hats(monkeypatch):

@@ -136,7 +136,7 @@ def test_derivatives_of_what_is_seen(kind):
     coupling = scene.at(scene.still)
     pieces, along = coupling.pieces.pieces, field(scene.x)
     along[scene.count :] += [0.4, 0.2, 0.1]
-    overlap, (slave, master) = coupling.pieces.overlap, coupling.pieces.sides
+    overlap, (slave, master) = pieces.overlap, coupling.pieces.sides
     turn = (pieces.spread @ along.ravel()).reshape(-1, 3)[pieces.blocks[:, -1]]
     way = np.cross(pieces.dual[0], pieces.dual[1])[:, 0]
     way /= np.linalg.norm(way, axis=1, keepdims=True)

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
@@ -68,7 +69,7 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate.promised_law import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
-from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING
+from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING, SMALL_INCREMENT
 
 Array = npt.NDArray[np.float64]
 
@@ -214,10 +215,13 @@ class LinearisedProblem(FormSolver):
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
+        passed_on: what the increment changes of the forces of shears as partners shift, shape (owned dofs,): see
+            ``solve``.
     """
 
     symmetric = True
     residual: Array | None = None
+    passed_on: Array | None = None
     _retained: RetainedPoints
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
     _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
@@ -416,7 +420,8 @@ class LinearisedProblem(FormSolver):
     def _forces(self) -> Array:
         """See ``FormSolver``."""
         residual = self._evaluated.assembled() if self.residual is None else self.residual
-        return self.elastic.forces_where_free(self._at) - residual
+        forces = self.elastic.forces_where_free(self._at) - residual
+        return forces if self.passed_on is None else forces - self.passed_on
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """See ``FormSolver``; unknowns of tools are counted from where these are given, whatever holds them."""
@@ -506,10 +511,53 @@ class LinearisedProblem(FormSolver):
     def solve(self) -> None:
         """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.
 
+        Shears move on with the partners of points, whose derivative is not symmetric and so not in the tangent.  Once
+        points hardly slide any more, this is what Newton's method misses most: it is solved once more with what the
+        increment moves on.
+
         Raises:
             ConvergenceError: there is no solution.
             MatrixError: the tangent is not finite, or not symmetric.
         """
+        self.passed_on = None
+        self._solve()
+        if any(pair.near for pair in self.pairs.values()) and not self._ends:
+            self._pass_on()
+
+    @property
+    def _ends(self) -> bool:
+        """Whether the increment is so small that Newton's method ends with it; collective."""
+        comm, values = self.space.mesh.comm, self.u.x.array
+        change, size = (parallel.largest(comm, np.abs(each), 0.0) for each in (values - self._at.x.array, values))
+        return bool(change <= SMALL_INCREMENT * size)
+
+    def _pass_on(self) -> None:
+        """Solve it once more with what the increment changes of the forces of shears, unless that fails; collective."""
+        state, dim = self.state, self.boundary.x.shape[1]
+        owned = self.elastic.fixed.size
+        increment = (self.u.x.array - self._at.x.array)[:owned].reshape(-1, dim)
+        forces = sum(pair.passed_on(state, increment) for pair in self.pairs.values())
+        forces = np.where(self.elastic.fixed, 0.0, np.ravel(forces))
+        if not parallel.any_rank(self.space.mesh.comm, bool(forces.any())):
+            return
+        assert self._last_pattern is not None
+        assert self.outcome is not None
+        assert self._solution is not None
+        newton, first = self.task.iterate.newton, self.outcome
+        solved, self.passed_on = newton.checkpoint(), forces
+        with options.applied(*self.options), self.timings.phase("solve"):
+            self.task.system.set_case(0, self._case(self.prescribed[1]))
+            self._last_pattern = self._last_pattern[0], b""  # the load is none that a solve may begin from
+            outcome = solve_task(self.task, self._solution.begins(self.begun, self.boundary))
+            if outcome.status is not Status.CONVERGED:
+                self.passed_on = None
+                self.task.system.set_case(0, self._case(self.prescribed[1]))
+                newton.restore(solved)
+                outcome = first
+            self.show(outcome, None)
+
+    def _solve(self) -> None:
+        """See ``solve``, without what shears pass on; collective."""
         try:
             why = self.attempt()
         except MatrixError as error:
@@ -607,7 +655,10 @@ class LinearisedProblem(FormSolver):
             if self.relative is not None:
                 nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
                 work += self.relative.forces(self.boundary, nodal, moved)[2]
-        return self.elastic.forces_where_free(displacement), self.curvature.times(displacement), work
+        internal, turning = self.elastic.forces_where_free(displacement), self.curvature.times(displacement)
+        if self.passed_on is not None:
+            internal, turning = internal + self.passed_on, turning + self.passed_on
+        return internal, turning, work
 
     @property
     def solved(self) -> LinearSolution:

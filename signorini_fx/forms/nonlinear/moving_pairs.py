@@ -121,6 +121,14 @@ class MovingPair:
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
         return self.sides.stiffness(self.coupling, state.pressure[rows], shear, near=self.near)
 
+    def passed_on(self, state: ContactState, increment: Array) -> Array:
+        """What an increment of the displacement of the owned nodes, shape (owned nodes, d), changes of the forces of the
+        shears of a state as partners shift, see ``SlidingCoupling``; likewise, collective.
+        """
+        rows = np.flatnonzero(state.boundary.part == self.sides.index)
+        shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
+        return self.sides.passed_on(self.coupling, shear, increment)
+
     def holding(self, state: ContactState, sticks: npt.NDArray[np.bool_]) -> JointStiffness:
         """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)

@@ -254,6 +254,21 @@ class SlidingSides:
         along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
         return JointStiffness(self.nodes, coupling.stiffness(self.at_points(pressure), along, near=near))
 
+    def passed_on(self, coupling: SlidingCoupling, shear: Array, displacement: Array) -> Array:
+        """See ``SlidingCoupling``, at the owned nodes, shape (owned nodes, d); collective.
+
+        Args:
+            coupling: the map.
+            shear: at the points of this rank, as vectors, shape (n, d).
+            displacement: of the owned nodes, likewise.
+        """
+        along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
+        forces = coupling.passed_on(along, self.gathered(displacement))
+        (first, last), at_owned = self.space.dofmap.index_map.local_range, np.zeros_like(displacement)
+        here = (self.nodes >= first) & (self.nodes < last)
+        at_owned[self.nodes[here] - first] = forces[here]
+        return at_owned
+
     def holding(
         self, coupling: SlidingCoupling, touching: npt.NDArray[np.bool_], sticking: npt.NDArray[np.bool_]
     ) -> JointStiffness:

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import splu
 
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.mechanics.pairs.sparse_scaling import scaled_columns, scaled_rows
+from signorini_fx.mechanics.pairs.sparse_scaling import placed_rows, scaled_columns, scaled_rows
 from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, PASSED_ON, SAME_NUMBER, SINGULAR, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
@@ -76,9 +76,24 @@ def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
     covered = np.zeros(len(mass), dtype=bool)
     covered[overlap.slave] = True
     coefficients = np.zeros_like(mass)
-    inverse = np.linalg.pinv(mass[covered], rcond=SINGULAR, hermitian=True)
-    coefficients[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
+    coefficients[covered] = mass[covered].sum(axis=2)[:, :, None] * _inverse(mass[covered])
     return coefficients
+
+
+def _inverse(matrices: Array) -> Array:
+    """Inverse matrices, those of what is singular among them pseudo-inverse; symmetric, not negative, shape (f, t, t)."""
+    singular = np.ones(len(matrices), dtype=bool)
+    inverse = np.zeros_like(matrices)
+    if matrices.shape[1] == 2:  # in a fraction of the time of a decomposition
+        first, second, across = matrices[:, 0, 0], matrices[:, 1, 1], matrices[:, 0, 1]
+        largest = (first + second) / 2 + np.hypot((first - second) / 2, across)
+        determinant = first * second - across**2
+        singular = ~(determinant > 2 * SINGULAR * largest**2)
+        adjoint = np.stack((np.stack((second, -across), axis=1), np.stack((-across, first), axis=1)), axis=1)
+        inverse[~singular] = adjoint[~singular] / determinant[~singular, None, None]
+    if singular.any():
+        inverse[singular] = np.linalg.pinv(matrices[singular], rcond=SINGULAR, hermitian=True)
+    return inverse
 
 
 def hats(side: PairSurface) -> Array:
@@ -127,13 +142,16 @@ class EvenCarriers:
         nodes: ascending, shape (n,).
         shares: the share of the function of each node in each point, columns with the sum one, sparse, shape (n, N).
         portion: by how much each point is that of its own node, in (0, 1], shape (n,).
-        passed: how the nodes of the covered part that carry no point are means of those that do, sparse, shape (N, n).
+        taken: which share of the function of each node each point has before functions turn into means, sparse, shape
+            (n, N).
+        idle: nodes that carry no point, shape (N,).
     """
 
     nodes: Indices
     shares: sp.csr_array
     portion: Array
-    passed: sp.csr_array
+    taken: sp.csr_array
+    idle: Flags
 
     @classmethod
     def of(cls, side: PairSurface, covered: Indices, weight: Array, unable: Flags) -> EvenCarriers:
@@ -146,17 +164,15 @@ class EvenCarriers:
         portion[portion <= SAME_NUMBER] = 0.0  # what keeps nothing but round-off passes all on
         while portion.any():
             nodes = np.flatnonzero(portion)
-            shares = _absorbed(beside, tested_nodes, portion)[nodes]
-            passed = _given_away(sp.csr_array(shares), tested_nodes & (portion == 0.0))
-            mixed = _mixed(sp.csr_array(shares), nodes, weight, portion[nodes])
+            taken = sp.csr_array(_absorbed(beside, tested_nodes, portion)[nodes])
+            mixed = _mixed(taken, nodes, weight, portion[nodes])
             # What a point takes over may have a negative weight.
             weak = mixed @ weight <= 0.0
             if not weak.any():
-                return cls(nodes, mixed, portion[nodes], passed)
+                return cls(nodes, mixed, portion[nodes], taken, tested_nodes & (portion == 0.0))
             portion[nodes[weak]] = 0.0
         nodes, shares = carried(side, covered, weight, unable)
-        passed = _given_away(shares, ~np.isin(np.arange(weight.size), nodes))
-        return cls(nodes, shares, np.ones(nodes.size), passed)
+        return cls(nodes, shares, np.ones(nodes.size), shares, ~np.isin(np.arange(weight.size), nodes))
 
     def directions(self, side: PairSurface, of_slave: Array, of_master: Array) -> Array:
         """N at the nodes of a side, half-way between both, shape (N, d).
@@ -168,10 +184,11 @@ class EvenCarriers:
         """
         portion = self.portion[:, None]
         nodal = np.array(side.nodal_normals)
-        beyond = np.flatnonzero(np.diff(self.passed.indptr))
+        passed = _given_away(self.taken, self.idle)
+        beyond = np.flatnonzero(np.diff(passed.indptr))
         seen = np.concatenate((self.nodes, beyond))
         order = np.argsort(seen)
-        values = np.concatenate((of_master, (self.passed @ of_master)[beyond]))
+        values = np.concatenate((of_master, (passed @ of_master)[beyond]))
         directions = nodal - extended(side, seen[order], values[order])
         directions[self.nodes] = portion * of_slave + (1.0 - portion) * nodal[self.nodes] - of_master
         return side.in_planes(directions, np.arange(len(directions)))
@@ -231,36 +248,41 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weight: Array, portion: Array) 
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
         return shares
-    to = sp.csr_array(shares[:, nodes[weak]]).T.tocsr()
-    kept_portion = np.asarray(to[np.arange(weak.size), weak]).ravel()
-    itself = sp.csr_array(sp.coo_array((kept_portion, (np.arange(weak.size), weak)), shape=to.shape))
-    remainder = np.maximum(1.0 - kept_portion, 0.0)
-    mean = scaled_rows(
-        np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER), to - itself
-    )
+    number = np.full(shares.shape[1], -1)
+    number[nodes[weak]] = np.arange(weak.size)
+    of_weak = np.flatnonzero(number[shares.indices] >= 0)
+    point = np.repeat(np.arange(nodes.size), np.diff(shares.indptr))[of_weak]
+    to = np.zeros((weak.size, nodes.size))  # which points the function of each of them is in
+    to[number[shares.indices[of_weak]], point] = shares.data[of_weak]
+    at = np.arange(weak.size), weak
+    remainder = np.maximum(1.0 - to[at], 0.0)
+    to[at] = 0.0
+    mean = to * np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER)[:, None]
     sizes = shares @ weight
-    added_share = scaled_rows((1.0 - portion[weak]) * weight[nodes[weak]], mean)
-    added_share = scaled_columns(added_share, np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0))
-    sums = np.asarray(added_share.sum(axis=0)).ravel()
-    added_share = scaled_columns(added_share, 1.0 / np.maximum(1.0, 2.0 * sums))
-    places = weak, np.arange(weak.size)
-    added = sp.csr_array(sp.coo_array((np.ones(weak.size), places), shape=(nodes.size, weak.size)) @ added_share)
-    return sp.csr_array(shares + added @ shares - scaled_rows(np.asarray(added.sum(axis=0)).ravel(), shares))
+    added = ((1.0 - portion[weak]) * weight[nodes[weak]])[:, None] * mean
+    added *= np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
+    added /= np.maximum(1.0, 2.0 * added.sum(axis=0))
+    further = placed_rows(sp.csr_array(sp.csr_array(added) @ shares), weak, nodes.size)
+    return sp.csr_array(scaled_rows(1.0 - added.sum(axis=0), shares) + further)
 
 
 def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
     them, ring by ring, shape (N, k); zero where no ring arrives.
     """
-    tested_nodes, beside = _beside(side, np.arange(len(side.nodes)))
-    done, extension = np.zeros(len(tested_nodes), dtype=bool), np.zeros((len(tested_nodes), values.shape[1]))
+    beside, there = side.tested_together
+    done, extension = np.zeros(len(beside), dtype=bool), np.zeros((len(beside), values.shape[1]))
     done[nodes], extension[nodes] = True, values
+    ring = nodes
     while True:
-        number = beside @ done.astype(np.float64)
-        ring = np.flatnonzero(tested_nodes & ~done & (number > 0))
+        reached = np.zeros_like(done)
+        reached[beside[ring][there[ring]]] = True
+        ring = np.flatnonzero(reached & ~done)
         if not ring.size:
             return extension
-        extension[ring] = (beside @ extension)[ring] / number[ring, None]
+        known = there[ring] & done[beside[ring]]
+        sums = np.einsum("rm,rmk->rk", known.astype(np.float64), extension[beside[ring]])
+        extension[ring] = sums / np.count_nonzero(known, axis=1)[:, None]
         done[ring] = True
 
 

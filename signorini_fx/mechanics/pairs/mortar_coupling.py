@@ -23,6 +23,7 @@ rotation that of the master, omega_i(u_m) x d_i: with D = 1 a ring of facets tur
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -40,7 +41,7 @@ from signorini_fx.mechanics.pairs.dual_functions import (
     hats,
 )
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
-from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap, turned_in_plane
+from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
@@ -151,12 +152,14 @@ class Tested:
         area: of each facet of the slave that is covered, of all ranks, shape (f,).
         weighted: the functions times areas at its points, shape (p, q, t).
         hats: whether the functions are hats.
+        coefficients: of the functions on each facet of the slave, shape (f, t, t).
     """
 
     overlap: Overlap
     area: Array
     weighted: Array
     hats: bool
+    coefficients: Array
 
     @classmethod
     def of(cls, slave: PairSurface, master: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> Tested:
@@ -166,7 +169,7 @@ class Tested:
         uses_hats = bonded and len(slave.tests.places) < len(slave.functions.places)
         coefficients = hats(slave) if uses_hats else dual_coefficients(slave, overlap)
         psi = np.einsum("pij,pqj->pqi", coefficients[overlap.slave], slave.tests.values(overlap.at))
-        return cls(overlap, area, psi * overlap.weight[..., None], uses_hats)
+        return cls(overlap, area, psi * overlap.weight[..., None], uses_hats, coefficients)
 
     def parted(
         self, slave: PairSurface, master: PairSurface, held: HeldSides, comm: MPI.Comm
@@ -184,7 +187,7 @@ class Tested:
             return self
         pieces = ~facets[self.overlap.slave]
         area = np.where(facets, 0.0, self.area)
-        return Tested(self.overlap.chosen(pieces), area, self.weighted[pieces], self.hats)
+        return Tested(self.overlap.chosen(pieces), area, self.weighted[pieces], self.hats, self.coefficients)
 
     def areas(self, slave: PairSurface, comm: MPI.Comm) -> Array:
         """Integrals of the functions of the nodes of the slave, shape (N,); collective."""
@@ -359,7 +362,10 @@ def projected(
     """
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     facets = np.arange(*ends)
-    project, turned = (plane_overlap, turned_in_plane) if slave.dimension == 2 else (space_overlap, turned_in_space)
+    project, turned = space_overlap, turned_in_space
+    if slave.dimension == 2:  # which facets may meet does not depend on directions
+        pairs = facing_facets(slave, master, reach, facets)
+        project, turned = partial(plane_overlap, pairs=pairs), turned_in_plane
     overlap = project(slave, master, reach, facets, None).measured(slave).within(reach, slave, master)
     tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
     if apart and not tested.area.any():
@@ -459,28 +465,34 @@ def _clean(matrix: sp.csr_array) -> sp.csr_array:
 
 def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
     """Omega_i(u) x d_i as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, nodes), ``distance``: d_i."""
-    arms.sort_indices()
+    row, blocks = turning_blocks(arms, x, distance)
     count, dim = distance.shape
-    row = np.repeat(np.arange(count), np.diff(arms.indptr))
-    a, seen = arms.data, x[arms.indices]
-    middle = np.zeros((count, dim))
-    np.add.at(middle, row, a[:, None] * seen)
-    middle /= np.bincount(row, a, minlength=count)[:, None]
-    r, d = seen - middle[row], distance[row]
-    if dim == 2:
-        polar = np.bincount(row, a * np.einsum("ld,ld->l", r, r), minlength=count)[row]
-        omega = (a / polar)[:, None] * np.stack((-r[:, 1], r[:, 0]), axis=1)
-        blocks = np.stack((-d[:, 1], d[:, 0]), axis=1)[:, :, None] * omega[:, None, :]
-    else:
-        inertia: Array = np.zeros((count, 3, 3))
-        squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
-        np.add.at(inertia, row, a[:, None, None] * squares)
-        inverse = np.asarray(np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True), dtype=np.float64)
-        blocks = -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
     of_rows = row[:, None, None] * dim + np.arange(dim)[:, None]
     of_columns = arms.indices[:, None, None] * dim + np.arange(dim)
     at = tuple(np.broadcast_to(places, blocks.shape).ravel() for places in (of_rows, of_columns))
     return _clean(sp.csr_array(sp.coo_array((blocks.ravel(), at), shape=(count * dim, len(x) * dim))))
+
+
+def turning_blocks(arms: sp.csr_array, x: Array, distance: Array) -> tuple[Indices, Array]:
+    """The point of each entry of ``arms``, in whose order they are, and what a displacement of its node adds to
+    omega_i(u) x d_i, shapes (e,) and (e, d, d); for the arguments see ``turning_of``.
+    """
+    arms.sort_indices()
+    count, dim = distance.shape
+    row = np.repeat(np.arange(count), np.diff(arms.indptr))
+    a, seen = arms.data, x[arms.indices]
+    sums = np.stack([np.bincount(row, a * component, count) for component in seen.T], axis=1)
+    middle = sums / np.bincount(row, a, minlength=count)[:, None]
+    r, d = seen - middle[row], distance[row]
+    if dim == 2:
+        polar = np.bincount(row, a * np.einsum("ld,ld->l", r, r), minlength=count)[row]
+        omega = (a / polar)[:, None] * np.stack((-r[:, 1], r[:, 0]), axis=1)
+        return row, np.stack((-d[:, 1], d[:, 0]), axis=1)[:, :, None] * omega[:, None, :]
+    inertia: Array = np.zeros((count, 3, 3))
+    squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
+    np.add.at(inertia, row, a[:, None, None] * squares)
+    inverse = np.asarray(np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True), dtype=np.float64)
+    return row, -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
 
 
 def _crossing(vectors: Array) -> Array:

@@ -23,8 +23,21 @@ PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
 _BISECTIONS, _STEPS = 30, 3
 
 
+def facing_facets(slave: PairSurface, master: PairSurface, reach: float, facets: Indices) -> tuple[Indices, Indices]:
+    """Pairs of facets of both sides that may meet, shape (m,) each; for the arguments see ``plane_overlap``."""
+    slave_facets, master_facets = candidates(
+        patches(slave, facets), patches(master, np.arange(len(master.nodes))), reach, TURNED_DIRECTION
+    )
+    return facets[slave_facets], master_facets
+
+
 def plane_overlap(
-    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None = None
+    slave: PairSurface,
+    master: PairSurface,
+    reach: float,
+    facets: Indices,
+    directions: Array | None = None,
+    pairs: tuple[Indices, Indices] | None = None,
 ) -> Overlap:
     """The overlap, one piece for each pair of facets that meet.
 
@@ -34,11 +47,9 @@ def plane_overlap(
         reach: distance beyond which points are no partners, length.
         facets: the facets of the slave that are paired, shape (m,).
         directions: of projection at the nodes of the slave, shape (N, 2); None: its normals.
+        pairs: see ``facing_facets``; None: they are looked for.
     """
-    slave_facets, master_facets = candidates(
-        patches(slave, facets), patches(master, np.arange(len(master.nodes))), reach, TURNED_DIRECTION
-    )
-    slave_facets = facets[slave_facets]
+    slave_facets, master_facets = facing_facets(slave, master, reach, facets) if pairs is None else pairs
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[slave_facets]]
     corners = slave.corners[slave_facets]
     vertices = np.concatenate([_end(master, master_facets, parameter) for parameter in (0.0, 1.0)])

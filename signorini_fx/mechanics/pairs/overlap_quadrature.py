@@ -43,8 +43,7 @@ class Overlap:
 
     def within(self, reach: float, slave: PairSurface, master: PairSurface) -> Overlap:
         """The pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""
-        _, pair = np.unique(np.column_stack((self.slave, self.master)), axis=0, return_inverse=True)
-        pair = pair.ravel()  # whose shape differs between versions of NumPy
+        _, pair = np.unique(self.slave * len(master.nodes) + self.master, return_inverse=True)
         moment = np.einsum("pq,pqd->pd", self.weight, self.distance(slave, master))
         mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
         near = np.linalg.norm(mean, axis=1) <= reach * np.bincount(pair, self.weight.sum(axis=1))

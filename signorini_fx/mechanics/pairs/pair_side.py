@@ -6,13 +6,15 @@ in [0, 1]^2, in any order: what the functions are follows from the places.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import basix
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.mechanics.pairs.facet_neighbours import FacetNeighbours, nodes_beside
 from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]
@@ -119,6 +121,7 @@ class PairSurface:
         measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape (N,); None: 1.
         undeformed: positions of all nodes of which areas are, where ``x`` are those of a deformed body, length, shape
             (N, d); None: those of ``x``.
+        of_nodes: what depends on ``nodes`` alone, once it has been asked for; displaced sides have it, too.
     """
 
     nodes: Indices
@@ -128,11 +131,33 @@ class PairSurface:
     across: Array | None = None
     measure: Array | None = None
     undeformed: Array | None = None
+    of_nodes: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """A copy with other facets begins anew with what is computed of them."""
+        if self.of_nodes.setdefault("nodes", self.nodes) is not self.nodes:
+            object.__setattr__(self, "of_nodes", {"nodes": self.nodes})
 
     def displaced(self, displacement: Array) -> PairSurface:
         """The same nodes elsewhere, with the areas of the undeformed surface; ``displacement``: shape (N, d)."""
         start = self.x if self.undeformed is None else self.undeformed
         return replace(self, x=start + displacement, undeformed=start)
+
+    @property
+    def neighbours(self) -> FacetNeighbours:
+        """Which facets share nodes."""
+        if "neighbours" not in self.of_nodes:
+            self.of_nodes["neighbours"] = FacetNeighbours.of(self.nodes)
+        found: FacetNeighbours = self.of_nodes["neighbours"]
+        return found
+
+    @property
+    def tested_together(self) -> tuple[Indices, npt.NDArray[np.bool_]]:
+        """The nodes with test functions on the facets around each node, and which of these are any, shapes (N, m)."""
+        if "tested_together" not in self.of_nodes:
+            self.of_nodes["tested_together"] = nodes_beside(self.points, len(self.x))
+        found: tuple[Indices, npt.NDArray[np.bool_]] = self.of_nodes["tested_together"]
+        return found
 
     @property
     def dimension(self) -> int:

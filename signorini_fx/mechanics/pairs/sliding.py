@@ -14,7 +14,8 @@ slave.  The rows dgap_i of the map are zero on every joint rigid motion, so that
 transpose, balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals
 of the slave are held: what these change of the gap is of second order where sides touch.  The map of friction is that
 of ``mortar_coupling``, with half of the rotations of both sides.  In space xi are two numbers, and all points of a
-facet of the slave have one direction, see ``sliding_space``; here is what the plane has of its own, and what both have.
+facet of the slave have one direction.  Distances and their derivatives are in ``sliding_plane`` and ``sliding_space``;
+here is what both have.
 
 Slips are chords.  With the functions D, M of the beginning of a step, marked by 0,
 
@@ -33,15 +34,13 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 
-from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides, dual_coefficients
+from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
-from signorini_fx.mechanics.pairs.mortar_coupling import Tested, projected, turning_of
-from signorini_fx.mechanics.pairs.overlap_plane import PLACES_OF_RULE
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
+from signorini_fx.mechanics.pairs.mortar_coupling import projected, turning_blocks
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.sliding_plane import PlanePieces, turning_at_nodes
 from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals
-from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components, scaled_rows
-from signorini_fx.tuned import NO_PART
+from signorini_fx.mechanics.pairs.sparse_scaling import beside, placed_rows, scaled_entries, scaled_rows
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -107,7 +106,7 @@ class SlidingCoupling:
     normal_rows: sp.csr_array
     tangent_rows: sp.csr_array
     centre: Array
-    pieces: _Pieces | _TurningPieces | None = field(repr=False)
+    pieces: _TurningPieces | None = field(repr=False)
 
     def fixed_part(self, allowance: Array) -> Array:
         """What values at the nodes of the slave, shape (N,), would add to those of the points where supports fix the
@@ -173,90 +172,67 @@ class SlidingCoupling:
         shearing = (self.weight[:, None] * shear).ravel()
         return self.pieces.stiffness(self.weight * pressure, shearing, self.normal_rows, near=near)
 
+    def passed_on(self, shear: Array, displacement: Array) -> Array:
+        """What a displacement of the nodes of both sides, shape (m, d), changes of the forces of shears as partners
+        shift, force, shape (m, d).
 
-@dataclass(frozen=True)
-class _Pieces:
-    """Rows at the points of quadrature, all of displacements of the nodes of both sides, sparse, shape (q, 2 m).
+        Its derivative is not symmetric, and no part of ``stiffness``: the slave passes its shear on from node to node
+        of the master, but where the master is stretched no slip resists it.
 
-    Attributes:
-        shares: P, sparse, shape (n, q).
-        along: nu . d(x_m') / (nu . N).
-        shift: dxi.
-        change: dg.
-        turn: nu . dN / (nu . N).
-        turning: of n_i, angles, sparse, shape (n, 2 m).
-        vertices: the functions at the points of the slave that see vertices of the master, over the width of the
-            facet, sparse, shape (n, v).
-        passing: w of each of them, sparse, shape (v, 2 m), and k / J, see ``_vertices``, shape (v,).
-        bending: what dxi turns of the normal of the master, evenly along its facets, times the length of x_m' along
-            N^, shape (q,).
-        curved: nu . x_m'' / (nu . N), of facets that are no straight lines, shape (q,).
-    """
-
-    shares: sp.csr_array
-    along: sp.csr_array
-    shift: sp.csr_array
-    change: sp.csr_array
-    turn: sp.csr_array
-    turning: sp.csr_array
-    vertices: sp.csr_array
-    passing: tuple[sp.csr_array, Array]
-    bending: Array
-    curved: Array
-
-    def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array, *, near: bool) -> sp.csr_array:
-        """See ``SlidingCoupling.stiffness``, with forces at the points, shape (n,) each."""
-        forces = self.shares.T @ pressing
-        bends = self.along.T @ scaled_rows(forces, self.shift) - self.change.T @ scaled_rows(forces, self.turn)
-        half = -bends
-        if shearing.any():
-            half = half - self.turning.T @ scaled_rows(shearing, normal_rows)
-        passing, kinks = self.passing
-        if near:
-            corners = passing.T @ scaled_rows((self.vertices.T @ pressing) * kinks, passing)
-            if self.curved.any():
-                corners = corners - self.shift.T @ scaled_rows(forces * self.curved, self.shift)
-        else:
-            corners = self.shift.T @ scaled_rows(forces * self.bending, self.shift)
-        return sp.csr_array(half + half.T + corners)
+        Args:
+            shear: mu along T_i, shape (n, d - 1).
+            displacement: length.
+        """
+        if self.pieces is None:
+            return np.zeros_like(displacement)
+        shears = np.einsum("ndk,nk->nd", self.frames.tangents, self.weight[:, None] * shear)
+        return self.pieces.pieces.shifted(shears, displacement.ravel()).reshape(displacement.shape)
 
 
 @dataclass(frozen=True)
 class _TurningPieces:
-    """Of a pair in space.
+    """What the second derivatives of the gaps, and of the way along T_i, are made of.
 
     Attributes:
         pieces: what pressures are made of.
         sides: slave and master.
-        overlap: of both.
         points: D, M and T_i.
     """
 
-    pieces: SpacePieces
+    pieces: PlanePieces | SpacePieces
     sides: tuple[PairSurface, PairSurface]
-    overlap: Overlap
     points: tuple[sp.csr_array, sp.csr_array, Array]
 
     def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array, *, near: bool) -> sp.csr_array:
-        """See ``SlidingCoupling.stiffness``, with forces at the points, shapes (n,) and (2 n,)."""
+        """See ``SlidingCoupling.stiffness``, with forces at the points, shapes (n,) and (n (d - 1),)."""
         pressed = self.pieces.stiffness(pressing, near=near)
         if not shearing.any():
             return pressed
-        doubling = sp.kron(sp.eye_array(pressing.size), np.ones((2, 1)))
-        turns = self._turning.T @ sp.diags_array(shearing) @ doubling @ normal_rows
+        along = normal_rows
+        if shearing.size > pressing.size:
+            along = sp.kron(sp.eye_array(pressing.size), np.ones((2, 1))) @ normal_rows
+        turns = self._turning.T @ scaled_rows(shearing, along)
         return sp.csr_array(pressed - turns - turns.T)
 
     @property
     def _turning(self) -> sp.csr_array:
-        """What displacements of both sides turn n_i along T_i, sparse, shape (2 n, 3 m)."""
+        """What displacements of both sides turn n_i along T_i, sparse, shape (n (d - 1), d m)."""
         (slave, master), (sharing, opposite, tangents) = self.sides, self.points
         size = np.linalg.norm(sharing @ slave.directions - opposite @ master.directions, axis=1)
-        parts = [
+        if isinstance(self.pieces, PlanePieces):
+            along = tangents[:, :, 0] / size[:, None]
+            parts = []
+            for side, matrix in ((slave, sharing), (master, -opposite)):
+                row, normal = np.repeat(np.arange(size.size), np.diff(matrix.indptr)), side.directions[matrix.indices]
+                crossed = along[row, 1] * normal[:, 0] - along[row, 0] * normal[:, 1]
+                parts.append(scaled_entries(matrix, crossed))
+            return sp.csr_array(beside(*parts) @ turning_at_nodes(self.sides) - self.pieces.turning_by_shift(along))
+        each = [
             sp.kron(matrix, sp.eye_array(3)) @ turned_normals(side)
             for matrix, side in zip((sharing, -opposite), self.sides, strict=True)
         ]
-        passing = self.pieces.passing(master.directions[master.nodes[self.overlap.master]])
-        return sp.csr_array(along_vectors(tangents / size[:, None, None]) @ (sp.hstack(parts) - passing))
+        passing = self.pieces.passing(master.directions[master.nodes[self.pieces.overlap.master]])
+        return sp.csr_array(along_vectors(tangents / size[:, None, None]) @ (sp.hstack(each) - passing))
 
 
 def slide(
@@ -293,14 +269,16 @@ def slide(
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
-    count, sizes, dim = points.size, (len(slave.x), len(master.x)), slave.dimension
-    placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(count, at.size)))
+    count, dim = points.size, slave.dimension
     lonely = np.flatnonzero(~partnered)
-    itself = sp.csr_array(sp.coo_array((np.ones(lonely.size), (lonely, points[lonely])), shape=(count, sizes[0])))
+    at_nodes = np.ones(lonely.size), (lonely, points[lonely])
+    itself = sp.csr_array(sp.coo_array(at_nodes, shape=(count, len(slave.x))))
 
-    weights = np.where(partnered, placing @ (shares @ weight), slave.area[points])
-    covered = (placing @ (shares @ weight)) / slave.area[points]
-    mean = sp.csr_array(placing @ scaled_rows(1.0 / (shares @ weight), shares))  # of moments of the functions
+    size = shares @ weight
+    weights, covered = slave.area[points], np.zeros(count)
+    covered[at] = size / weights[at]
+    weights[at] = size
+    mean = placed_rows(scaled_rows(1.0 / size, shares), at, count)  # of moments of the functions
     fixed_shares = None if fixed is None else sp.csr_array(mean @ fixed.met)
     of_whole = weight, [sharing, opposite]
     if held is not None and whole is not tested:
@@ -313,31 +291,25 @@ def slide(
     distance[lonely] = 0.0
     normals = slave.in_planes(normals, points)
     tangents = tangents_of_points(slave, points, normals)
-    turnings = [
-        of_components(placing, dim) @ turning_of(sp.csr_array(shares @ arm), side.x, 0.5 * distance[at])
-        for arm, side in zip(arms, (slave, master), strict=True)
-    ]
-    translating = of_components(sharing, dim), of_components(-opposite, dim)
-    relative = beside(*(moved + turned for moved, turned in zip(translating, turnings, strict=True)))
-    normal_rows, tangent_rows = (along_vectors(vectors) @ relative for vectors in (normals[:, :, None], tangents))
+    arms_of_points = [sp.csr_array(shares @ arm) for arm in arms]
+    tangent_rows = _tangent_rows((slave, master), tangents, (sharing, opposite), (arms_of_points, at, distance))
+    components = (dim * points[lonely])[:, None] + np.arange(dim)
+    outward = normals[lonely].ravel(), (np.repeat(lonely, dim), components.ravel())
+    normal_rows = sp.csr_array(sp.coo_array(outward, shape=(count, tangent_rows.shape[1])))
     gap = np.full(count, np.inf)
-    pieces: _Pieces | _TurningPieces | None = None
+    pieces: _TurningPieces | None = None
     if at.size:
-        if dim == 2:
-            pieces, distance_along = _pieces(slave, master, tested, directions, (mean, sharing, opposite, normals))
-            gaps, change = pieces.shares @ distance_along, pieces.shares @ pieces.change
-        else:
-            in_space = SpacePieces.of(slave, master, tested, directions, mean)
-            pieces = _TurningPieces(in_space, (slave, master), tested.overlap, (sharing, opposite, tangents))
-            gaps, change = in_space.gap, in_space.rows
+        kind = PlanePieces if dim == 2 else SpacePieces
+        under = kind.of(slave, master, tested, directions, mean)
+        pieces, gaps = _TurningPieces(under, (slave, master), (sharing, opposite, tangents)), under.gap
         if fixed is not None and fixed_shares is not None:
             gaps = gaps - fixed_shares @ fixed.distance(slave.x, master.x)
         gap[at] = gaps[at]
-        normal_rows = scaled_rows((~partnered).astype(np.float64), normal_rows) - change
+        normal_rows = normal_rows - under.rows
     way = _way(tangents, sharing @ slave.x - opposite @ master.x)
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
-    rows = sp.csr_array(normal_rows), sp.csr_array(tangent_rows)
+    rows = sp.csr_array(normal_rows), tangent_rows
     idle = np.flatnonzero(helpless), lonely_gap, fixed, fixed_shares
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, centre, pieces)
 
@@ -386,6 +358,36 @@ def _directed(slave: PairSurface, master: PairSurface, sharing: sp.csr_array, op
     return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
+def _tangent_rows(
+    sides: tuple[PairSurface, PairSurface],
+    tangents: Array,
+    functions: tuple[sp.csr_array, sp.csr_array],
+    turning: tuple[list[sp.csr_array], Indices, Array],
+) -> sp.csr_array:
+    """The relative displacement along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
+
+    Args:
+        sides: slave and master.
+        tangents: T_i, shape (n, d, d - 1).
+        functions: D and M.
+        turning: a_il of both sides of the points that have a partner, which of the points these are, and d_i of all.
+    """
+    (count, dim, columns), (arms, partnered, distance) = tangents.shape, turning
+    along = tangents.swapaxes(1, 2)
+    entries, first = list[tuple[Array, Indices, Indices]](), 0
+    for side, shares, sign, areas in zip(sides, functions, (1.0, -1.0), arms, strict=True):
+        row = np.repeat(np.arange(count), np.diff(shares.indptr))
+        entries.append((sign * shares.data[:, None, None] * along[row], row, first + shares.indices))
+        row, blocks = turning_blocks(areas, side.x, 0.5 * distance[partnered])
+        row = partnered[row]
+        entries.append((along[row] @ blocks, row, first + areas.indices))
+        first += len(side.x)
+    values, row, node = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+    at = columns * row[:, None, None] + np.arange(columns)[:, None], dim * node[:, None, None] + np.arange(dim)
+    places = tuple(np.broadcast_to(numbers, values.shape).ravel() for numbers in at)
+    return sp.csr_array(sp.coo_array((values.ravel(), places), shape=(columns * count, dim * first)))
+
+
 def along_vectors(vectors: Array) -> sp.csr_array:
     """The matrix that multiplies vectors at points with k others, one per column, shape (n, d, k): sparse, shape
     (n k, n d).
@@ -416,201 +418,3 @@ def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> A
     bisector, along = outward + normals, np.einsum("ni,ni->n", normals, first)
     first = first - (along / (1.0 + np.einsum("ni,ni->n", outward, normals)))[:, None] * bisector
     return np.stack((first, np.cross(normals, first)), axis=2)
-
-
-def _turned(side: PairSurface) -> sp.csr_array:
-    """The angles by which displacements of the nodes of a side turn its normals at the nodes, sparse, shape (N, 2 N).
-
-    The normal of a node is along the integral of that of its facets times its function.  Those in planes of symmetry do
-    not turn.
-    """
-    normals = side.nodal_normals
-    at, weights = side.functions.rule(2 * side.functions.degree)
-    functions = side.functions.values(at) * weights[:, None]
-    products = functions.T @ side.functions.slopes(at)[0]
-    facets, moments = np.arange(len(side.nodes)), np.zeros_like(normals)
-    facing = side.normals(facets, np.broadcast_to(at, (len(facets), *at.shape)))
-    np.add.at(moments, side.nodes, np.einsum("qk,fqd->fkd", functions, facing))
-    size = np.linalg.norm(moments, axis=1)
-    held = np.zeros(len(size), dtype=bool) if side.across is None else side.across.any(axis=(1, 2))
-    factor = np.divide(-1.0, size, out=np.zeros_like(size), where=(size > 0) & ~held)[side.nodes] * side.sign[:, None]
-    values = (factor[:, :, None] * products)[..., None] * normals[side.nodes][:, :, None]
-    return _rows(side.nodes[:, :, None], side.nodes[:, None], values, (len(side.x), len(side.x)))
-
-
-def _rows(rows: Indices, nodes: Indices, values: Array, shape: tuple[int, int]) -> sp.csr_array:
-    """A matrix of displacements of nodes; values of shape (..., 2), with the rows and nodes that they belong to.
-
-    Args:
-        rows: broadcast to shape (...).
-        nodes: likewise.
-        values: the two components.
-        shape: how many rows and nodes there are.
-    """
-    rows = np.broadcast_to(rows[..., None], values.shape)
-    columns = np.broadcast_to(2 * nodes[..., None] + np.arange(2), values.shape)
-    entries = values.ravel(), (rows.ravel(), columns.ravel())
-    return sp.csr_array(sp.coo_array(entries, shape=(shape[0], 2 * shape[1])))
-
-
-def _pieces(
-    slave: PairSurface,
-    master: PairSurface,
-    tested: Tested,
-    directions: Array,
-    points: tuple[sp.csr_array, sp.csr_array, sp.csr_array, Array],
-) -> tuple[_Pieces, Array]:
-    """The rows at the points of quadrature, and the distances of both sides there, length, shape (q,).
-
-    Args:
-        slave: the side with the points.
-        master: the other one.
-        tested: their overlap.
-        directions: of projection at the nodes of the slave, of length one, shape (N, 2).
-        points: from moments of the functions of the nodes of the slave to means at the points, D, M and n.
-    """
-    overlap, (mean, sharing, opposite, normals) = tested.overlap, points
-    count, per_piece = overlap.weight.shape
-    size = count * per_piece
-    row = np.arange(size)
-
-    def flat(values: Indices) -> Indices:
-        return np.repeat(values, per_piece, axis=0)
-
-    seen, over = flat(slave.nodes[overlap.slave]), flat(master.nodes[overlap.master])
-    shape = slave.functions.values(overlap.at).reshape(size, -1)
-    shape_over = master.functions.values(overlap.over).reshape(size, -1)
-    slope_over = master.functions.slopes(overlap.over)[0].reshape(size, -1)
-    ways = np.einsum("qk,qkd->qd", shape, directions[seen])
-    length = np.linalg.norm(ways, axis=1, keepdims=True)
-    ways = ways / length
-    across = np.column_stack((-ways[:, 1], ways[:, 0]))
-    facet = np.einsum("qk,qkd->qd", slope_over, master.x[over])
-    facing = np.column_stack((-facet[:, 1], facet[:, 0])) / np.linalg.norm(facet, axis=1, keepdims=True)
-    cosine = np.einsum("qd,qd->q", facing, ways)[:, None]  # of either sign, which cancels
-    distance = np.einsum("qd,qd->q", overlap.distance(slave, master).reshape(size, 2), ways)
-
-    total = len(slave.x) + len(master.x)
-    at_slave, at_master = seen, len(slave.x) + over
-    turned = [_columns(_turned(side), first, total) for side, first in ((slave, 0), (master, len(slave.x)))]
-    shares_of_turn = shape * np.einsum("qkd,qd->qk", directions[seen], ways) / length
-    turn = _nodal(row, seen, shares_of_turn, (size, len(slave.x))) @ turned[0]  # of N, an angle
-
-    of_both, signed = np.hstack((at_master, at_slave)), np.hstack((shape_over, -shape))
-
-    def difference(vectors: Array) -> sp.csr_array:
-        """The product of d_m - d_s with vectors at the points of quadrature."""
-        return _rows(row[:, None], of_both, signed[:, :, None] * vectors[:, None], (size, total))
-
-    inclined = np.einsum("qd,qd->q", facing, across) / cosine[:, 0]
-    change = difference(facing / cosine) - scaled_rows(distance * inclined, turn)
-    stretched = np.einsum("qd,qd->q", facet, across)
-    shift = scaled_rows(1.0 / stretched, scaled_rows(distance, turn) - difference(across))
-    along_facet = _rows(row[:, None], at_master, slope_over[:, :, None] * (facing / cosine)[:, None], (size, total))
-    weighted = tested.weighted.reshape(size, -1)
-    functions = _nodal(flat(slave.points[overlap.slave]), row[:, None], weighted, (len(slave.x), size))
-    shares = sp.csr_array(mean @ functions)
-
-    # The turning of n_i, with the normals of the master at the points that shift.
-    tangents = np.column_stack((-normals[:, 1], normals[:, 0]))
-    means = sharing @ slave.directions - opposite @ master.directions
-    inverse = 1.0 / np.linalg.norm(means, axis=1)
-    parts = []
-    for side, matrix, angles, sign in ((slave, sharing, turned[0], 1.0), (master, opposite, turned[1], -1.0)):
-        entries = matrix.tocoo()
-        normal = side.directions[entries.col]
-        crossed = np.column_stack((-normal[:, 1], normal[:, 0]))
-        values = sign * entries.data * inverse[entries.row] * np.einsum("kd,kd->k", tangents[entries.row], crossed)
-        parts.append(sp.csr_array(sp.coo_array((values, (entries.row, entries.col)), shape=matrix.shape)) @ angles)
-    bend = np.einsum("qk,qkd->qd", slope_over, master.directions[over])
-    along_n, along_t = (np.einsum("qkd,qd->qk", master.directions[over], w) for w in (ways, across))
-    bending = np.einsum("qk,qk->q", slope_over, along_t / along_n) * stretched
-    for axis in range(2):
-        parts.append(scaled_rows(-tangents[:, axis] * inverse, shares) @ scaled_rows(bend[:, axis], shift))
-    turning = sp.csr_array(sum(parts[1:], parts[0]))
-    rows = along_facet, shift, sp.csr_array(change), scaled_rows(inclined, turn), turning
-    corners = _vertices((slave, master), overlap, directions, mean, turned[0])
-    second = master.x[over] * master.functions.curvatures[:, None]
-    curved = np.einsum("qkd,qd->q", second, facing / cosine)
-    return _Pieces(shares, *rows, *corners, bending, curved), distance
-
-
-def _vertices(
-    sides: tuple[PairSurface, PairSurface],
-    overlap: Overlap,
-    directions: Array,
-    mean: sp.csr_array,
-    turned: sp.csr_array,
-) -> tuple[sp.csr_array, tuple[sp.csr_array, Array]]:
-    """Where points of the slave see vertices of the master, at which its normal turns, see ``_Pieces``.
-
-    There the derivative of the distance jumps by k w, with w = (d_v - d_s - g dN) . N^, and the place moves by
-    w / J along the slave.
-
-    Args:
-        sides: slave and master.
-        overlap: of both.
-        directions: see ``_pieces``.
-        mean: from moments of the functions of the nodes of the slave to means at the points.
-        turned: angles of the normals of the slave at its nodes.
-    """
-    slave, master = sides
-    at, over = overlap.at[..., 0], overlap.over[..., 0]
-    half = (at[:, -1] - at[:, 0]) / (2 * PLACES_OF_RULE[-1])
-    middle = (at[:, 0] + at[:, -1]) / 2
-    rises = over[:, -1] > over[:, 0]
-    ends, places = np.concatenate((middle - half, middle + half)), master.functions.places[:, 0]
-    first = np.concatenate((rises, ~rises))  # whether the vertex is at the beginning of the facet
-    piece = np.tile(np.arange(len(at)), 2)
-    vertex = master.nodes[overlap.master[piece], np.where(first, places.argmin(), places.argmax())]
-    upper = np.repeat([False, True], len(at))
-    inside = (ends > NO_PART) & (ends < 1.0 - NO_PART)
-    facet = overlap.slave[piece]
-    key = facet * len(master.x) + vertex
-    below, above = (np.flatnonzero(inside & side) for side in (upper, ~upper))
-    _, from_below, from_above = np.intersect1d(key[below], key[above], return_indices=True)
-    below, above = below[from_below], above[from_above]
-    count, total = below.size, len(slave.x) + len(master.x)
-    facets, s = facet[below], ends[below]
-    shape, slope = slave.functions.values(s[:, None]), slave.functions.slopes(s[:, None])[0]
-    nodes, vertices = slave.nodes[facets], vertex[below]
-    ways, turns = (np.einsum("vk,vkd->vd", values, directions[nodes]) for values in (shape, slope))
-    length = np.linalg.norm(ways, axis=1, keepdims=True)
-    ways = ways / length
-    across = np.column_stack((-ways[:, 1], ways[:, 0]))
-    distance = np.einsum("vd,vd->v", master.x[vertices] - np.einsum("vk,vkd->vd", shape, slave.x[nodes]), ways)
-
-    def inclination(rows: Indices) -> Array:
-        """The normal of a facet at its vertex along N^ over that along N."""
-        numbers, end = overlap.master[piece[rows]], np.where(first[rows], 0.0, 1.0)
-        normal = master.normals(numbers, end[:, None, None])[:, 0]
-        return np.asarray(np.einsum("vd,vd->v", normal, across) / np.einsum("vd,vd->v", normal, ways))
-
-    kink = inclination(above) - inclination(below)
-    stretch = np.einsum("vk,vkd->vd", slope, slave.x[nodes]) + distance[:, None] * turns / length
-    rate = kink / np.einsum("vd,vd->v", stretch, across)
-    row = np.arange(count)
-    turn = _nodal(row, nodes, shape * np.einsum("vkd,vd->vk", directions[nodes], ways) / length, (count, len(slave.x)))
-    of_both, signed = np.column_stack((len(slave.x) + vertices, nodes)), np.column_stack((np.ones(count), -shape))
-    passing = _rows(row[:, None], of_both, signed[:, :, None] * across[:, None], (count, total))
-    passing = passing - scaled_rows(distance, turn @ turned)
-    coefficients = dual_coefficients(slave, overlap)[facets]
-    functions = np.einsum("vij,vj->vi", coefficients, slave.tests.values(s[:, None]))
-    at_vertices = s[:, None, None]
-    functions *= slave.measured(facets, at_vertices, slave.sizes(facets, at_vertices))
-    at_nodes = _nodal(slave.points[facets], row[:, None], functions, (len(slave.x), count))
-    return sp.csr_array(mean @ at_nodes), (sp.csr_array(passing), rate)
-
-
-def _nodal(rows: Indices, columns: Indices, values: Array, shape: tuple[int, int]) -> sp.csr_array:
-    """A matrix of values, shape (m, k), with the rows and columns that they belong to."""
-    pairs = (numbers if numbers.ndim == 2 else numbers[:, None] for numbers in (rows, columns))
-    at = tuple(np.broadcast_to(numbers, values.shape).ravel() for numbers in pairs)
-    return sp.csr_array(sp.coo_array((values.ravel(), at), shape=shape))
-
-
-def _columns(matrix: sp.csr_array, first: int, total: int) -> sp.csr_array:
-    """A matrix of displacements of one side as one of both; ``first``: where its nodes begin among all."""
-    entries = matrix.tocoo()
-    shape = (matrix.shape[0], 2 * total)
-    return sp.csr_array(sp.coo_array((entries.data, (entries.row, entries.col + 2 * first)), shape=shape))

@@ -27,9 +27,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from signorini_fx.mechanics.pairs.dual_functions import dual_coefficients
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested, turning_of
 from signorini_fx.mechanics.pairs.overlap_space import axes_across
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.tuned import LAST_STEP_BUT_ONE, NO_PART
 
@@ -62,6 +62,7 @@ class SpacePieces:
         edges: the functions at the points of edges of the master times lengths and the jumps of the slope of its height
             there, sparse, shape (N, v).
         passing_edges: by how much each of them passes by, sparse, shape (v, 3 m).
+        overlap: the pieces.
     """
 
     mean: sp.csr_array
@@ -78,6 +79,7 @@ class SpacePieces:
     curved: Array = field(repr=False)
     edges: sp.csr_array
     passing_edges: sp.csr_array
+    overlap: Overlap = field(repr=False)
 
     @classmethod
     def of(
@@ -133,7 +135,7 @@ class SpacePieces:
         passing = edges.passing(total, of_facet, spread.shape[0]) @ spread
         points = slave.points[overlap.slave]
         geometry = share, slope, facing, dual, distance, bending, curved, edges.functions, sp.csr_array(passing)
-        return cls(mean, points, tested.weighted, blocks, spread, *geometry)
+        return cls(mean, points, tested.weighted, blocks, spread, *geometry, overlap)
 
     @property
     def gap(self) -> Array:
@@ -161,6 +163,20 @@ class SpacePieces:
         identity = sp.eye_array(len(components[0].indptr) - 1)
         outward = [sp.kron(identity, axis[:, None]) for axis in np.eye(3)]
         return sp.csr_array(sum(axis @ matrix for axis, matrix in zip(outward, components, strict=True)))
+
+    def shifted(self, shears: Array, displacement: Array) -> Array:
+        """By how much forces of the slave on the master move on as places shift, see ``PlanePieces``; shapes (n, 3),
+        (3 m,) and (3 m,).
+        """
+        forces = self.weighted @ (self.mean.T @ shears)[self.points]
+        vectors = (self.spread @ displacement).reshape(-1, 3)[self.blocks]
+        apart, width = self.share @ vectors, self.points.shape[1]
+        moved = np.zeros((len(vectors), self.slope.shape[3] - width - 1, 3))
+        for slope, dual in zip(self.slope, self.dual, strict=True):
+            shift = -np.einsum("pqd,pqd->pq", apart, dual)
+            moved -= np.matmul((slope[..., width:-1] * shift[..., None]).swapaxes(1, 2), forces)
+        at = (3 * self.blocks[:, width:-1, None] + np.arange(3)).ravel()
+        return np.bincount(at, moved.ravel(), displacement.size)
 
     def stiffness(self, pressing: Array, *, near: bool) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (3 m, 3 m); for
@@ -282,7 +298,7 @@ class _Edges:
         image = np.einsum("avk,vkd->avd", slopes, flat_nodes[rows])
         projected = np.abs(image[0, :, 0] * image[1, :, 1] - image[0, :, 1] * image[1, :, 0])
         true = slave.measured(facet[rows], at[:, None], slave.sizes(facet[rows], at[:, None]))[:, 0]
-        coefficients = dual_coefficients(slave, overlap)[facet[rows]]
+        coefficients = tested.coefficients[facet[rows]]
         functions = np.einsum("vij,vj->vi", coefficients, slave.tests.values(at))
         functions = functions * (lengths * true / projected)[:, None]
         steep = []

@@ -15,19 +15,31 @@ Array = npt.NDArray[np.float64]
 
 def scaled_rows(factors: Array, matrix: Any) -> sp.csr_array:
     """Rows of a matrix times factors, shape (n,); what a factor of zero leaves is no entry."""
-    rows = sp.csr_array(matrix)
+    rows = _by_rows(matrix)
     return _scaled(rows, np.repeat(factors, np.diff(rows.indptr)))
 
 
 def scaled_columns(matrix: Any, factors: Array) -> sp.csr_array:
     """Columns of a matrix times factors, likewise."""
-    rows = sp.csr_array(matrix)
+    rows = _by_rows(matrix)
     return _scaled(rows, factors[rows.indices])
+
+
+def scaled_entries(matrix: sp.csr_array, factors: Array) -> sp.csr_array:
+    """Entries of a matrix, in their order, times factors; what a factor of zero leaves is no entry."""
+    return _scaled(matrix, factors)
+
+
+def placed_rows(matrix: sp.csr_array, rows: npt.NDArray[np.int64], count: int) -> sp.csr_array:
+    """Rows of a matrix as some, ascending, of so many, of which the others are empty."""
+    sizes = np.zeros(count + 1, dtype=matrix.indptr.dtype)
+    sizes[rows + 1] = np.diff(matrix.indptr)
+    return sp.csr_array((matrix.data, matrix.indices, np.cumsum(sizes)), shape=(count, matrix.shape[1]))
 
 
 def of_components(matrix: Any, count: int) -> sp.csr_array:
     """A matrix of nodes as one of vectors at them, which does the same to each of so many components."""
-    rows = sp.csr_array(matrix)
+    rows = _by_rows(matrix)
     sizes = np.diff(rows.indptr)
     begins, places = np.repeat(rows.indptr[:-1], count), np.repeat(sizes, count)
     ends = np.concatenate(([0], np.cumsum(places))).astype(rows.indptr.dtype)
@@ -39,7 +51,7 @@ def of_components(matrix: Any, count: int) -> sp.csr_array:
 
 def beside(left: Any, right: Any) -> sp.csr_array:
     """Two matrices with as many rows beside each other."""
-    first, second = sp.csr_array(left), sp.csr_array(right)
+    first, second = _by_rows(left), _by_rows(right)
     sizes = np.diff(first.indptr), np.diff(second.indptr)
     ends = first.indptr + second.indptr
     to = [
@@ -50,6 +62,11 @@ def beside(left: Any, right: Any) -> sp.csr_array:
     data[to[0]], data[to[1]] = first.data, second.data
     columns[to[0]], columns[to[1]] = first.indices, first.shape[1] + second.indices
     return sp.csr_array((data, columns, ends), shape=(first.shape[0], first.shape[1] + second.shape[1]))
+
+
+def _by_rows(matrix: Any) -> sp.csr_array:
+    """A matrix as one of rows: the same if it is one."""
+    return matrix if isinstance(matrix, sp.csr_array) else sp.csr_array(matrix)
 
 
 def _scaled(rows: sp.csr_array, factors: Array) -> sp.csr_array:
