@@ -28,6 +28,25 @@ def test_both_opinions(name):
     assert fault_of(named("j2", yield_stress=0.1, hardening=[[0.001, 0.3], [0.05, 0.5]])) == ""
 
 
+def test_flow_that_ends_at_a_row():
+    """Metal whose flow ends at a point of its table, to round-off, has the yield stress of that point, with the same
+    plastic strain by both opinions.
+    """
+    rows = np.array([[0.0031, 0.37], [0.0123, 0.61], [0.0255, 0.61]])
+    for young in np.linspace(30.0, 90.0, 25):
+        metal = named("j2", young=young, yield_stress=0.1, hardening=rows.tolist())
+        shear, _ = metal.constants_at_rest
+        angle = (rows[:, 1] / (3 * shear) + rows[:, 0]) * np.sqrt(3) / 2  # of simple shear, half of it
+        angle = (angle[:, None] * (1 + np.finfo(float).eps * np.arange(-4, 5))).ravel()
+        strain = np.zeros((angle.size, 3, 3))
+        strain[:, 0, 1] = strain[:, 1, 0] = angle
+        stress, _, state = metal.respond(strain, np.zeros((angle.size, metal.state_size)))
+        reached, yields = np.repeat(rows, 9, axis=0).T
+        assert np.allclose(metal.plastic_strain(state), reached, rtol=1e-12)
+        assert np.allclose(np.sqrt(3) * stress[:, 0, 1], yields, rtol=1e-12)
+        assert np.allclose(stress, metal.respond_at(strain, np.zeros_like(state)), rtol=1e-12)
+
+
 def test_ogden_has_no_seam():
     """Where the series of nearly equal stretches ends, its energy and its stress go on."""
     import ufl

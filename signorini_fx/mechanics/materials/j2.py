@@ -86,12 +86,14 @@ class J2(PathDependent):
         trial = 2 * shear * (deviator(strain) - plastic)
         size = np.linalg.norm(trial, axis=(1, 2))
         mises, (begins, stresses), slopes = np.sqrt(1.5) * size, self._curve, self._slopes
-        flow, slope = np.zeros_like(mises), np.zeros_like(mises)
-        for begin, end, stress, hardening in zip(begins, [*begins[1:], np.inf], stresses, slopes, strict=True):
-            missing = mises - stress - hardening * (accumulated - begin)
-            amount = missing / (3 * shear + hardening)
-            ends_here = (amount > 0) & (accumulated + amount >= begin) & (accumulated + amount < end)
-            flow, slope = np.where(ends_here, amount, flow), np.where(ends_here, hardening, slope)
+        # The last point of the curve that the flow passes.  Comparing where the flow ends with both ends of a segment
+        # would, by round-off, find none where it ends at a point of the curve.
+        until = np.maximum(begins - accumulated[:, None], 0.0)
+        passed = mises[:, None] - 3 * shear * until > np.where(until > 0, stresses, -np.inf)
+        last = np.maximum(passed.sum(axis=1) - 1, 0)
+        slope = slopes[last]
+        missing = mises - stresses[last] - slope * (accumulated - begins[last])
+        flow = np.maximum(missing / (3 * shear + slope), 0.0)
         flowing = np.flatnonzero(flow > 0)
         normal, share = np.zeros_like(trial), np.ones_like(flow)
         normal[flowing] = trial[flowing] / size[flowing, None, None]
