@@ -291,19 +291,28 @@ def _step(deck: ForeignDeck, top: str, share: float) -> list[str]:
     return [*lines, "*END STEP"]
 
 
+# Seconds after which CalculiX is ended; these decks take one or two.
+_LONGEST = 60
+
+
 def program() -> str | None:
     """CalculiX: ccx, or what CCX in the environment names; None: there is none."""
     return shutil.which(os.environ.get("CCX", "ccx"))
 
 
 def solve(text: str, folder: Path, name: str = "job", *, calculix: str | None = None) -> Path | None:
-    """Solve a deck: the deck beside its .dat and .frd; None: CalculiX has no solution."""
+    """Solve a deck: the deck beside its .dat and .frd; None: CalculiX has no solution, or does not end."""
     ccx = calculix or program()
     assert ccx is not None
     deck = folder / f"{name}.inp"
     deck.write_text(text, encoding="utf-8")
     environment = os.environ | {"OMP_NUM_THREADS": "1", "CCX_NPROC_EQUATION_SOLVER": "1"}
-    done = subprocess.run([ccx, name], cwd=folder, capture_output=True, text=True, env=environment, check=False)
+    try:
+        done = subprocess.run(
+            [ccx, name], cwd=folder, capture_output=True, text=True, env=environment, check=False, timeout=_LONGEST
+        )
+    except subprocess.TimeoutExpired:  # its contact sometimes alternates for ever
+        return None
     dat = folder / f"{name}.dat"
     ended = "Job finished" in done.stdout and "*ERROR" not in done.stdout
     return deck if ended and dat.exists() and "displacements" in dat.read_text(encoding="utf-8") else None

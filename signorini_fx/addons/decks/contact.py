@@ -323,7 +323,7 @@ def _points_of_surface(deck: Deck, name: str) -> Floats | None:
     return np.asarray(deck.model.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
 
 
-def _walked(rows: list[list[str]]) -> Floats | None:
+def _walked(rows: Sequence[list[str]]) -> Floats | None:
     """Points along START, LINE and CIRCL of a rigid surface; None: it has other pieces."""
     points: list[Floats] = []
     for kind, *words in rows:

@@ -5,7 +5,7 @@ No dolfinx here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -197,7 +197,7 @@ class Deck:
     coupled: list[tuple[str, int]] = field(default_factory=list)
     turners: dict[int, int] = field(default_factory=dict)
     bolts: dict[int, str] = field(default_factory=dict)
-    drawn: dict[str, list[list[str]]] = field(default_factory=dict)
+    drawn: dict[str, Sequence[list[str]]] = field(default_factory=dict)
     rough: set[str] = field(default_factory=set)
     untouched: dict[str, Ints] = field(default_factory=dict)
     smooth: dict[str, Ints] = field(default_factory=dict)
@@ -363,9 +363,7 @@ class Deck:
     @cached_property
     def names(self) -> Ints:
         """The number in the file of each node of the body, in the order of ``numbers``."""
-        names = np.empty(len(self.model.places), dtype=np.int64)
-        names[list(self.model.places.values())] = list(self.model.places)
-        return np.asarray(names[self.numbers])
+        return np.asarray(self.model.places.numbers[self.numbers])
 
     @cached_property
     def bodies(self) -> dict[str, Ints]:

@@ -10,12 +10,11 @@ from __future__ import annotations
 import gc
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,9 @@ from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError
 from signorini_fx.mechanics.mesh.files.abaqus_groups import Group, Groups, agreeing, bodies, single
 from signorini_fx.mechanics.mesh.files.abaqus_include import Source
 from signorini_fx.mechanics.mesh.files.abaqus_node_surfaces import ElementFaces, faces_of_nodes
+from signorini_fx.mechanics.mesh.files.abaqus_numbers import NumberedElements, NumberedNodes, Numbering, distinct
 from signorini_fx.mechanics.mesh.files.abaqus_sectors import NextSector, ReadMesh, asks_for_contact, with_next_sectors
+from signorini_fx.mechanics.mesh.files.abaqus_tables import NumberTable
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mechanics.mesh.files.cells import Corners, completed, straight
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, rows_of
@@ -108,18 +109,17 @@ class _Reader:
         self._members = 0
         self._spelt: dict[str, str] = {}  # names in capitals, which the programs do not distinguish -> as they are here
         self._groups = Groups([])
-        self.points: dict[int, list[float]] = {}
-        self.blocks: dict[str, list[list[int]]] = {}  # one of each kind, as there may be thousands of keywords
-        self.elements: dict[int, tuple[str, int]] = {}  # number -> (kind, row)
+        self._node_parts: list[tuple[DeckBlock, Ints, Floats]] = []
+        self._element_parts: list[tuple[DeckBlock, str, Ints]] = []
+        self._without: Ints | None = None  # elements that the first step removes
         self.tied = False
         self.passed_over: set[int] = set()  # elements that are nothing of the body
         self._steps = 0
         self.emptied: set[str] = set()  # surfaces of removed elements alone, in capitals
         self._removed: list[DeckBlock] = []  # what takes elements away before anything acts
-        self.element_sets: dict[str, list[int]] = {}
-        self.node_sets: dict[str, list[int]] = {}
+        self.element_sets: dict[str, Ints] = {}
+        self.node_sets: dict[str, Ints] = {}
         self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
-        self._element_blocks: list[tuple[str, int, DeckBlock]] = []  # kind, its elements so far, keyword
         self._sections: list[DeckBlock] = []
         self._pairs: list[DeckBlock] = []
         self._node_surfaces: set[str] = set()
@@ -127,7 +127,6 @@ class _Reader:
         self.sections: dict[int, str | None] = {}
         self.groups: dict[int, list[Group]] = {}
         self.undefined: dict[str, int] = {}
-        self.places: dict[int, int] = {}
         self._nodal = False  # whether nodes are given values, which belong to their bodies
         self.bodies: tuple[str, ...] = ()
 
@@ -147,13 +146,10 @@ class _Reader:
             case "NODE":
                 if parameters.get("SYSTEM", "R").upper() not in ("R", "RECTANGULAR"):
                     raise ValueError("coordinates are expected along x, y and z")
-                for name, *x in rows:
-                    if int(name) in self.points:
-                        raise ValueError(f"node {name} is defined twice")
-                    self.points[int(name)] = [real(value) for value in x[:3]]
+                numbers, x = _coordinates(rows)
+                self._node_parts.append((block, numbers, x))
                 if "NSET" in parameters:
-                    name = self._name(parameters["NSET"])
-                    self.node_sets.setdefault(name, []).extend(int(row[0]) for row in rows)
+                    self._extend(self.node_sets, self._name(parameters["NSET"]), numbers)
             case "ELEMENT":
                 self._read_elements(block)
             case "NSET":
@@ -165,8 +161,8 @@ class _Reader:
             case "CONTACTPAIR":
                 self._pairs.append(block)
             case "BOUNDARY" | "CLOAD" | "DLOAD":
-                apart = not any(map(completed, self.blocks))
-                sets = (partial(self._member, of) for of in (self.node_sets, self.element_sets))
+                apart = not any(completed(kind) for _, kind, _ in self._element_parts)
+                sets = (partial(self._listed, of) for of in (self.node_sets, self.element_sets))
                 self._groups.said += [(block, *group) for group in agreeing(block, *sets, apart=apart)]
             case "STEP":
                 self._steps += 1
@@ -191,25 +187,55 @@ class _Reader:
         """A name that the file does not have, a word and perhaps a number."""
         return next(filter(None, (self._free(f"{word}{n or ''}") for n in itertools.count())))
 
+    @cached_property
+    def nodes(self) -> NumberedNodes:
+        """All nodes, when everything has been read.
+
+        Raises:
+            DeckError: a number is defined twice.
+        """
+        return NumberedNodes.of(self._node_parts)
+
+    @cached_property
+    def _defined_elements(self) -> NumberedElements:
+        """All elements of the body and lines.
+
+        Raises:
+            DeckError: a number is defined twice.
+        """
+        return NumberedElements.of(self._element_parts)
+
+    @property
+    def elements(self) -> NumberedElements:
+        """The same without those that the first step removes."""
+        return self._rest if self._without is not None else self._defined_elements
+
+    @cached_property
+    def _rest(self) -> NumberedElements:
+        return self._defined_elements.without(np.asarray(self._without))
+
     def _resolve_sections(self) -> None:
         """Of an element in several sections the last one holds: what is left of the others is a set of its own."""
-        owner: dict[int, int] = {}
-        members = {}
+        none = np.empty(0, dtype=np.int64)
+        members: list[Ints] = []
         for block in self._sections:
             if "ELSET" not in block.parameters:
                 raise DeckError(block, "ELSET is missing")
-            members[block.number] = self.element_sets.get(self._name(block.parameters["ELSET"]), [])
-            owner.update(dict.fromkeys(members[block.number], block.number))
-        bare = (element for element in self.elements if element not in owner and self._is_body(element))
-        if (element := next(bare, None)) is not None:
-            self.bare = element, self._defining(element)
-        for block in self._sections:
-            elements = members[block.number]
-            owned = [element for element in elements if owner[element] == block.number]
+            members.append(self.element_sets.get(self._name(block.parameters["ELSET"]), none))
+        numbering = Numbering(np.unique(np.concatenate([none, *members])))
+        owner = np.full(len(numbering), -1)
+        for position, elements in enumerate(members):
+            owner[numbering.rows(elements)] = position
+        numbers = self.elements.rows.numbers[self.elements.solid]
+        bare = numbers[numbering.rows(numbers) < 0]
+        if bare.size:
+            self.bare = int(bare[0]), self.elements.defining(int(bare[0]))
+        for position, (block, elements) in enumerate(zip(self._sections, members, strict=True)):
+            owned = elements[owner[numbering.rows(elements)] == position]
             if len(owned) == len(elements):
                 continue
             self.sections[block.number] = None
-            if owned:
+            if len(owned):
                 name = self._unused(f"{block.parameters['ELSET']}_rest")
                 self.sections[block.number] = name
                 self.element_sets[name] = owned
@@ -220,67 +246,84 @@ class _Reader:
             self.tied |= not POINTS.match(parameters["TYPE"].upper())
             self.passed_over.update(int(row[0]) for row in rows)
             if "ELSET" in parameters:
-                self.element_sets.setdefault(self._name(parameters["ELSET"]), [])
+                self.element_sets.setdefault(self._name(parameters["ELSET"]), np.empty(0, dtype=np.int64))
             return
         kind, count = _kind(parameters["TYPE"].upper())
-        words = [int(word) for row in rows for word in row]
+        words = (
+            rows.values
+            if isinstance(rows, NumberTable)
+            else np.array([int(word) for row in rows for word in row], dtype=np.int64)
+        )
         if len(words) % (count + 1):
             raise ValueError(f"*ELEMENT, TYPE={parameters['TYPE']}: {count} nodes per element are expected")
-        table = [words[n : n + count + 1] for n in range(0, len(words), count + 1)]
-        same_kind = self.blocks.setdefault(kind, []) if table else []
-        for element, *nodes in table:
-            if element in self.elements:
-                raise ValueError(f"element {element} is defined twice")
-            self.elements[element] = kind, len(same_kind)
-            same_kind.append(nodes)
-        self._element_blocks.append((kind, len(same_kind), block))
+        table = words.reshape(-1, count + 1)
+        self._element_parts.append((block, kind, table))
         if "ELSET" in parameters:
-            self.element_sets.setdefault(self._name(parameters["ELSET"]), []).extend(row[0] for row in table)
+            self._extend(self.element_sets, self._name(parameters["ELSET"]), table[:, 0])
+
+    def _extend(self, sets: dict[str, Ints], name: str, members: Ints) -> None:
+        """Add members to a set."""
+        sets[name] = np.concatenate((sets[name], members)) if name in sets else members
 
     def _read_set(
-        self, sets: dict[str, list[int]], name: str, parameters: dict[str, str], rows: list[list[str]]
+        self, sets: dict[str, Ints], name: str, parameters: dict[str, str], rows: Sequence[list[str]]
     ) -> None:
-        members: dict[int, None] = dict.fromkeys(sets.get(name, ()))
-        taken: set[str] = set()
+        before = sets.get(name, np.empty(0, dtype=np.int64))
+        parts, taken = [before], set[str]()
+        singles: list[int] = []  # since the last part
         for row in rows:
             if "GENERATE" in parameters:
                 first, last, step = (*map(int, row), 1)[:3]
                 if step < 1 or (last - first) // step > self._room:
                     raise ValueError(f"set {name!r}: {first} to {last} by {step} is not a possible range")
-                members.update(dict.fromkeys(range(first, last + 1, step)))
+                parts.append(np.arange(first, last + 1, step, dtype=np.int64))
+                if sum(map(len, parts)) > _MOST_MEMBERS:
+                    parts = [distinct(np.concatenate(parts))]
                 continue
             for word in filter(None, row):
                 if word.isdigit():
-                    members[int(word)] = None
+                    singles.append(int(word))
                 elif self._name(word) == name:
                     raise ValueError(f"set {name!r} contains itself")
                 elif word not in taken:
                     taken.add(word)
-                    members.update(dict.fromkeys(self._member(sets, word)))
-        self._members += len(members) - len(sets.get(name, ()))
+                    parts += [np.array(singles, dtype=np.int64), self._member(sets, word)]
+                    singles = []
+        parts.append(np.array(singles, dtype=np.int64))
+        members = distinct(np.concatenate(parts))
+        self._members += len(members) - len(before)
         if self._members > _MOST_MEMBERS:
             raise ValueError(f"the sets up to {name!r} have more than {_MOST_MEMBERS:,} members together")
-        sets[name] = list(members)
+        sets[name] = members
 
-    def _member(self, sets: dict[str, list[int]], word: str) -> list[int]:
+    def _listed(self, sets: dict[str, Ints], word: str) -> list[int]:
+        """The same as ``_member``, as a list."""
+        members: list[int] = plain(self._member(sets, word))
+        return members
+
+    def _member(self, sets: dict[str, Ints], word: str) -> Ints:
         """A set within a set, perhaps with the name of its instance before it."""
         for name in (word, word.rpartition(".")[2]):
             if (members := sets.get(self._name(name))) is not None:
                 return members
         if (number := single(word)) is not None:
-            return [number]
+            return np.array([number], dtype=np.int64)
         raise ValueError(f"set {word!r} does not exist")
 
-    def _read_surface(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
+    def _read_surface(self, parameters: dict[str, str], rows: Sequence[list[str]]) -> None:
         name, kind = self._name(parameters["NAME"]), parameters.get("TYPE", "ELEMENT").upper()
         for row in rows:
             if kind == "NODE":
                 self._node_surfaces.add(name)
-                self.node_sets.setdefault(name, []).extend(
-                    [int(row[0])] if row[0].isdigit() else self._member(self.node_sets, row[0])
+                self._extend(
+                    self.node_sets,
+                    name,
+                    np.array([int(row[0])], dtype=np.int64)
+                    if row[0].isdigit()
+                    else self._member(self.node_sets, row[0]),
                 )
             elif kind == "ELEMENT" and len(row) > 1 and re.fullmatch(r"[SE]\d+", row[1].upper()):
-                members = [int(row[0])] if row[0].isdigit() else self._member(self.element_sets, row[0])
+                members = [int(row[0])] if row[0].isdigit() else self._listed(self.element_sets, row[0])
                 faces = self.surfaces.setdefault(name, [])
                 faces.extend((element, int(row[1][1:])) for element in members)
                 self._members += len(members)
@@ -293,22 +336,18 @@ class _Reader:
         """Everything with the numbering of arrays; members of sets that are nothing of the body are passed over."""
         self._remove_elements()
         self._resolve_sections()
-        self.groups = self._groups.named(list(self.blocks.values()), self.node_sets, self.surfaces, self._free)
-        node_rows = self.places = {node: index for index, node in enumerate(self.points)}
-        points = np.array(list(self._padded().values()), dtype=np.float64)
-        points = points if len(points) else np.empty((0, 2))
-        tables = {kind: self._table(kind, nodes, node_rows) for kind, nodes in self.blocks.items()}
+        elements, points = self.elements, self.nodes.points
+        self.groups = self._groups.named(list(elements.nodes.values()), self.node_sets, self.surfaces, self._free)
+        tables = {kind: self._table(kind, nodes) for kind, nodes in elements.nodes.items()}
         sets = {name: self._rows(name, members) for name, members in self.element_sets.items()}
         self._add_faces_of_nodes(points, tables)
-        facets: dict[int, list[list[int]]] = {2: [], 3: [], 4: []}  # by the number of their corners
+        facets: dict[int, list[Ints]] = {2: [], 3: [], 4: []}  # by the number of their corners
         ranges: dict[str, dict[int, range]] = {}
         for name, faces in self.surfaces.items():
-            solid = self._defined(name, [face for face in faces if self._is_body(face[0])], len(faces))
-            first = {corners: len(sides) for corners, sides in facets.items()}
-            for element, face in solid:
-                side = self._side(tables, name, element, face)
-                facets[len(side)].append(side)
-            ranges[name] = {corners: range(first[corners], len(sides)) for corners, sides in facets.items()}
+            first = {corners: sum(map(len, sides)) for corners, sides in facets.items()}
+            for side in self._sides(tables, name, faces):
+                facets[side.shape[1]].append(side)
+            ranges[name] = {corners: range(first[corners], sum(map(len, sides))) for corners, sides in facets.items()}
         present = [corners for corners, sides in facets.items() if sides]
         no_rows = np.empty(0, dtype=np.int64)
         for name, rows in ranges.items():
@@ -320,44 +359,28 @@ class _Reader:
         kinds = {2: "line", 3: "triangle", 4: "quad"}
         blocks = [
             *tables.items(),
-            *((kinds[corners], np.array(facets[corners], dtype=np.int64)) for corners in present),
+            *((kinds[corners], np.concatenate(facets[corners])) for corners in present),
         ]
         if self._nodal:
             named = bodies(blocks, sets, self._free)
             self.bodies = tuple(named)
             sets |= named
-        node_sets = {
-            name: np.array(
-                self._defined(name, [node_rows[n] for n in nodes if n in node_rows], len(nodes)), dtype=np.int64
-            )
-            for name, nodes in self.node_sets.items()
-        }
+        node_sets = {}
+        for name, nodes in self.node_sets.items():
+            node_rows = self.nodes.rows.rows(nodes)
+            node_sets[name] = self._defined(name, node_rows[node_rows >= 0], len(nodes))
         return RawMesh(points, blocks, sets, node_sets)
-
-    def _padded(self) -> dict[int, list[float]]:
-        """The coordinates of each node, as many of all; those that a line lacks are zero."""
-        widths = {*map(len, self.points.values())}
-        width = max(widths, default=0)
-        if width > 1 and len(widths) == 1:
-            return self.points
-        return {node: x + [0.0] * (max(width, 2) - len(x)) for node, x in self.points.items()}
 
     def _remove_elements(self) -> None:
         """Take away the elements that the first step removes: they never carry anything."""
         names = [word for block in self._removed for row in block.rows for word in row if word]
-        removed = {element for name in names for element in self._member(self.element_sets, name)}
-        if not removed & self.elements.keys():
+        removed = {element for name in names for element in self._listed(self.element_sets, name)}
+        numbers = np.array(sorted(removed), dtype=np.int64)
+        present = numbers[self.elements.rows.rows(numbers) >= 0]
+        if not present.size:
             return
-        self.passed_over |= removed & self.elements.keys()
-        rows = {kind: [number for number in numbers if number not in removed] for kind, numbers in self._by_kind()}
-        before = {kind: np.cumsum([number not in removed for number in numbers]) for kind, numbers in self._by_kind()}
-        self._element_blocks = [
-            (kind, int(before[kind][count - 1]) if count else 0, block) for kind, count, block in self._element_blocks
-        ]
-        self.blocks = {
-            kind: [self.blocks[kind][self.elements[number][1]] for number in numbers] for kind, numbers in rows.items()
-        }
-        self.elements = {number: (kind, row) for kind, numbers in rows.items() for row, number in enumerate(numbers)}
+        self.passed_over.update(plain(present))
+        self._without = numbers
         for name, faces in self.surfaces.items():
             rest = [face for face in faces if face[0] not in removed]
             if faces and not rest:
@@ -367,25 +390,19 @@ class _Reader:
     def with_next_sectors(self, blocks: list[DeckBlock]) -> tuple[list[DeckBlock], dict[int, NextSector]]:
         """The keywords that have been read, and what sectors touch; see ``abaqus_sectors.with_next_sectors``."""
         self._remove_elements()
-        solid = [number for number in self.elements if self._is_body(number)]
-        kinds = {number: self.elements[number] for number in solid}
+        elements = self.elements
+        solid = np.flatnonzero(elements.solid)
+        kinds = dict(zip(plain(elements.rows.numbers[solid]), plain(elements.kind[solid]), strict=True))
         mesh = ReadMesh(
-            self._padded(),
-            {number: self.blocks[kind][row] for number, (kind, row) in kinds.items()},
-            {number: self._defining(number).parameters["TYPE"] for number in solid},
+            dict(zip(self.nodes.rows, plain(self.nodes.points), strict=True)),
+            elements.nodes_of(solid),
+            {number: elements.defining(number).parameters["TYPE"] for number in kinds},
             self.surfaces,
-            self.node_sets,
-            self.element_sets,
-            lambda number, face: dict(enumerate(faces_of(self.elements[number][0]), 1)).get(face, ()),
+            _as_lists(self.node_sets),
+            _as_lists(self.element_sets),
+            lambda number, face: dict(enumerate(faces_of(elements.kinds[kinds[number]]), 1)).get(face, ()),
         )
         return with_next_sectors(blocks, mesh, self._unused)
-
-    def _by_kind(self) -> list[tuple[str, list[int]]]:
-        """The numbers of the elements of each kind, in their order."""
-        numbers: dict[str, list[int]] = {kind: [] for kind in self.blocks}
-        for number, (kind, _) in self.elements.items():
-            numbers[kind].append(number)
-        return list(numbers.items())
 
     def _add_faces_of_nodes(self, points: Floats, tables: dict[str, Ints]) -> None:
         """Surfaces of single nodes in contact become those of the faces around them."""
@@ -393,61 +410,99 @@ class _Reader:
         named = {self._name(name) for block in pairs for row in block.rows for name in row[:1]} & self._node_surfaces
         if not named:
             return
-        solid = [element for element in self.elements if self._is_body(element)]
-        kinds = {element: self.elements[element] for element in solid}
+        elements = self.elements
+        solid = np.flatnonzero(elements.solid)
+        kinds = [elements.kinds[k] for k in plain(elements.kind[solid])]
+        numbers, rows = plain(elements.rows.numbers[solid]), plain(elements.row[solid])
         faces = ElementFaces(
             points,
-            {element: tables[kind][row] for element, (kind, row) in kinds.items()},
-            {element: _FACES.get(kind.rstrip("0123456789"), ()) for element, (kind, _) in kinds.items()},
+            {number: tables[kind][row] for number, kind, row in zip(numbers, kinds, rows, strict=True)},
+            {number: _FACES.get(kind.rstrip("0123456789"), ()) for number, kind in zip(numbers, kinds, strict=True)},
         )
-        nodes_of = {
-            name.upper(): np.array([self.places[node] for node in self.node_sets[name] if node in self.places])
-            for name in named
-        }
+        nodes_of = {}
+        for name in named:
+            node_rows = self.nodes.rows.rows(self.node_sets[name])
+            nodes_of[name.upper()] = node_rows[node_rows >= 0]
         surfaces = {name.upper(): listed for name, listed in self.surfaces.items()}
         for name, facing in faces_of_nodes(pairs, faces, nodes_of, surfaces):
             self.surfaces[self._name(name)] = facing
 
-    def _is_body(self, element: int) -> bool:
-        """Whether an element is defined and no line."""
-        return element in self.elements and not self.elements[element][0].startswith("line")
-
-    def _defining(self, element: int) -> DeckBlock:
-        """The keyword that defines an element."""
-        kind, row = self.elements[element]
-        return next(block for defined, count, block in self._element_blocks if defined == kind and row < count)
-
-    def _defined(self, name: str, members: list[Any], count: int) -> list[Any]:
+    def _defined(self, name: str, members: Ints, count: int) -> Ints:
         """The members of a set that the file defines; how many it does not is kept."""
         if len(members) < count:
             self.undefined[name] = count - len(members)
         return members
 
-    def _table(self, kind: str, nodes: list[list[int]], node_rows: dict[int, int]) -> Ints:
-        try:
-            return np.array([[node_rows[n] for n in row] for row in nodes], dtype=np.int64)
-        except KeyError:
-            row = next(k for k, row in enumerate(nodes) if not node_rows.keys() >= set(row))
-            element = next(number for number, where in self.elements.items() if where == (kind, row))
-            node = next(n for n in nodes[row] if n not in node_rows)
-            why = f"element {element} has the node {node}, which the file does not define"
-            raise DeckError(self._defining(element), why) from None
+    def _table(self, kind: str, nodes: Ints) -> Ints:
+        """The rows of the nodes of each element of a kind.
 
-    def _rows(self, name: str, members: list[int]) -> list[Ints]:
-        by_kind: dict[str, list[int]] = {kind: [] for kind in self.blocks}
-        known_members = [member for member in members if member in self.elements or member in self.passed_over]
-        for member in self._defined(name, known_members, len(members)):
-            if member not in self.passed_over:
-                kind, row = self.elements[member]
-                by_kind[kind].append(row)
-        return [np.array(rows, dtype=np.int64) for rows in by_kind.values()]
+        Raises:
+            DeckError: the file does not define one of them.
+        """
+        table = self.nodes.rows.rows(nodes)
+        missing = np.argwhere(table < 0)
+        if missing.size:
+            row, corner = missing[0]
+            element = self.elements.of_kind(kind, int(row))
+            why = f"element {element} has the node {nodes[row, corner]}, which the file does not define"
+            raise DeckError(self.elements.defining(element), why)
+        return table
 
-    def _side(self, tables: dict[str, Ints], name: str, element: int, face: int) -> list[int]:
-        kind, row = self.elements[element]
-        faces = _FACES.get(kind.rstrip("0123456789"), ())
-        if not 1 <= face <= len(faces):
-            raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
-        return [int(tables[kind][row, corner]) for corner in faces[face - 1]]
+    def _rows(self, name: str, members: Ints) -> list[Ints]:
+        """The rows of the elements of a set among those of each kind."""
+        elements = self.elements
+        rows = elements.rows.rows(members)
+        passed = np.isin(members, list(self.passed_over)) if self.passed_over else np.zeros(len(members), dtype=bool)
+        self._defined(name, members[(rows >= 0) | passed], len(members))
+        rows = rows[(rows >= 0) & ~passed]
+        return [elements.row[rows[elements.kind[rows] == k]] for k in range(len(elements.kinds))]
+
+    def _sides(self, tables: dict[str, Ints], name: str, faces: Sequence[tuple[int, int]]) -> Iterator[Ints]:
+        """The corners of the faces of a surface that are sides of the body, by their number, shape (n, corners).
+
+        Raises:
+            ValueError: an element has no such face.
+        """
+        elements = self.elements
+        listed = np.array(faces, dtype=np.int64).reshape(-1, 2)
+        rows = elements.rows.rows(listed[:, 0])
+        on_body = rows >= 0
+        on_body[on_body] = elements.solid[rows[on_body]]
+        self._defined(name, listed[on_body], len(listed))
+        rows, listed = rows[on_body], listed[on_body]
+        corners: Ints = np.full((len(rows), 4), -1)
+        for k, face in plain(np.unique(np.column_stack((elements.kind[rows], listed[:, 1])), axis=0)):
+            chosen = (elements.kind[rows] == k) & (listed[:, 1] == face)
+            kind = elements.kinds[k]
+            of_kind = _FACES.get(kind.rstrip("0123456789"), ())
+            if not 1 <= face <= len(of_kind):
+                element = listed[int(np.argmax(chosen)), 0]
+                raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
+            side = list(of_kind[face - 1])
+            corners[chosen, : len(side)] = tables[kind][elements.row[rows[chosen]]][:, side]
+        counts = (corners >= 0).sum(axis=1)
+        for count in plain(np.unique(counts)):
+            yield corners[counts == count, :count]
+
+
+def _coordinates(rows: Sequence[list[str]]) -> tuple[Ints, Floats]:
+    """The numbers of nodes and their coordinates, those that a line lacks as zero.
+
+    Raises:
+        ValueError: a word is no number.
+    """
+    if isinstance(rows, NumberTable):
+        return rows.values[:, 0].astype(np.int64), np.asarray(rows.values[:, 1:4], dtype=np.float64)
+    width = max((len(row) for row in rows), default=1) - 1
+    numbers, x = np.zeros(len(rows), dtype=np.int64), np.zeros((len(rows), min(width, 3)))
+    for k, (number, *words) in enumerate(rows):
+        numbers[k] = int(number)
+        x[k, : len(words[:3])] = [real(word) for word in words[:3]]
+    return numbers, x
+
+
+def _as_lists(sets: Mapping[str, Ints]) -> dict[str, list[int]]:
+    return {name: plain(members) for name, members in sets.items()}
 
 
 @dataclass(frozen=True)
@@ -475,7 +530,7 @@ class DeckModel:
     groups: dict[int, list[Group]]
     sections: dict[int, str | None]
     undefined: dict[str, int]
-    places: dict[int, int]
+    places: Numbering
     surfaces: dict[str, list[tuple[int, int]]]
     bare: tuple[int, DeckBlock] | None
     bodies: tuple[str, ...]
@@ -512,9 +567,12 @@ def _keywords(file: Path) -> tuple[list[DeckBlock], int]:
     """The keywords of a file, and how many nodes or elements it has at most."""
     source = Source(file)
     try:
-        return [replace(block, number=number) for number, block in enumerate(assembled(source.blocks()))], source.size
+        blocks = assembled(source.blocks())
     except DeckError as error:
         raise MeshError(f"{file}: {error.text}") from None
+    for number, block in enumerate(blocks):
+        block.number = number
+    return blocks, source.size
 
 
 def _read_blocks(file: Path, blocks: list[DeckBlock], size: int) -> _Reader:
@@ -547,9 +605,9 @@ def read_model(file: Path) -> DeckModel:
         reader = _read_blocks(file, blocks, size)
     with _named(file, "sets and elements"):
         mesh = reader.result()
-        if reader.passed_over | reader.elements.keys() and all(kind.startswith("line") for kind, _ in mesh.blocks):
+        if (reader.passed_over or len(reader.elements)) and all(kind.startswith("line") for kind, _ in mesh.blocks):
             raise ValueError("there is no body of solid or plane elements, but beams, springs or the like")
-        if not reader.elements and not reader.passed_over:
+        if not len(reader.elements) and not reader.passed_over:
             last = blocks[-1] if blocks else DeckBlock("", {}, 1, name="NODE")
             raise DeckError(last, "up to here, the last keyword, there is no element")
     return DeckModel(
@@ -558,7 +616,7 @@ def read_model(file: Path) -> DeckModel:
         reader.groups,
         reader.sections,
         reader.undefined,
-        reader.places,
+        reader.nodes.rows,
         reader.surfaces,
         reader.bare,
         reader.bodies,

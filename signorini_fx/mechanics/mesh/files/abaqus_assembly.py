@@ -7,7 +7,7 @@ is.  Nodes of the second instance, and of the assembly, get higher numbers.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -203,7 +203,7 @@ class _Names:
         return replace(block, parameters=parameters, rows=rows)
 
 
-def _moved(block: DeckBlock, move: Callable[[Floats], Floats], turn: Callable[[Floats], Floats]) -> list[list[str]]:
+def _moved(block: DeckBlock, move: Callable[[Floats], Floats], turn: Callable[[Floats], Floats]) -> Sequence[list[str]]:
     """The rows of a keyword of a part where its instance is."""
     rows = block.rows
     if block.keyword == "NODE" and rows:

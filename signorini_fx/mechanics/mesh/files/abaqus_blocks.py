@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+
+from signorini_fx.mechanics.mesh.files.abaqus_tables import NumberTable, split_words, table_after
 
 # Keywords whose data lines name nodes, elements, sets or surfaces, and how many words each has at least.
 _LEAST_WORDS = {
@@ -34,7 +37,7 @@ class DeckBlock:
     keyword: str
     parameters: dict[str, str]
     line: int
-    rows: list[list[str]] = field(default_factory=list)
+    rows: Sequence[list[str]] = field(default_factory=list)
     name: str = ""
     file: str = ""
     number: int = 0
@@ -72,16 +75,35 @@ _CONTINUED = re.compile(
 )
 
 
-def joined_lines(text: str) -> Iterator[tuple[int, str]]:
-    """The lines of a file that are no comments, with their numbers; a keyword that is continued is one line."""
-    joined = _CONTINUED.sub(",\0", text)
-    if "\0" not in joined:  # none is continued, as in most files
-        for number, line in enumerate(map(str.strip, joined.split("\n")), start=1):
-            if line and not line.startswith("**"):
-                yield number, line
-        return
-    following = 1
-    for joined_line in joined.split("\n"):
+def joined_lines(text: str) -> Iterator[tuple[int, str | NumberTable]]:
+    """The lines of a file that are no comments, with their numbers; a keyword that is continued is one line, and so are
+    all numbers after *NODE or *ELEMENT.
+    """
+    begin, following = 0, 1
+    for start, end in itertools.pairwise([*_starred(text), len(text)]):
+        if (found := table_after(text, start, end)) is None:
+            continue
+        stop, table = found
+        yield from _plain_lines(text[begin:stop], following)
+        following += text.count("\n", begin, stop) + 1
+        yield following, table
+        begin, following = end, following + text.count("\n", stop + 1, end)
+    yield from _plain_lines(text[begin:], following)
+
+
+def _starred(text: str) -> Iterator[int]:
+    """Where lines begin whose first character is a star: keywords and comments."""
+    position = text.find("*")
+    while position >= 0:
+        begin = text.rfind("\n", 0, position) + 1
+        if not text[begin:position].strip():
+            yield begin
+        position = text.find("*", (text.find("\n", position) + 1) or len(text))
+
+
+def _plain_lines(text: str, following: int) -> Iterator[tuple[int, str]]:
+    """Some lines of a file that are no comments, with their numbers, of which the first one is given."""
+    for joined_line in _CONTINUED.sub(",\0", text).split("\n"):
         number, following = following, following + 1 + joined_line.count("\0")
         line = joined_line.replace("\0", "").strip()
         if line and not line.startswith("**"):
@@ -96,20 +118,26 @@ def heading(line: str) -> tuple[str, dict[str, str]]:
     return " ".join(first.upper().split()), parameters
 
 
-def blocks(lines: Iterable[tuple[int, str, str]]) -> Iterator[DeckBlock]:
+def blocks(lines: Iterable[tuple[int, str, str | NumberTable]]) -> Iterator[DeckBlock]:
     """The keywords one after the other, from lines with their numbers and files."""
     block: DeckBlock | None = None
+    rows: list[list[str]] = []
     for number, file, line in lines:
-        if line.startswith("*"):
+        if isinstance(line, NumberTable):
+            if block is not None and not rows:
+                block.rows = line
+            else:  # after lines of a file that its keyword includes
+                rows.extend(line)
+        elif line.startswith("*"):
             if block is not None:
                 yield block
             name, parameters = heading(line)
-            block = DeckBlock(name.replace(" ", ""), parameters, number, name=name, file=file)
+            block = DeckBlock(name.replace(" ", ""), parameters, number, rows := [], name=name, file=file)
         elif block is not None:
-            words = [*map(str.strip, line.rstrip(", \t").split(","))]
-            if '"' in line:
-                words = [word.strip('"') for word in words]
-            block.rows.append(words if any(words) else [])
+            if block.rows is not rows:  # a table, and a comment
+                rows.extend(block.rows)
+                block.rows = rows
+            rows.append(split_words(line))
     if block is not None:
         yield block
 
@@ -120,6 +148,8 @@ def check_rows(block: DeckBlock) -> None:
     Raises:
         ValueError: one is empty or too short.
     """
+    if isinstance(block.rows, NumberTable):
+        return
     least = _LEAST_WORDS.get(block.keyword, 0)
     for number, row in enumerate(block.rows, start=1):
         if len(row) < least:

@@ -132,8 +132,8 @@ class Groups:
 
     def named(
         self,
-        elements: Sequence[Sequence[Sequence[int]]],
-        node_sets: dict[str, list[int]],
+        elements: Sequence[Ints],
+        node_sets: dict[str, Ints],
         surfaces: dict[str, list[tuple[int, int]]],
         free: Callable[[str], str | None],
     ) -> dict[int, list[Group]]:
@@ -145,14 +145,17 @@ class Groups:
             surfaces: of the file, by their faces.
             free: takes a name and returns it, or None where the file has it.
         """
+        if not self.said:
+            return {}
         labels = {"BOUNDARY": "support", "CLOAD": "force", "DLOAD": "pressure"}
         names = {
             label: filter(None, map(free, map(f"{label}_{{}}".format, itertools.count(1)))) for label in labels.values()
         }
-        set_names: dict[frozenset[Any], str] = {frozenset(nodes): name for name, nodes in node_sets.items()}
+        set_names: dict[frozenset[Any], str] = {frozenset(nodes.tolist()): name for name, nodes in node_sets.items()}
         set_names |= {frozenset(faces): name for name, faces in surfaces.items()}
         forces = [members for block, _, members in self.said if block.keyword == "CLOAD" and len(members) > 1]
-        joined = Neighbours.of(itertools.chain.from_iterable(forces), elements if forces else ())
+        tables = [nodes.tolist() for nodes in elements] if forces else []
+        joined = Neighbours.of(itertools.chain.from_iterable(forces), tables)
         groups: dict[int, list[Group]] = {}
         for block, words, all_members in self.said:
             for members in (
@@ -164,7 +167,7 @@ class Groups:
                     if block.keyword == "DLOAD":
                         surfaces[name] = list(members)
                     elif len(members) > 1:  # one node is no boundary
-                        node_sets[name] = list(members)
+                        node_sets[name] = np.array(list(members), dtype=np.int64)
                 nodes = () if block.keyword == "DLOAD" else tuple(members)
                 groups.setdefault(block.number, []).append(Group(name, words, nodes, tuple(members.values())))
         return groups
@@ -189,31 +192,34 @@ def bodies(
 
     dim = max((dimension(kind) for kind, _ in blocks), default=0)
     solid = [number for number, (kind, _) in enumerate(blocks) if dimension(kind) == dim]
-    ends = np.cumsum([0, *(len(blocks[number][1]) for number in solid)])
     links = [np.empty((2, 0), dtype=np.int64)]
-    for first, number in zip(ends, solid, strict=False):
+    for number in solid:
         nodes = blocks[number][1]
-        elements = first + np.repeat(np.arange(len(nodes)), nodes.shape[1])
-        links.append(np.stack((elements, ends[-1] + nodes.ravel())))
+        links.append(np.stack((np.repeat(nodes[:, 0], nodes.shape[1] - 1), nodes[:, 1:].ravel())))
     ties = np.concatenate(links, axis=1)
     size = int(ties.max(initial=-1)) + 1
     graph = coo_array((np.ones(ties.shape[1], dtype=bool), tuple(ties)), shape=(size, size))
-    labels = connected_components(graph, directed=False)[1][: ends[-1]]
-    pieces = dict(zip(solid, np.split(labels, ends[1:-1]), strict=True)) if solid else {}
-    numbers = np.unique(labels)
-    named: dict[str, list[Ints]] = {}
-    if numbers.size < 2:
-        return named
+    labels = connected_components(graph, directed=False)[1]
+    pieces = {number: labels[blocks[number][1][:, 0]] for number in solid}
+    of_elements = np.concatenate([np.empty(0, dtype=np.int64), *pieces.values()])
+    first = np.full(int(of_elements.max(initial=-1)) + 1, of_elements.size)
+    first[of_elements[::-1]] = np.arange(of_elements.size)[::-1]
+    count = np.count_nonzero(first < of_elements.size)
+    if count < 2:
+        return {}
+    place = np.argsort(np.argsort(first, kind="stable"))  # of a body in the order of their first elements
     names: Iterator[str] = filter(None, map(free, map("body_{}".format, itertools.count(1))))
     no_rows = np.empty(0, dtype=np.int64)
-    # Of bodies by their numbers the rows in each block, which are sorted by body.
-    sorted_rows = {k: np.argsort(piece, kind="stable") for k, piece in pieces.items()}
-    parts = {k: np.split(rows, np.searchsorted(pieces[k][rows], numbers[1:])) for k, rows in sorted_rows.items()}
-    alike = {_key(listed): name for name, listed in reversed(sets.items()) if any(map(len, listed))}
-    for position in range(numbers.size):
-        rows = [parts[k][position] if k in parts else no_rows for k in range(len(blocks))]
-        named[alike.get(_key(rows)) or next(names)] = rows
-    return named
+    # Of bodies by their places the rows in each block, which are sorted by body.
+    sorted_rows = {k: np.argsort(place[piece], kind="stable") for k, piece in pieces.items()}
+    parts = {
+        k: np.split(rows, np.searchsorted(place[pieces[k]][rows], np.arange(1, count)))
+        for k, rows in sorted_rows.items()
+    }
+    found = [[parts[k][body] if k in parts else no_rows for k in range(len(blocks))] for body in range(count)]
+    sizes = {tuple(map(len, rows)) for rows in found}
+    alike = {_key(listed): name for name, listed in reversed(sets.items()) if tuple(map(len, listed)) in sizes}
+    return {alike.get(_key(rows)) or next(names): rows for rows in found}
 
 
 def _key(rows: Sequence[Ints]) -> tuple[bytes, ...]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, blocks, heading, joined_lines
+from signorini_fx.mechanics.mesh.files.abaqus_tables import NumberTable
 
 # A file may include another one several times, but the whole may not grow without bounds.
 _MOST_FILES = 1000
@@ -39,8 +40,8 @@ class Source:
         """
         return list(blocks(self._lines(self.file, "", 0)))
 
-    def _lines(self, file: Path, label: str, depth: int) -> Iterator[tuple[int, str, str]]:
-        """Number, name of the file as it is included, and text of each line."""
+    def _lines(self, file: Path, label: str, depth: int) -> Iterator[tuple[int, str, str | NumberTable]]:
+        """Number, name of the file as it is included, and text of each line, or of many that are numbers."""
         try:
             text = self._text(file)
         except OSError as error:
@@ -50,6 +51,9 @@ class Source:
         self.files.append(file)
         self.size += len(text)
         for number, line in joined_lines(text):
+            if isinstance(line, NumberTable):
+                yield number, label, line
+                continue
             keyword, parameters = heading(line) if line.startswith("*") else ("", {})
             if keyword != "INCLUDE":
                 yield number, label, line
@@ -73,7 +77,7 @@ class Source:
             content = stream.read()
         wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace")
-        return text.replace("\r\n", "\n").replace("\r", "\n")
+        return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
     def _check_size(self, size: int) -> None:
         """Refuse a file that makes the whole too large.

@@ -69,7 +69,9 @@ class RawMesh:
 
 def row_keys(rows: _Ints) -> _Ints:
     """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in any order."""
-    ordered = np.sort(rows, axis=1) + 1
+    ordered = 1 + (
+        np.column_stack((np.minimum(*rows.T), np.maximum(*rows.T))) if rows.shape[1] == 2 else np.sort(rows, axis=1)
+    )
     largest = int(ordered.max(initial=0)) + 1
     keys: _Ints = ordered[:, 0]
     for column in ordered.T[1:]:  # renumbered each time, so that the product of two counts does not overflow

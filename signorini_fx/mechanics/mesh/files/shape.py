@@ -120,10 +120,12 @@ def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
 
 def _corner_sides(points: Floats, corners: Ints) -> tuple[Floats, Floats]:
     """Cross product and product of the lengths of the sides at each corner of each cell, shape (m, 3 or 4) each."""
-    x = points[corners]
-    forth, back = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
-    cross = forth[..., 0] * back[..., 1] - forth[..., 1] * back[..., 0]
-    return cross, np.hypot(*np.moveaxis(forth, -1, 0)) * np.hypot(*np.moveaxis(back, -1, 0))
+    x = np.ascontiguousarray(points.T)[:, corners.T]  # coordinate, corner, cell: sums go along the cells
+    forth = np.roll(x, -1, axis=1) - x
+    back = -np.roll(forth, 1, axis=1)
+    cross = forth[0] * back[1] - forth[1] * back[0]
+    lengths = np.hypot(*forth)
+    return cross.T, (lengths * np.roll(lengths, 1, axis=0)).T
 
 
 def quality(points: Floats, corners: Ints) -> Floats:

@@ -1,0 +1,134 @@
+"""Lines that are only numbers are read at once; what they say is what their words say one by one."""
+
+import cProfile
+import re
+
+import numpy as np
+import pytest
+from deck_lines import STEEL, squares, stacked
+
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.abaqus import read_model
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import joined_lines
+from signorini_fx.mechanics.mesh.files.abaqus_tables import NumberTable
+from signorini_fx.scenes import cli
+
+LINES = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
+
+
+def model_of(folder, text):
+    deck = folder / "deck.inp"
+    deck.write_text(text, encoding="utf-8")
+    return read_model(deck)
+
+
+def tables(text):
+    return [line for _, line in joined_lines(text) if isinstance(line, NumberTable)]
+
+
+def spelt(line):
+    """A line with exponents as Fortran writes them, which is no table."""
+    return re.sub(r"(\d\.\d*)", r"\1D0", line)
+
+
+def same(one, other):
+    assert (one.raw.points == other.raw.points).all()
+    for (kind, nodes), (other_kind, other_nodes) in zip(one.raw.blocks, other.raw.blocks, strict=True):
+        assert kind == other_kind
+        assert (nodes == other_nodes).all()
+    for first, second in ((one.raw.sets, other.raw.sets),):
+        assert first.keys() == second.keys()
+        assert all((a == b).all() for name in first for a, b in zip(first[name], second[name], strict=True))
+    assert one.raw.node_sets.keys() == other.raw.node_sets.keys()
+    assert all((nodes == other.raw.node_sets[name]).all() for name, nodes in one.raw.node_sets.items())
+    assert one.places.numbers.tolist() == other.places.numbers.tolist()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(lambda text: re.sub(r"(?m)^(\d+, [-\d.e]+, [-\d.e]+)$", lambda m: spelt(m[1]), text), id="D0"),
+        pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", r"\1,", text), id="a comma at the end"),
+        pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1\n** comment", text), id="comments between"),
+        pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1\n  \n", text), id="empty lines"),
+    ],
+)
+def test_words_one_by_one(tmp_path, change):
+    """Tables are found in the file; in the changed one there are none, or fewer, and all is the same."""
+    text = "\n".join(LINES) + "\n"
+    assert len(tables(text)) >= 2
+    assert len(tables(change(text))) < len(tables(text)) or len(tables(change(text))[0]) < len(tables(text)[0])
+    same(model_of(tmp_path, text), model_of(tmp_path, change(text)))
+
+
+def test_numbers_are_exact():
+    """The nearest floating point number to a decimal one, as Python takes it, and the words of each line."""
+    rng = np.random.default_rng(2)
+    numbers = [repr(float(x)) for x in rng.normal(size=300) * 10.0 ** rng.integers(-30, 30, 300)]
+    numbers += ["1", "+.5", "-3.", "0.1e+2", "12345678901234567890.123456789", "2.2250738585072011e-308"]
+    lines = [f"{7 * k + 3} ,\t{x},  {x}" for k, x in enumerate(numbers)]
+    (table,) = tables("*NODE, NSET=ALL\n" + "\n".join(lines) + "\n*STEP\n")
+    assert table.values[:, 1].tolist() == [float(x) for x in numbers]
+    assert len(table) == len(numbers)
+    assert [row[1] for row in table] == numbers
+    assert table[0] == ["3", numbers[0], numbers[0]]
+
+
+@pytest.mark.parametrize(
+    "row",
+    ["1.0, 0., 0.", "1e0, 0., 0.", "1, 0.", "1, 0., 0., 0.", "1, 0.,, 0.", "1, 0. 0., 1.", "9007199254740993, 0., 0.",
+     "1, 1e999, 0.", "1, 0., x", "1, 0., 1e", "1_0, 0., 0.", ", 1., 1."],
+)  # fmt: skip
+def test_other_lines_are_no_table(row):
+    """Python would not take it for the same numbers, or rows would differ in length."""
+    assert not tables(f"*NODE\n2, 0., 0.\n{row}\n3, 1., 1.\n*STEP\n")
+    assert len(tables("*NODE\n2, 0., 0.\n3, 1., 1.\n*STEP\n")) == 1
+
+
+@pytest.mark.parametrize(
+    ("again", "words"),
+    [
+        (["*NODE", "3, 0., 0."], "*NODE: node 3 is defined twice"),
+        (["*ELEMENT, TYPE=CPE4", "2, 1, 2, 3, 4"], "*ELEMENT: element 2 is defined twice"),
+        (["*ELEMENT, TYPE=CPE4", "77, 1, 2, 3, 400"], "*ELEMENT: element 77 has the node 400, which the file does not"),
+    ],
+)
+def test_numbers_that_are_wrong(tmp_path, again, words):
+    """The error has the line of the keyword."""
+    lines = ["*HEADING", *squares(3, 2), *STEEL]
+    with pytest.raises(MeshError, match=re.escape(f"line {len(lines) + 1}, {words}")):
+        model_of(tmp_path, "\n".join([*lines, *again]) + "\n")
+
+
+def test_lines_of_continued_elements(tmp_path):
+    """An element may go on in the next line, and keywords may be continued before and after a table."""
+    text = "\n".join(LINES) + "\n"
+    broken = re.sub(r"(?m)^(\d+, \d+, \d+), (\d+, \d+)$", r"\1,\n\2", text)
+    assert broken != text
+    same(model_of(tmp_path, text), model_of(tmp_path, broken))
+    numbers = [number for number, line in joined_lines(broken) if not isinstance(line, NumberTable)]
+    assert [broken.split("\n")[number - 1] for number in numbers][-1] == LINES[-1]
+    assert numbers == sorted(numbers)
+
+
+def test_the_work_for_many_lines(tmp_path):
+    """The number of calls does not depend on that of nodes and elements."""
+
+    def calls(cells):
+        deck = tmp_path / "deck.inp"
+        deck.write_text("\n".join([*squares(cells, cells), *STEEL]) + "\n", encoding="utf-8")
+        profile = cProfile.Profile()
+        profile.runcall(read_model, deck)
+        return sum(entry.callcount for entry in profile.getstats())
+
+    calls(2)  # what is imported
+    few, many = calls(8), calls(32)
+    assert many < few + 8 * 24  # the faces of sides, of which each is a line of its own
+
+
+def test_an_included_file_before_a_table(tmp_path, capsys):
+    """A keyword may include lines, and have others of its own."""
+    (tmp_path / "first.inp").write_text("1, 0., 0.\n2, 1., 0.\n", encoding="utf-8")
+    text = "*NODE, INPUT=first.inp\n3, 1., 1.\n4, 0., 1.\n*ELEMENT, TYPE=CPE4\n1, 1, 2, 3, 4\n"
+    assert model_of(tmp_path, text).raw.points.tolist() == [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+    assert cli.main(["convert", str(tmp_path / "deck.inp"), str(tmp_path / "draft.toml")]) in (0, 2, 4)
