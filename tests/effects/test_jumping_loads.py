@@ -64,6 +64,17 @@ def test_the_force_of_a_load_that_jumps_is_within_its_bounds(load, exact, width,
     assert high - low < width * exact
 
 
+def test_a_load_in_the_body_beside_one_that_jumps():
+    """Both are integrated, each over its own cells, in one form."""
+    more = {
+        "gravity": {"y": "where(x[0] < 0.43, -4, -1)"},
+        "material": {"young": 1000.0, "poisson": 0.3, "density": 2.0},
+    }
+    solution = alone(square("0", body_force={"y": -3.0}, **more))
+    exact = 3 + 2 * (4 * 0.43 + 0.57)
+    assert solution.contact.forces_of_each[0].sum(axis=0)[1] == pytest.approx(exact, rel=1e-9)
+
+
 @pytest.mark.parametrize("place", [0.47, 0.53, 0.601])
 def test_what_is_no_expression_widens_the_bounds(place):
     """A callable is not cut where it jumps; two rules are compared."""

@@ -245,15 +245,19 @@ def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets
     ]
     ds = measure(space.mesh, surfaces, {})
     number = count(1)
-    return [_body(space.mesh, cuts.get(id(effect))) if effect.where is None else ds(next(number)) for effect in effects]
+    in_body = iter(_in_body(space.mesh, [cuts.get(id(effect)) for effect in effects if effect.where is None]))
+    return [next(in_body) if effect.where is None else ds(next(number)) for effect in effects]
 
 
-def _body(mesh: Any, rule: CutRule | None) -> Any:
-    """Integration over the cells that no jump cuts."""
-    if rule is None:
-        return ufl.dx
+def _in_body(mesh: Any, rules: list[CutRule | None]) -> list[Any]:
+    """Integration over the cells that no jump of a load cuts, for each load in the body."""
+    if all(rule is None for rule in rules):
+        return [ufl.dx] * len(rules)
     every = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
-    return ufl.Measure("dx", domain=mesh, subdomain_data=[(1, np.setdiff1d(every, rule.entities))])(1)
+    cells = [every if rule is None else np.setdiff1d(every, rule.entities) for rule in rules]
+    # All integrals over cells of one form share their data.
+    dx = ufl.Measure("dx", domain=mesh, subdomain_data=list(enumerate(cells, start=1)))
+    return [dx(number) for number in range(1, len(rules) + 1)]
 
 
 class LoadGroup(NamedTuple):
