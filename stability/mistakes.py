@@ -4934,14 +4934,14 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/bounded_scene",
-        "kind in _CUT and value.jumps and not value.cuts_exactly",
+        "datum.cut and datum.value.jumps and not datum.value.cuts_exactly",
         "False",
         "bounds: a load that jumps at places that are not known is guaranteed",
         tests=("jumping_loads::test_no_bound_of_what_loads_miss_is_below_it",),
     ),
     Mutant(
         "bounds/bounded_scene",
-        "not isinstance(value, float | None)",
+        "not isinstance(datum.value, float | None)",
         "False",
         "bounds: a function of Python is guaranteed",
         tests=("jumping_loads::test_what_is_guaranteed",),

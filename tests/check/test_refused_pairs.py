@@ -231,8 +231,8 @@ def problems_of_bound(scene):
     ("other", "more"),
     [
         ("springs", WITH["springs"]),
-        ("gravity", WITH["gravity"]),
         ("preload", WITH["preload"]),
+        ("entering load", WITH["entering load"]),
     ],
 )
 def test_the_page_says_what_has_no_bound(other, more):

@@ -6,13 +6,16 @@ none of use is known: there loads have to be linear on facets and constant in ce
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from typing import Any
+
 import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.addons.bounds.bounded_scene import BoundPoints
+from signorini_fx.addons.bounds.bounded_scene import BoundPoints, LoadPoints, profile_of
 from signorini_fx.addons.bounds.equilibrated_stress import Loads
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein, coefficients
-from signorini_fx.addons.bounds.integrated_loads import in_triangles, on_edges
+from signorini_fx.addons.bounds.integrated_loads import in_triangles, integral, on_edges
 from signorini_fx.addons.bounds.johnson_mercier import constant_forces
 from signorini_fx.addons.bounds.korn import missed_squares
 from signorini_fx.addons.bounds.simplices import Simplices
@@ -21,8 +24,52 @@ from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import ZERO_SUM
 
-# A load with its factor, and the facets that it acts on; None: in the body.
-Acting = tuple[float, Force, Ints | None]
+
+@dataclass(frozen=True)
+class Acting:
+    """A load on the body.
+
+    Attributes:
+        factor: of the load step.
+        load: as it is then.
+        facets: that it acts on; None: in the body.
+        mass: of the cells, mass per volume, shape (n,).
+        whole: the integral of its ``weighting``; what has none does not ask for it.
+        doubtful: how far this is not known by quadrature, relative.
+    """
+
+    factor: float
+    load: Force
+    facets: Ints | None
+    mass: Array
+    whole: float = np.nan
+    doubtful: float = 0.0
+
+    @staticmethod
+    def of(t: Simplices, factor: float, load: Force, facets: Ints | None, mass: Array) -> Acting:
+        """With the integral of its ``weighting``."""
+        acting = Acting(factor, load, facets, mass)
+        if facets is None or load.weighting is None:
+            return acting
+        whole, unknown = integral(t, facets, load.weighting)
+        if not abs(whole) > 2 * unknown:
+            raise Refused(f"what {load.label} of {load.where!r} is spread by has no known integral")
+        return replace(acting, whole=whole, doubtful=unknown / (abs(whole) - unknown))
+
+    def profile(self, dimension: int) -> tuple[Any, ...]:
+        """See ``Force``."""
+        return profile_of(self.load, dimension)
+
+    def at(self, rows: Ints, points: BoundPoints) -> Array:
+        """Force per volume or area at points on parts of cells, or of facets at these, shape (m, q, d).
+
+        Args:
+            rows: the cells, shape (m,).
+            points: where.
+        """
+        asked = LoadPoints(points.x, points.normal, self.mass[rows], self.whole)
+        return np.asarray(self.factor * np.broadcast_to(self.load.density_at(asked), points.x.shape))
+
 
 # Points in a tetrahedron at which a body force has to be constant.
 _INSIDE: Array = (np.ones((4, 4)) + 12 * np.eye(4)) / 16
@@ -46,9 +93,9 @@ class PlaneLoads:
         self._on_edges, self._unknown_on_edges = np.zeros((2, len(t.facets), 3, 2))
         # Of the loads on each triangle what quadrature does not know, force.
         self._unknown = np.zeros(len(t.corners))
-        self._integrate_body([(factor, load) for factor, load, where in forces if where is None])
+        self._integrate_body([force for force in forces if force.facets is None])
         self._unknown_inside = self._unknown.copy()
-        self._integrate_tractions([(factor, load, where) for factor, load, where in forces if where is not None])
+        self._integrate_tractions([(force, force.facets) for force in forces if force.facets is not None])
 
     @property
     def acting(self) -> Loads:
@@ -70,39 +117,57 @@ class PlaneLoads:
         edges = (np.sqrt(self._missed_on_edges) + contact) ** 2
         return missed_squares(self._t, self.missed_inside, edges)
 
-    def _integrate_tractions(self, loads: list[tuple[float, Force, Ints]]) -> None:
+    def _integrate_tractions(self, loads: list[tuple[Acting, Ints]]) -> None:
         """Linear tractions with the moments of those given, and the square of what they miss on each edge."""
         t = self._t
         if not loads:
             return
-        edges = np.unique(np.concatenate([loaded_edges for _, _, loaded_edges in loads]))
+        edges = np.unique(np.concatenate([loaded_edges for _, loaded_edges in loads]))
 
         def density(owner: Ints, points: BoundPoints) -> Array:
             """Without what supports take of it."""
             force = np.zeros_like(points.x)
-            for factor, load, loaded_edges in loads:
+            for load, loaded_edges in loads:
                 rows = np.flatnonzero(np.isin(edges[owner], loaded_edges))
-                force[rows] += factor * load.density_at(BoundPoints(points.x[rows], points.normal[rows]))
+                at = BoundPoints(points.x[rows], points.normal[rows])
+                force[rows] += load.at(t.sides[edges[owner[rows]], 0], at)
             return np.asarray(force - np.einsum("mij,mqj->mqi", self._held[edges[owner]], force))
 
-        integrated = on_edges(t, edges, density, [value for _, load, _ in loads for value in load.given.values()])
+        values = [value for load, _ in loads for value in load.profile(2)]
+        integrated = on_edges(t, edges, density, values)
         self._on_edges[edges], self._unknown_on_edges[edges] = integrated.moments, integrated.unknown
+        for load, loaded_edges in loads:
+            if load.doubtful > 0:
+                self._unknown_on_edges[loaded_edges] += load.doubtful * self._largest_moment(load, loaded_edges)
         first, second = (integrated.moments[:, k] + integrated.moments[:, 1] / 2 for k in (0, 2))
         self.traction[edges] = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
         self._missed_on_edges[edges] = t.area[edges] * integrated.missed
-        np.add.at(self._unknown, t.sides[edges, 0], t.area[edges] * integrated.unknown.sum(axis=(1, 2)))
+        unknown = self._unknown_on_edges[edges].sum(axis=(1, 2))
+        np.add.at(self._unknown, t.sides[edges, 0], t.area[edges] * unknown)
 
-    def _integrate_body(self, loads: list[tuple[float, Force]]) -> None:
+    def _largest_moment(self, load: Acting, edges: Ints) -> Array:
+        """A bound of the moments of a traction on edges, which are at most the root of its mean square, stress, shape
+        (m, 1, 1).
+        """
+        integrated = on_edges(
+            self._t,
+            edges,
+            lambda owner, points: load.at(self._t.sides[edges[owner], 0], points),
+            list(load.profile(2)),
+        )
+        linear = 4 * np.linalg.norm(integrated.moments, axis=2).sum(axis=1)
+        return np.asarray((linear + np.sqrt(integrated.missed))[:, None, None])
+
+    def _integrate_body(self, loads: list[Acting]) -> None:
         """Moments of the body force, and the square of what constants on the thirds miss of it in each triangle."""
         t = self._t
         if not loads:
             return
 
-        def density(_: Ints, points: BoundPoints) -> Array:
-            parts = [factor * np.broadcast_to(load.density_at(points), points.x.shape) for factor, load in loads]
-            return np.asarray(sum(parts, np.zeros_like(points.x)))
+        def density(owner: Ints, points: BoundPoints) -> Array:
+            return np.asarray(sum((load.at(owner, points) for load in loads), np.zeros_like(points.x)))
 
-        values, means = [value for _, load in loads for value in load.given.values()], []
+        values, means = [value for load in loads for value in load.profile(2)], []
         for third in range(3):  # so that the constants are seen
             corners = np.full((3, 3), 1 / 3)
             corners[0], corners[1] = np.eye(3)[(third + 1) % 3], np.eye(3)[(third + 2) % 3]
@@ -166,11 +231,11 @@ class LinearLoads:
     def __init__(self, t: Simplices, held: Array, forces: list[Acting]) -> None:
         self._t = t
         self.body, self.traction = np.zeros((len(t.corners), 4, 3)), np.zeros((len(t.facets), 3, 3))
-        for factor, load, faces in forces:
-            if faces is None:
-                self.body += (t.volume[:, None] / 4 * self._constant(factor, load))[:, None]
+        for force in forces:
+            if force.facets is None:
+                self.body += (t.volume[:, None] / 4 * self._constant(force))[:, None]
             else:
-                self.traction[faces] += self._linear(factor, load, faces)
+                self.traction[force.facets] += self._linear(force, force.facets)
         self.traction -= np.einsum("fij,faj->fai", held, self.traction)
 
     @property
@@ -184,32 +249,32 @@ class LinearLoads:
             raise Refused("in space a guaranteed bound is for tractions that are linear on each facet")
         return np.zeros(len(self.body))
 
-    def _linear(self, factor: float, load: Force, faces: Ints) -> Array:
+    def _linear(self, load: Acting, faces: Ints) -> Array:
         """A traction at the vertices of faces, shape (m, 3, 3)."""
-        t, points, weights = self._t, POINTS[3], WEIGHTS[3]
+        t, points, weights, cells = self._t, POINTS[3], WEIGHTS[3], self._t.sides[faces, 0]
         x = np.einsum("qc,fcd->fqd", points, t.x[t.facets[faces]])
         at = BoundPoints(x, np.broadcast_to(t.normal[faces][:, None], x.shape))
-        tractions = factor * load.density_at(at)
+        tractions = load.at(cells, at)
         moments = np.einsum("q,qa,qb->ab", weights, points, points)
         linear = np.linalg.solve(moments, np.einsum("q,qa,fqd->fad", weights, points, tractions))
         inside, owner, corners = _in_parts(t.x[t.facets[faces]], t.normal[faces], load)
-        away = factor * load.density_at(corners) - inside @ linear[owner]
+        away = load.at(cells[owner], corners) - inside @ linear[owner]
         size = np.abs(tractions).max(initial=0.0)
         if max(np.abs(tractions - points @ linear).max(initial=0.0), np.abs(away).max(initial=0.0)) > ZERO_SUM * size:
             raise Refused(
-                f"in space a guaranteed bound is for tractions that are linear on each facet: that of {load.where!r} "
-                "is not"
+                "in space a guaranteed bound is for tractions that are linear on each facet: that of "
+                f"{load.load.where!r} is not"
             )
         return np.asarray(linear)
 
-    def _constant(self, factor: float, load: Force) -> Array:
+    def _constant(self, load: Acting) -> Array:
         """A force per volume, shape (n, 3)."""
         corners = self._t.x[self._t.corners]
         x = np.einsum("qc,ncd->nqd", _INSIDE, corners)
-        densities = factor * np.broadcast_to(load.density_at(BoundPoints(x, np.zeros_like(x))), x.shape)
+        densities = load.at(np.arange(len(corners)), BoundPoints(x, np.zeros_like(x)))
         means = densities.mean(axis=1)
         _, owner, points = _in_parts(corners, np.zeros((len(corners), 3)), load)
-        away = factor * np.broadcast_to(load.density_at(points), points.x.shape) - means[owner][:, None]
+        away = load.at(owner, points) - means[owner][:, None]
         if max(np.ptp(densities, axis=1).max(), np.abs(away).max()) > ZERO_SUM * np.abs(densities).max():
             raise Refused("in space a guaranteed bound is for body forces that are constant in each cell")
         return np.asarray(means)
@@ -229,7 +294,7 @@ class LinearLoads:
         return 0.0
 
 
-def _in_parts(x: Array, normal: Array, load: Force) -> tuple[Array, Ints, BoundPoints]:
+def _in_parts(x: Array, normal: Array, load: Acting) -> tuple[Array, Ints, BoundPoints]:
     """A point in each corner of the parts of faces or tetrahedra in which a load does not jump.
 
     Args:
@@ -241,7 +306,7 @@ def _in_parts(x: Array, normal: Array, load: Force) -> tuple[Array, Ints, BoundP
         Their barycentric coordinates, shape (m, k, k), the face or tetrahedron that each part is in, shape (m,), and
         the points.
     """
-    owner, parts = cut(x, load.given.values())
+    owner, parts = cut(x, load.profile(3))
     inside = 0.99 * parts + 0.01 * parts.mean(axis=1, keepdims=True)
     at = inside @ x[owner]
     return inside, owner, BoundPoints(at, np.broadcast_to(normal[owner][:, None], at.shape))

@@ -13,35 +13,24 @@ from dolfinx import fem
 from signorini_fx.addons.bounds.arrays import Array
 from signorini_fx.addons.bounds.round_foundations import is_known, is_round
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, MatrixModuli, Moduli
+from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.moduli import middles
-from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.temperature import TemperatureChange
-from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Effect
+from signorini_fx.mechanics.statement.effect import Effect, Force
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.quantities.proved_statements import Grounds, Refused
 from signorini_fx.tuned import KNOWN_DEGREE, SAME_ENTRY
 
-# Entries of a scene that are looked at; any other one could act on the body unseen.
-_KNOWN_EFFECTS = (
-    BodyForce,
-    SurfaceTraction,
-    PrescribedDisplacement,
-    TemperatureChange,
-    UnilateralContact,
-    BilateralContact,
-    BondedContact,
-)
-
-# Of these what expressions compare cuts facets and cells.
-_CUT = ("traction", "body force", "temperature")
+# Entries of a scene that are looked at beside forces whose densities tell all of them; any other one could act on the
+# body unseen.
+_KNOWN_EFFECTS = (PrescribedDisplacement, TemperatureChange, UnilateralContact, BilateralContact, BondedContact)
 
 
 # Features of a scene that the proof does not know.
@@ -50,6 +39,7 @@ REFUSES = {
     "point force": "a force at a point does infinite work: its displacement has no finite energy",
     "soft contact": "soft contact enters the foundation, and the bound is for displacements that do not",
     "links": "links act at points, where displacements of finite energy have no value",
+    "entering load": "a load that enters contact as it opens has no guaranteed bound yet",
     "friction axes": "friction that depends on the direction has no guaranteed bound yet",
 }
 # What else it does not know, by name.
@@ -99,7 +89,12 @@ REFUSES_OF_PAIRS = {
 
 def knows(kind: type) -> bool:
     """Whether the proof knows what entries of this class do to the body."""
-    return kind in _KNOWN_EFFECTS or issubclass(kind, Material)
+    return kind in _KNOWN_EFFECTS or issubclass(kind, Material) or is_density(kind)
+
+
+def is_density(kind: type) -> bool:
+    """Whether entries of this class do nothing to the body but what their force per volume or area does."""
+    return issubclass(kind, Force) and kind.density_tells_all and not (kind.strains or kind.nodal)
 
 
 def without_bound(label: str) -> str:
@@ -132,11 +127,11 @@ class BoundPoints:
     @property
     def density(self) -> Array:
         """Not known."""
-        raise Refused("a load that follows the density has no guaranteed bound")
+        raise Refused("a value that follows the density has no guaranteed bound")
 
-    def total(self, effect: Effect) -> Array:
+    def total(self, effect: Effect) -> float:
         """Not known."""
-        raise Refused(f"{effect.label} has no guaranteed bound")
+        raise Refused(f"the share of {effect.label} has no guaranteed bound")
 
     def value(self, value: Any) -> Array:
         """Of a number, an expression or a callable, shape (f, q)."""
@@ -149,9 +144,47 @@ class BoundPoints:
         return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
 
 
+@dataclass(frozen=True)
+class LoadPoints(BoundPoints):
+    """Points at which a load is asked for its density.
+
+    Attributes:
+        mass: of the material, mass per volume, shape (f,).
+        whole: the integral of ``weighting`` of the load.
+    """
+
+    mass: Array
+    whole: float
+
+    @property
+    def density(self) -> Array:
+        """See ``Coefficients``, shape (f, 1)."""
+        return self.mass[:, None]
+
+    def total(self, effect: Effect) -> float:
+        """See ``Coefficients``."""
+        return self.whole
+
+
 def in_region(model: Model, region: str | None, owner: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """Which of the cells ``owner`` are in a region; None: all of them are."""
     return np.ones(len(owner), dtype=bool) if region is None else np.isin(owner, model.tagged.cells(region))
+
+
+def profile_of(load: Force, dimension: int) -> tuple[Any, ...]:
+    """``Force.profile``, if the class that says it is not an older one than that which says the density."""
+    first, second = (
+        next(base for base in type(load).__mro__ if name in vars(base)) for name in ("profile", "density_at")
+    )
+    return load.profile(dimension) if is_of_package(second) or issubclass(first, second) else (load.density_at,)
+
+
+def mass_of(model: Model, owner: npt.NDArray[np.int64]) -> Array:
+    """Mass per volume of the cells ``owner``, shape (n,); zero where no material tells it."""
+    mass: Array = np.zeros(len(owner))
+    for material in model.statement.material:
+        mass[in_region(model, material.region, owner)] = material.density or 0.0
+    return mass
 
 
 def moduli_of(model: Model, owner: npt.NDArray[np.int64]) -> Moduli:
@@ -254,44 +287,67 @@ def refuse_unknown(model: Model) -> None:
         ("guaranteed bound" in model.kinematics.refuses, model.kinematics.refuses.get("guaranteed bound", "")),
         *((present[name], reason) for name, reason in REFUSES_BESIDES.items()),
         *((True, reason) for _, reason in refused_by(model.statement, REFUSES)),
-        *((not knows(type(entry)), without_bound(entry.label)) for _, entry in model.statement.listed()),
+        *(
+            (not knows(type(entry)) or (isinstance(entry, Force) and entry.interface != ""), without_bound(entry.label))
+            for _, entry in model.statement.listed()
+        ),
     ):
         if wrong:
             raise Refused(reason)
 
 
-def _data(model: Model, place: float) -> Iterator[tuple[str, str, Any, float]]:
-    """What a bound looks at between nodes: a kind, a name, a value, and the degree up to which its points tell all of a
-    polynomial; at a place in the lists of factors.
+@dataclass(frozen=True)
+class _Datum:
+    """A value of a scene that a bound looks at between nodes.
+
+    Attributes:
+        kind: what it is, in words.
+        name: the same with its place.
+        value: of the scene.
+        degree: up to which its points tell all of a polynomial.
+        cut: whether facets and cells are cut where expressions compare.
     """
-    plane = model.tagged.dimension == 2
+
+    kind: str
+    name: str
+    value: Any
+    degree: float
+    cut: bool = False
+
+
+def _data(model: Model, place: float) -> Iterator[_Datum]:
+    """What a bound looks at between nodes at a place in the lists of factors."""
+    dimension = model.tagged.dimension
     for contact in model.statement.placed(place).contact:
-        yield "gap", f"gap of {contact.boundary!r}", contact.gap, 2
+        yield _Datum("gap", f"gap of {contact.boundary!r}", contact.gap, 2)
         bound = 0.0 if contact.friction.follows_pressure else contact.friction.given_bound
-        yield "friction bound", f"friction bound of {contact.boundary!r}", bound, 1
-    for _, load in model.statement.listed():
-        if isinstance(load, BodyForce | SurfaceTraction | PrescribedDisplacement | TemperatureChange):
-            _, entry = model.statement.now(load, place)
-            name = entry.label if entry.where is None else f"{entry.label} of {entry.where!r}"
+        yield _Datum("friction bound", f"friction bound of {contact.boundary!r}", bound, 1)
+    for _, listed in model.statement.listed():
+        if not isinstance(listed, Force | PrescribedDisplacement | TemperatureChange):
+            continue
+        _, entry = model.statement.now(listed, place)
+        name = entry.label if entry.where is None else f"{entry.label} of {entry.where!r}"
+        if isinstance(entry, TemperatureChange):
+            yield from (_Datum(entry.label, entry.name, value, KNOWN_DEGREE, True) for value in entry.given.values())
+        elif isinstance(entry, Force):
+            degree = 1 if entry.where is None and dimension == 3 else 5
+            yield from (_Datum(entry.label, name, value, degree, True) for value in profile_of(entry, dimension))
+        else:
             for key, value in entry.given.items():
-                degree = 4 if key == "rotation" else 5  # which is multiplied by a distance
-                if isinstance(entry, TemperatureChange):
-                    yield entry.label, entry.name, value, KNOWN_DEGREE
-                else:
-                    yield entry.label, name, value, 1 if entry.where is None and not plane else degree
+                yield _Datum(entry.label, name, value, 4 if key == "rotation" else 5)  # multiplied by a distance
 
 
 def why_estimated(model: Model, place: float = 0.0) -> str:
     """Why what is computed as a bound is an estimate, as data are known at points alone; "": it is a bound."""
     reasons = []
-    for kind, name, value, _ in _data(model, place):
-        if isinstance(value, Expression):
-            if kind in _CUT and value.jumps and not value.cuts_exactly:
-                reasons.append(f"the {name} compares functions that are not affine")
-        elif isinstance(value, PointValues):
-            reasons.append(f"the {name} is known at the points of a file alone")
-        elif not isinstance(value, float | None):
-            reasons.append(f"the {name} is a function of Python")
+    for datum in _data(model, place):
+        if isinstance(datum.value, Expression):
+            if datum.cut and datum.value.jumps and not datum.value.cuts_exactly:
+                reasons.append(f"the {datum.name} compares functions that are not affine")
+        elif isinstance(datum.value, PointValues):
+            reasons.append(f"the {datum.name} is known at the points of a file alone")
+        elif not isinstance(datum.value, float | None):
+            reasons.append(f"the {datum.name} is a function of Python")
     return " and ".join(dict.fromkeys(reasons))
 
 
@@ -307,10 +363,12 @@ def grounds(model: Model, place: float, *, coulomb: bool, later: bool, unknown: 
         flat: whether the sides of all pairs of bodies are parallel.
     """
     seen = [
-        kind
-        for kind, _, value, degree in _data(model, place)
-        if isinstance(value, Expression)
-        and (value.degree > degree or not (value.cuts_exactly if kind in _CUT else value.is_smooth))
+        datum.kind
+        for datum in _data(model, place)
+        if isinstance(datum.value, Expression)
+        and (
+            datum.value.degree > datum.degree or not (datum.value.cuts_exactly if datum.cut else datum.value.is_smooth)
+        )
     ]
     statements = [
         f"the {' and the '.join(dict.fromkeys(seen))} assumed to be as seen at points of each facet or cell"

@@ -13,7 +13,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints
-from signorini_fx.addons.bounds.facets import GAUSS
+from signorini_fx.addons.bounds.facets import GAUSS, POINTS, WEIGHTS
 from signorini_fx.addons.bounds.simplices import Simplices
 from signorini_fx.mechanics.statement.cut_simplices import cut, halved
 
@@ -42,6 +42,21 @@ class Integrated:
     unknown: Array
     missed: Array
     means: Array
+
+
+def integral(t: Simplices, facets: Ints, value: Any) -> tuple[float, float]:
+    """The integral of a value of the scene over facets, and how far it is not known by quadrature."""
+    if t.dimension == 2:
+
+        def density(_: Ints, points: BoundPoints) -> Array:
+            return np.repeat(points.value(value)[:, :, None], 2, axis=2)
+
+        integrated = on_edges(t, facets, density, [value])
+        moments, unknown = (values[..., 0].sum(axis=1) for values in (integrated.moments, integrated.unknown))
+        return float(t.area[facets] @ moments), float(t.area[facets] @ unknown)
+    x = np.einsum("qc,fcd->fqd", POINTS[3], t.x[t.facets[facets]])
+    values = BoundPoints(x, np.broadcast_to(t.normal[facets][:, None], x.shape)).value(value)
+    return float(t.area[facets] @ values @ WEIGHTS[3]), 0.0  # exact where a traction is linear, as it has to be
 
 
 def on_edges(t: Simplices, edges: Ints, density: Density, values: list[Any]) -> Integrated:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.bounds.applied_loads import LinearLoads, PlaneLoads
+from signorini_fx.addons.bounds.applied_loads import Acting, LinearLoads, PlaneLoads
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.balanced_tractions import onto_disc
 from signorini_fx.addons.bounds.biquadratic_cells import StrainBeyond, on_triangles
@@ -24,6 +24,7 @@ from signorini_fx.addons.bounds.bounded_scene import (
     TWICE_MET,
     BoundPoints,
     grounds,
+    mass_of,
     moduli_of,
     refuse_unknown,
 )
@@ -305,9 +306,12 @@ class PlainProblem:
                 facets, normal = self._towards(effect)
                 self.held[facets] += normal[:, :, None] * normal[:, None]
         self.held = self._projectors()
-        acting = [self._statement.now(load, step) for load in self._statement.of(Force)]
+        acting, mass = (
+            [self._statement.now(load, step) for load in self._statement.of(Force)],
+            mass_of(model, self.owner),
+        )
         forces = [
-            (factor, load, None if load.where is None else self._facets(load.where))
+            Acting.of(self.t, factor, load, None if load.where is None else self._facets(load.where), mass)
             for factor, load in acting
             if factor != 0
         ]

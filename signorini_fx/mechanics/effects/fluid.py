@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from signorini_fx.mechanics.statement.effect import Array, Coefficients, Contradictions, JointLoad, Points
-from signorini_fx.mechanics.statement.expressions import in_space, sample
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, product_of, sample
 from signorini_fx.mechanics.statement.values import NonNegative, TimedSampledValue
 
 _ENTERS = "is not possible yet where a fluid enters contact"
@@ -104,6 +104,14 @@ class Fluid(JointLoad):
     def varies(self) -> bool:
         """See ``Effect``."""
         return True
+
+    def profile(self, dimension: int) -> tuple[Any, ...]:
+        """See ``Force``: its depth, which has a kink where it is zero."""
+        depth = product_of(self.level, Expression("1"))
+        if not isinstance(depth, Expression):
+            return (depth,)
+        up = range(dimension)[self._axis]
+        return (Expression(f"max(0, {depth.text} - x[{up}])", depth.time, depth.allows_time),)
 
     @property
     def _axis(self) -> int:

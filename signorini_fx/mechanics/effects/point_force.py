@@ -38,6 +38,7 @@ class PointForce(VectorForce):
     }
     nodal: ClassVar[bool] = True
     vectors: ClassVar[tuple[str, ...]] = ("at",)
+    density_tells_all: ClassVar[bool] = False
 
     at: Vector | None = None
     region: str | None = None

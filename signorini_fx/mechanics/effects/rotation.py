@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from signorini_fx.mechanics.statement.effect import Array, Coefficients, Contradictions, Force, Points, without_density
+from signorini_fx.mechanics.statement.expressions import Expression, product_of
 from signorini_fx.mechanics.statement.values import Direction, TimedValue, Vector
 
 
@@ -31,6 +32,10 @@ class Rotation(Force):
     def given(self) -> dict[str, Any]:
         """See ``Effect``."""
         return {"speed": self.speed}
+
+    def profile(self, dimension: int) -> tuple[Any, ...]:
+        """See ``Force``: the square of the speed times a distance."""
+        return (product_of(self.speed, self.speed, Expression("x[0]")),)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""

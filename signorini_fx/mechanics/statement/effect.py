@@ -29,7 +29,7 @@ from pydantic.fields import FieldInfo
 
 from signorini_fx.extensions import EFFECTS, is_of_package, load_class, modules_of, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
-from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.expressions import Expression, product_of
 from signorini_fx.mechanics.statement.values import Finite, TimedValue
 
 Array = npt.NDArray[np.float64]
@@ -121,6 +121,8 @@ class Effect(Table):
     vectors: ClassVar[tuple[str, ...]] = ()
     # The value that its forces are proportional to, where their sum is given; None: they are given themselves.
     weighting: ClassVar[Any] = None
+    # Whether ``Force.density_at`` tells all that it does to the body, so that proofs may read it there.
+    density_tells_all: ClassVar[bool] = False
 
     @property
     def label(self) -> str:
@@ -257,6 +259,8 @@ class Load(Effect):
 class Force(Load):
     """Force per volume or area."""
 
+    density_tells_all: ClassVar[bool] = True
+
     live: bool = True
 
     @cached_property
@@ -265,6 +269,15 @@ class Force(Load):
         values = [value for value in (*self.given.values(), self.weighting) if value is not None]
         known = all(isinstance(value, float | Expression) for value in values)
         return tuple(value for value in values if isinstance(value, Expression) and value.jumps) if known else ()
+
+    def profile(self, dimension: int) -> tuple[Any, ...]:
+        """Numbers and expressions that jump and have kinks wherever its density does in a cell or on a straight facet,
+        and between are polynomials of which one has its degree at least; anything else: it is known at points alone.
+
+        Args:
+            dimension: of the body, 2 or 3.
+        """
+        return (self.density_at,)
 
     def density(self, on: Coefficients) -> Any:
         """Force per volume or area, UFL, shape (d,)."""
@@ -295,6 +308,11 @@ class VectorForce(Force):
     def given(self) -> dict[str, Any]:
         """See ``Effect``."""
         return dict(zip("xyz", self.components, strict=True))
+
+    def profile(self, dimension: int) -> tuple[Any, ...]:
+        """See ``Force``."""
+        values = self.given.values()
+        return tuple(values if self.weighting is None else (product_of(value, self.weighting) for value in values))
 
     def density(self, on: Coefficients) -> Any:
         """See ``Force``."""

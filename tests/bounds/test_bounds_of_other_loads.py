@@ -1,0 +1,264 @@
+"""Bounds with loads that tell their densities at points: weight, rotation, fluids, forces whose total is given, and
+those of other packages.
+"""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from loaded_scenes import effectivity
+from mpi4py import MPI
+from scenes import alone
+from spaces import box
+from test_jumping_loads import square
+
+from signorini_fx.addons.bounds.applied_loads import Acting
+from signorini_fx.addons.bounds.bounded_scene import profile_of, refuse_unknown, why_estimated
+from signorini_fx.mechanics.body.discretisation import prepare
+from signorini_fx.mechanics.effects.body_force import BodyForce
+from signorini_fx.mechanics.effects.fluid import Fluid
+from signorini_fx.mechanics.effects.force import TotalForce
+from signorini_fx.mechanics.effects.gravity import Gravity
+from signorini_fx.mechanics.effects.point_force import PointForce
+from signorini_fx.mechanics.effects.rotation import Rotation
+from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.expressions import Expression, product_of
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.quantities.proved_statements import Refused
+from signorini_fx.records import Timings
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+
+SLOW, LONG = pytest.mark.slow, pytest.mark.long
+DENSE = {"young": 1000.0, "poisson": 0.3, "density": 2.5}
+
+
+# --- true errors ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "study", "seeds"),
+    [
+        ("gravity", "plane", (1,)),
+        ("fluid", "plane", (0,)),
+        ("force", "space", (100,)),
+        pytest.param("gravity", "pair", (3, 7), marks=SLOW),
+        pytest.param("gravity", "space", (100,), marks=SLOW),
+        pytest.param("force", "plane", (1, 4, 6), marks=SLOW),
+        pytest.param("force", "pair", (3, 7), marks=SLOW),
+        pytest.param("rotation", "plane", (1, 4, 6), marks=SLOW),
+        pytest.param("rotation", "pair", (3, 7), marks=SLOW),
+        pytest.param("fluid", "pair", (3, 7), marks=SLOW),
+        pytest.param("fluid", "pressed", (1, 4), marks=SLOW),
+    ],
+)
+def test_true_errors(kind, study, seeds):
+    """The bound is above the true error, and finer solutions refute no interval of the energy or of a force."""
+    for seed in seeds:
+        found = effectivity(kind, study, seed)
+        assert not isinstance(found, str), found
+        assert found[2] == []
+        assert 1 < found[0] < 8
+
+
+@LONG
+@pytest.mark.parametrize("kind", ["gravity", "force", "rotation", "fluid"])
+@pytest.mark.parametrize(("study", "many", "largest"), [("plane", 30, 2.2), ("pair", 30, 2), ("space", 12, 2.5)])
+def test_true_errors_of_many(kind, study, many, largest):
+    """Of random scenes, most of which have a bound; no rotation in space, where it is not constant in cells."""
+    if (kind, study) == ("rotation", "space"):
+        return
+    found = [row for row in (effectivity(kind, study, seed) for seed in range(100, 100 + many)) if len(row) == 3]
+    assert len(found) > many / 2
+    assert all(ratio > 1 and wrong == [] for ratio, _, wrong in found)
+    assert np.median([ratio for ratio, _, _ in found]) < largest
+
+
+# --- the bound sees all of a load -------------------------------------------------------------------------------------
+
+# A unit square that rests on its bottom and is held aside by its left: the load, and what it presses with.
+PRESSING = {
+    "gravity": ({"gravity": {"y": -4.0}}, 10.0),
+    "gravity that jumps": ({"gravity": {"y": "where(x[0] < 0.43, -4, -1)"}}, 2.5 * (4 * 0.43 + 0.57)),
+    "rotation": ({"rotation": {"speed": 2.0, "about": [0.0, 2.0]}}, 15.0),
+    "faster rotation": (
+        {"rotation": {"speed": "1 + x[0]", "about": [0.3, 2.0], "axis": [1.0, 0.0]}},
+        2.5 * 1.5 * 7 / 3,
+    ),
+    "force": ({"force": {"boundary": "top", "y": -7.0}}, 7.0),
+    "force of a polynomial": ({"force": {"boundary": "top", "y": -7.0, "spread": "x[0]**3 + 0.2"}}, 7.0),
+    "force that jumps": ({"force": {"boundary": "top", "y": -7.0, "spread": "where(x[0] < 0.43, 1, 0.3)"}}, 7.0),
+    "fluid": ({"fluid": {"boundary": "top", "level": "1.43 - x[0]", "weight": 30.0}}, 30 * 0.43**2 / 2),
+    "fluid above": ({"fluid": {"boundary": "top", "level": 1.2, "weight": 30.0}}, 6.0),
+}
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.02, 0.98])
+@pytest.mark.parametrize("kind", PRESSING)
+def test_a_force_that_statics_determines(monkeypatch, kind, factor):
+    """A load that is seen two hundredths too large or too small is refuted; a kink inside a facet costs nothing."""
+    load, exact = PRESSING[kind]
+    solution = alone(square("0", material=DENSE, **load))
+    at = Acting.at
+    monkeypatch.setattr(Acting, "at", lambda self, *points: factor * at(self, *points))
+    low, high = solution.force_bounds("bottom", (0.0, 1.0))
+    assert high - low < 1e-9 * exact
+    assert (low - 1e-12 * exact <= exact <= high + 1e-12 * exact) == (factor == 1)
+    assert solution.error_bound.as_dict()["guaranteed"]
+
+
+def test_a_share_that_quadrature_does_not_know():
+    """The total of a force is given, but not the integral of what it is spread by: how far this is not known counts."""
+    scene = square("0", n=2, force={"boundary": "top", "y": -7.0, "spread": "1 + sin(40*x[0])"})
+    solution = alone(scene)
+    low, high = solution.force_bounds("bottom", (0.0, 1.0))
+    assert low <= 7 <= high
+    assert high - low > 1e-9
+    assert "quadrature of the loads" in solution.error_bound.grounds.assumed
+    wide = high - low
+    low, high = alone(scene.model_copy(update={"force": (TotalForce(boundary="top", y=-7.0),)})).force_bounds(
+        "bottom", (0.0, 1.0)
+    )
+    assert high - low < 1e-6 * wide
+
+
+@pytest.mark.parametrize("known", [0.0, 1e-3])
+def test_how_far_a_share_is_not_known(monkeypatch, known):
+    """An integral of a spread that is wrong by a thousandth is refuted, but not if it is known to be so."""
+    of = Acting.of
+
+    def wrong(*args):
+        found = of(*args)
+        return replace(found, whole=1.001 * found.whole, doubtful=known) if found.load.weighting else found
+
+    monkeypatch.setattr(Acting, "of", staticmethod(wrong))
+    solution = alone(square("0", force={"boundary": "top", "y": -7.0, "spread": "x[0] + 0.1"}))
+    low, high = solution.force_bounds("bottom", (0.0, 1.0))
+    assert (low <= 7 <= high) == (known > 0)
+
+
+def test_weight_of_two_materials():
+    """Each has its density; the lower one lies on the foundation."""
+    scene = square("0", n=4)
+    tagged = load_mesh(scene, MPI.COMM_SELF)
+    cells = np.arange(tagged.mesh.topology.index_map(2).size_local, dtype=np.int32)
+    above = dmesh.compute_midpoints(tagged.mesh, 2, cells)[:, 1] > 0.5
+    marked = dmesh.meshtags(tagged.mesh, 2, cells, (above + 1).astype(np.int32))
+    fields = {key: getattr(scene, key) for key in scene.model_fields_set - {"traction"}}
+    fields["mesh"] = replace(tagged, cell_tags=marked, regions={"lower": 1, "upper": 2})
+    fields["material"] = [DENSE | {"region": "lower"}, DENSE | {"region": "upper", "density": 7.0}]
+    low, high = alone(parse_scene(fields | {"gravity": {"y": -2.0}})).force_bounds("bottom", (0.0, 1.0))
+    assert low - 1e-12 <= 9.5 <= high + 1e-12
+    assert high - low < 1e-9
+
+
+# --- what is known of a load between points ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("load", "dimension", "profile", "degree"),
+    [
+        (BodyForce(x="x[1]**2"), 2, ["x[1]**2", 0.0, 0.0], 2),
+        (Gravity(y=-2.0), 2, [0.0, -2.0, 0.0], 0),
+        (TotalForce(boundary="b", x=2.0, spread="x[0]"), 2, ["(2.0)*(x[0])", "(0.0)*(x[0])", "(0.0)*(x[0])"], 1),
+        (TotalForce(boundary="b", x=2.0, spread=3.0), 3, [6.0, 0.0, 0.0], 0),
+        (Rotation(speed=3.0), 2, ["(3.0)*(3.0)*(x[0])"], 1),
+        (Rotation(speed="2*x[1]"), 2, ["(2*x[1])*(2*x[1])*(x[0])"], 3),
+        (Fluid(boundary="b", level=0.5, weight=1.0), 2, ["max(0, (0.5)*(1) - x[1])"], 1),
+        (Fluid(boundary="b", level=0.5, weight=1.0), 3, ["max(0, (0.5)*(1) - x[2])"], 1),
+        (Fluid(boundary="b", level="x[0]", weight=1.0, up="x"), 3, ["max(0, (x[0])*(1) - x[0])"], 1),
+    ],
+)
+def test_profiles(load, dimension, profile, degree):
+    """Of the loads of the package."""
+    found = profile_of(load, dimension)
+    assert [getattr(value, "text", value) for value in found] == profile
+    assert max(getattr(value, "degree", 0) for value in found) == degree
+
+
+def test_profiles_in_time():
+    """A level that rises is that of its time."""
+    rising = Fluid(boundary="b", level="2*t", weight=1.0).at_time(0.25)
+    (profile,) = profile_of(rising, 2)
+    assert profile.switch(0, np.array([[0.0], [0.2], [0.0]]))[0] in (pytest.approx(0.3), pytest.approx(-0.3))
+    assert product_of(2.0, 3.0) == 6.0
+    assert product_of(2.0, function := lambda x: x[0]) is function
+    assert product_of(Expression("x[0]"), 2.0)(np.array([[3.0], [0.0]])) == 6.0
+
+
+class Pull(Force):
+    """A traction of another package that says nothing of its profile."""
+
+    boundary: str
+    strength: float = -2.0
+
+    def density(self, on):
+        return on.vector((0.0, self.strength, 0.0))
+
+    def density_at(self, at):
+        return at.vector((0.0, self.strength, 0.0))
+
+
+class OldProfile(Gravity):
+    """A load that changes the density of an older class, and not the profile of that."""
+
+    def density_at(self, at):
+        return super().density_at(at) * np.sin(at.position[..., :1])
+
+
+class Sticky(Pull):
+    """One that does more than its density."""
+
+    density_tells_all: ClassVar[bool] = False
+
+
+class Stepping(Pull):
+    """One that an interface applies."""
+
+    @property
+    def interface(self):
+        return "entering_loads"
+
+
+@pytest.mark.parametrize(
+    ("load", "reason"),
+    [
+        (Pull(boundary="top"), "the pull of 'top' is a function of Python"),
+        (OldProfile(y=-1.0), "the old profile is a function of Python"),
+        (Sticky(boundary="top"), "sticky has no guaranteed bound yet"),
+        (Stepping(boundary="top"), "stepping has no guaranteed bound yet"),
+        (PointForce(at=[0.0, 1.0], y=-1.0), "point force has no guaranteed bound yet"),
+        (Gravity(y=-1.0), ""),
+    ],
+)
+def test_what_acts_unseen_has_no_bound(monkeypatch, load, reason):
+    """A load of another package has one if its density is all of it; without a profile it is an estimate."""
+    scene = square("0")
+    fields = {key: getattr(scene, key) for key in scene.model_fields_set}
+    scene = parse_scene(fields | {"material": DENSE})
+    model, listed = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()), Statement.listed
+    monkeypatch.setattr(Statement, "listed", lambda self: [*listed(self), ("body_force", load)])
+    found = ""
+    try:
+        refuse_unknown(model)
+        found = why_estimated(model)
+    except Refused as refused:
+        found = str(refused)
+    assert reason in found
+    assert (reason == "") == (found == "")
+
+
+def test_rotation_in_space_has_no_bound():
+    """It is linear in each cell, for which no constants are known on tetrahedra."""
+    scene = parse_scene(
+        {
+            "mesh": box("tetrahedra", (2, 1, 1)),
+            "material": DENSE,
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+            "rotation": {"speed": 1.0},
+            "contact": {"boundary": "bottom"},
+        }
+    )
+    assert "constant in each cell" in alone(scene).error_bound
