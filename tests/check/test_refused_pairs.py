@@ -230,7 +230,6 @@ def problems_of_bound(scene):
 @pytest.mark.parametrize(
     ("other", "more"),
     [
-        ("springs", WITH["springs"]),
         ("preload", WITH["preload"]),
         ("entering load", WITH["entering load"]),
     ],

@@ -19,6 +19,7 @@ import error_bounds_in_space
 from scenes import alone
 
 from signorini_fx.addons.bounds.error_bound import error_bound
+from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
 from signorini_fx.errors import SignoriniError
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.scenes.reading import parse_scene
@@ -95,10 +96,39 @@ def effectivity(kind, seed, change=heated):
         if isinstance(bound, str):
             return bound
         reference = study.on_finer_mesh(scene)
-        true = study.energy_of_difference(solution, reference)
+        true = np.hypot(study.energy_of_difference(solution, reference), in_springs(solution, reference, study.problem))
     except (SignoriniError, Refused) as failed:
         return str(failed).splitlines()[0]
     return bound.error / true, bound, refuted(solution, reference, bound)
+
+
+def in_springs(solution, reference, problem):
+    """Root of twice the energy in springs of the difference of two displacements on nested meshes, the second one
+    finer; zero without springs."""
+    coarse, fine = problem(solution), problem(reference)
+    if fine.springs is None:
+        return 0.0
+    d, springs = fine.t.dimension, fine.springs
+    corners = coarse.t.x[coarse.t.facets[coarse.springs.facets]]
+    points, weights = POINTS[d], WEIGHTS[d]
+    x = np.einsum("qc,fcd->fqd", points, fine.t.x[fine.t.facets[springs.facets]])
+    # The coarse facet that each fine one is on: where the middle has the largest least barycentric coordinate, and is
+    # in its plane.
+    sides = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    inverse = np.linalg.pinv(sides)
+    away = x.mean(axis=1)[:, None] - corners[:, 0]
+    local = np.einsum("ckd,fcd->fck", inverse, away)
+    off = np.linalg.norm(np.einsum("cdk,fck->fcd", sides, local) - away, axis=2)
+    least = np.minimum(local.min(axis=2), 1 - local.sum(axis=2)) - 1e6 * off / np.ptp(coarse.t.x)
+    owner = least.argmax(axis=1)
+    assert (least.max(axis=1) > 0).all()
+    rest = np.einsum("fkd,fqd->fqk", inverse[owner], x - corners[owner, :1])
+    places = np.concatenate((1 - rest.sum(axis=2, keepdims=True), rest), axis=2)
+    of_coarse = coarse.on_facets(coarse.y, coarse.middle, coarse.springs.facets)[owner]
+    of_fine = fine.on_facets(fine.y, fine.middle, springs.facets)
+    own = np.stack([bernstein(at) @ values for at, values in zip(places, of_coarse, strict=True)])
+    apart = bernstein(points) @ of_fine - own
+    return float(np.sqrt(springs.area @ np.einsum("fqi,fij,fqj->fq", apart, springs.stiffness, apart) @ weights))
 
 
 def refuted(solution, reference, bound):

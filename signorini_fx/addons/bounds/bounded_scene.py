@@ -18,6 +18,7 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.moduli import middles
 from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.springs import Springs
 from signorini_fx.mechanics.effects.temperature import TemperatureChange
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
@@ -30,7 +31,14 @@ from signorini_fx.tuned import KNOWN_DEGREE, SAME_ENTRY
 
 # Entries of a scene that are looked at beside forces whose densities tell all of them; any other one could act on the
 # body unseen.
-_KNOWN_EFFECTS = (PrescribedDisplacement, TemperatureChange, UnilateralContact, BilateralContact, BondedContact)
+_KNOWN_EFFECTS = (
+    PrescribedDisplacement,
+    TemperatureChange,
+    Springs,
+    UnilateralContact,
+    BilateralContact,
+    BondedContact,
+)
 
 
 # Features of a scene that the proof does not know.
@@ -40,6 +48,8 @@ REFUSES = {
     "soft contact": "soft contact enters the foundation, and the bound is for displacements that do not",
     "links": "links act at points, where displacements of finite energy have no value",
     "entering load": "a load that enters contact as it opens has no guaranteed bound yet",
+    "preload": "a preloaded section has no guaranteed bound yet: its sides are apart by a jump, which displacements of "
+    "the proof do not have",
     "friction axes": "friction that depends on the direction has no guaranteed bound yet",
 }
 # What else it does not know, by name.
@@ -47,6 +57,7 @@ RANKS, CURVED, POINT = "several ranks", "curved cells", "parts that share a poin
 HEXAHEDRA = "hexahedra"
 INCOMPRESSIBLE = "material without a change of volume"
 TURNING, NO_POLYNOMIAL = "Poisson's ratio or axes that vary", "grading that is no polynomial"
+VARYING_SPRINGS = "springs whose stiffness varies"
 FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
 SHAPE = "some foundations with shapes"
 LONG_FACETS = (
@@ -65,6 +76,7 @@ REFUSES_BESIDES = {
     TURNING: "Poisson's ratio or axes that vary have no guaranteed bound yet",
     NO_POLYNOMIAL: "a grading has a guaranteed bound where it is a polynomial of degree 5 at most, but for jumps and "
     "kinks along straight lines, and on triangles, parallelograms of degree 1 and tetrahedra so far",
+    VARYING_SPRINGS: "springs have a guaranteed bound where their stiffness is a number so far",
     FORM_AS_GAP: "a gap given as a form is not known between the nodes",
     FORM_AS_BOUND: "a friction bound given as a form is not known between the nodes",
 }
@@ -73,6 +85,7 @@ REFUSES_BESIDES = {
 APART, TWICE_MET = "friction or bond of sides that are apart", "side that meets two others at a place"
 NO_MATCH = "facets in space that are not over each other one to one, of sides that are not flat and parallel"
 CLOSED_NO_MATCH = "bonds and contact that cannot open in space, of facets that are not over each other one to one"
+SPRINGS_MOVED = "with springs a guaranteed bound needs that nodes of two bodies meet, or do not nearly meet, so far"
 NEARLY_MET, PARTLY_CLOSED = "corners of two bodies that nearly meet", "adjust that closes a part of a contact"
 REFUSES_OF_PAIRS = {
     APART: "with friction or a bond a guaranteed bound is for sides of two bodies that lie on each other, or that are "
@@ -280,6 +293,7 @@ def refuse_unknown(model: Model) -> None:
         CURVED: compat.geometry_degree(mesh) > 1,
         HEXAHEDRA: mesh.topology.cell_name() == "hexahedron",
         POINT: model.motions.pieces.pins.size > 0,
+        VARYING_SPRINGS: any(entry.varies for entry in model.statement.of(Springs)),
         FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in model.statement.contact),
         FORM_AS_BOUND: any(hasattr(value, "ufl_shape") for value in bounds),
     }
@@ -378,6 +392,7 @@ def grounds(model: Model, place: float, *, coulomb: bool, later: bool, unknown: 
         if unknown > SAME_ENTRY
         else "",
         model.statement.body_of_proofs,
+        "in the energy norm of body and springs" if model.statement.of(Springs) else "",
         "of the displacement alone, whose volume changes more than the pressure of the mixed element says"
         if model.elastic.pressed
         else "",

@@ -18,6 +18,7 @@ from signorini_fx.addons.bounds.factorised_system import FactorisedSystem
 from signorini_fx.addons.bounds.iterated_system import IteratedSystem, balanced
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress, reference
 from signorini_fx.addons.bounds.simplices import Simplices, moments_of
+from signorini_fx.addons.bounds.spring_facets import SpringFacets
 
 _EPS = float(np.finfo(float).eps)
 
@@ -48,11 +49,14 @@ class EquilibratedStress:
         tractions: at the vertices of each facet out of its first cell, stress, shape (f, d, d).
         squares: of bounds of the work of what is not in equilibrium by round-off, per unit of the energy norm, shape
             (n,).
+        of_springs: what springs exert of the tractions at the vertices of their facets, stress, shape (m, d, d); None:
+            nothing.
     """
 
     stress: Array
     tractions: Array
     squares: Array
+    of_springs: Array | None = None
 
     @property
     def missing(self) -> float:
@@ -67,16 +71,18 @@ class Equilibration:
     are equal and opposite.  What a system misses of this is part of ``missing``: no digit rests on it.
     """
 
-    def __init__(self, t: Simplices, held: Array) -> None:
+    def __init__(self, t: Simplices, held: Array, springs: SpringFacets | None = None) -> None:
         """Make the system.
 
         Args:
             t: the cells.
             held: projector onto the directions in which each facet is held, shape (f, d, d).
+            springs: on facets; None: there are none.
         """
-        self._t, self._held, self._local = t, held, LocalStress(t)
+        self._t, self._springs, self._local = t, springs, LocalStress(t)
+        self._stopped = held if springs is None else springs.stopped(held)
         kind = FactorisedSystem if t.dimension == 2 else IteratedSystem
-        self._system: FactorisedSystem | IteratedSystem = kind(t, self._local, held)
+        self._system: FactorisedSystem | IteratedSystem = kind(t, self._local, held, springs)
 
     def stress(self, loads: Loads, prescribed: Array) -> EquilibratedStress:
         """The stress of least complementary energy among those of this kind in equilibrium with loads.
@@ -98,18 +104,19 @@ class Equilibration:
         summed = np.column_stack([np.bincount(places.ravel(), signed[:, k], t.facets.size) for k in range(d)])
         total = summed.reshape(-1, d, d) / ((t.sides >= 0).sum(axis=1) * t.area)[:, None, None]
         tractions = d * (d + 1) * total - d * total.sum(axis=1, keepdims=True)
-        held = self._held[t.outer]
-        tractions[t.outer] = loads.traction[t.outer] @ (np.eye(d) - held) + tractions[t.outer] @ held
+        stopped = self._stopped[t.outer]
+        tractions[t.outer] = loads.traction[t.outer] @ (np.eye(d) - stopped) + tractions[t.outer] @ stopped
         if isinstance(self._system, IteratedSystem):
-            tractions = balanced(t, loads.body, self._held, tractions)
+            tractions = balanced(t, loads.body, self._stopped, tractions)
         stress, missed = self._local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, d)[places], loads.body)
-        return EquilibratedStress(stress, tractions, self._round_off(loads, tractions, missed))
+        of_springs = None if self._springs is None else self._springs.traction(tractions, loads.traction)
+        return EquilibratedStress(stress, tractions, self._round_off(loads, tractions, missed), of_springs)
 
     def _round_off(self, loads: Loads, tractions: Array, missed_share: Array) -> Array:
         """Squares of bounds of the work of what is not in equilibrium, per unit of the energy norm, shape (n,).
 
-        The forces and couples that a cell misses are carried from one to the next to a held facet, or to a cell of a
-        piece without one, by linear tractions: those with a resultant R and a couple M about the middle of an edge of
+        The forces and couples that a cell misses are carried from one to the next to a facet with a support or springs,
+        or to a cell of a piece without one, by linear tractions: those with a resultant R and a couple M about the middle of an edge of
         length l are at most R / l + 6 M / l^2, on a face of area A and least height h R / A + 12 M / (A h).  The stress
         of each cell that balances these is bounded by the norm of the map from tractions or moments to stresses.
         """
@@ -117,12 +124,14 @@ class Equilibration:
         force = np.abs(tractions).max(axis=(1, 2)) * t.area
         force_sizes = force[t.facets_of].max(axis=1) + np.abs(loads.body).sum(axis=(1, 2))
         missed = force_sizes * (missed_share + 32 * _EPS) + loads.unknown
-        start = np.unique(t.sides[t.outer, 0][self._held[t.outer].any(axis=(1, 2))])
+        start = np.unique(t.sides[t.outer, 0][self._stopped[t.outer].any(axis=(1, 2))])
         total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, start, missed)
         longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)
         lowest = (d - 1) * t.area[t.facets_of].min(axis=1) / longest ** (d - 2)
         forces = total + 6 * (d - 1) * (couple + total * longest) / lowest
         if d == 3:
-            return np.asarray(self._local.energy * (36 * forces) ** 2)
-        shape = np.linalg.norm(t.jacobian, axis=(1, 2)) ** 2 / (2 * t.volume)
-        return np.asarray((np.linalg.norm(reference(2)[0], 2) * shape**2 * forces) ** 2 / t.moduli.softest)
+            squares = np.asarray(self._local.energy * (36 * forces) ** 2)
+        else:
+            shape = np.linalg.norm(t.jacobian, axis=(1, 2)) ** 2 / (2 * t.volume)
+            squares = np.asarray((np.linalg.norm(reference(2)[0], 2) * shape**2 * forces) ** 2 / t.moduli.softest)
+        return squares if self._springs is None else squares + self._springs.carried(forces)

@@ -6,7 +6,7 @@ of v and tau from the solution, in the norms of the energy and of the complement
 
     |C eps(v) - tau|^2 + 2 int p (d - v_n) + 2 int (g |v_t| - mu v_t),
 
-of which every part is local and not negative (W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269; for
+of which every part is local and not negative, with springs and their part of (B11) (W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269; for
 contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysis and Variational Problems); between two
 bodies v_n and v_t are those of the jump, (B1) and (B2) of docs/theory.md.  v is the
 finite element solution without what it enters the foundation, w; with the solution itself in the first term only, the
@@ -103,6 +103,7 @@ class Enclosure:
         inside: the cells of the pieces that are looked at, each of which is a body of its own, shape (n,).
         lifted: bounds of the norms of the stresses that ``stress`` lacks of one in equilibrium, shape (n,), see
             ``Bounded._lifted``.
+        left: what tau leaves of the forces of springs that v exerts, (B11) of docs/bounds.md, energies, shape (n,).
         initial: the stress that initial strains take from the body; None: there are none.
         grading: how moduli vary inside the cells; None: they do not.
     """
@@ -117,6 +118,7 @@ class Enclosure:
     t: Simplices
     inside: npt.NDArray[np.bool_]
     lifted: Array
+    left: Array
     initial: InitialStress | None = None
     grading: GradedModuli | None = None
 
@@ -157,7 +159,7 @@ class Enclosure:
         else:
             between = square(self.t, self.difference)
         between = (np.sqrt(between.clip(min=0.0)) + self.lifted) ** 2
-        return float((self.v.contact + between)[self.inside].sum())
+        return float((self.v.contact + between + self.left)[self.inside].sum())
 
     @property
     def missed(self) -> float:
@@ -221,7 +223,7 @@ class Bounded(PlainProblem):
     @cached_property
     def equilibration(self) -> Equilibration:
         """The system of its stresses."""
-        return Equilibration(self.t, self.held)
+        return Equilibration(self.t, self.held, self.springs)
 
     @cached_property
     def enclosure(self) -> Enclosure:
@@ -230,10 +232,11 @@ class Bounded(PlainProblem):
         computed = t.strain_at_corners(self.y, self.middle)
         self._balance()
         stress, (size, unknown) = self._stress(), self._energy(computed, self.beyond)
+        size = size + self._stored(self.y, self.middle)
         between = self._between(computed, stress)
         # Where the displacement is nearly exact, what is round-off need not be known better.
         lifted = self._lifted(float(np.sqrt(max(between.sum(), LITTLE_LIFTED**2 * size.sum()))))
-        between = (np.sqrt(between) + lifted) ** 2
+        between = (np.sqrt(between) + lifted) ** 2 + self._left(stress, self.y, self.middle)
         v = self._outside(computed, float(between.sum()))
         # Another stress is worth its cost where pressures work on what is open, or say more than the displacement does.
         doubtful = v.contact.sum() > LITTLE_OF_BOUND * between.sum() or between.sum() > size.sum()
@@ -251,8 +254,40 @@ class Bounded(PlainProblem):
             rounded *= np.sqrt(self.grading.greatest)
         squares = v.contact + between
         return Enclosure(
-            v, squares, stress, self._missed, rounded**2, size, unknown, t, inside, lifted, self.initial, self.grading
+            v,
+            squares,
+            stress,
+            self._missed,
+            rounded**2,
+            size,
+            unknown,
+            t,
+            inside,
+            lifted,
+            self._left(stress, v.y, v.middle),
+            self.initial,
+            self.grading,
         )
+
+    def _stored(self, y: Array, middle: Array) -> Array:
+        """Twice the energy of springs under a displacement, by cell, shape (n,)."""
+        if self.springs is None:
+            return np.zeros(len(self.t.corners))
+        reaction = self.springs.reaction(self.on_facets(y, middle, self.springs.facets))
+        return self.springs.by_cell(self.springs.product(reaction, reaction), len(self.t.corners))
+
+    def left_of_springs(self, stress: EquilibratedStress, y: Array, middle: Array) -> Array:
+        """K v + t of a displacement v and the springs of a stress at ``POINTS``, stress, shape (m, q, d)."""
+        assert self.springs is not None
+        left = self.springs.reaction(self.on_facets(y, middle, self.springs.facets))
+        return left if stress.of_springs is None else left + self.springs.at_points(stress.of_springs)
+
+    def _left(self, stress: EquilibratedStress, y: Array, middle: Array) -> Array:
+        """What a stress leaves of the forces of springs, see ``Enclosure``, shape (n,)."""
+        if self.springs is None:
+            return np.zeros(len(self.t.corners))
+        left = self.left_of_springs(stress, y, middle)
+        return self.springs.by_cell(self.springs.product(left, left), len(self.t.corners))
 
     def _between(self, computed: Array, stress: EquilibratedStress) -> Array:
         """Squares of the distance of a stress from that of the computed displacement, energies, shape (n,)."""
@@ -316,7 +351,7 @@ class Bounded(PlainProblem):
     @property
     def _may_press_less(self) -> bool:
         """Whether the body is in equilibrium with any share of its contact tractions, and these act on nothing else."""
-        return not (self._pairs or self.tools or free_motions(self.t, self.held).size)
+        return not (self._pairs or self.tools or self.springs or free_motions(self.t, self.held).size)
 
     def _pressing_less(
         self, computed: Array, stress: EquilibratedStress, v: Admissible
@@ -361,12 +396,14 @@ class Bounded(PlainProblem):
         if not self.tools and not any(surface.bound.any() for surface in self.contacts):
             above = (float(np.sqrt(enclosure.gap)) + 2 * enclosure.missed) ** 2 / 2
             strained, strain_unknown = self._energy(v.strain, None)
-            functional = strained.sum() / 2 - self.loads.work(v.y, v.middle)
+            functional = (strained + self._stored(v.y, v.middle)).sum() / 2 - self.loads.work(v.y, v.middle)
             least, greatest = work_of_loads(functional, above, enclosure.size, total, len(t.corners))
             unknown = self.loads.unknown_work(v.y, v.middle) + float(strain_unknown.sum()) / 2
             work = least - unknown, greatest + unknown
-        round_off = enclosure.round_off
-        return ErrorBound(float(total), enclosure.size, duality, missed, moved, round_off, squares, self.grounds, work)
+        round_off, size = enclosure.round_off, enclosure.size
+        strained = float(np.sqrt(max(size**2 - float(self._stored(self.y, self.middle).sum()), 0.0)))
+        alone = None if self.springs is None else strained
+        return ErrorBound(float(total), size, duality, missed, moved, round_off, squares, self.grounds, work, alone)
 
     @property
     def _missed(self) -> Array:
@@ -493,7 +530,7 @@ class Bounded(PlainProblem):
         that forces move.
         """
         t = self.t
-        modes = free_motions(t, self.held).reshape(len(t.x), t.dimension, -1)
+        modes = free_motions(t, self.stopped).reshape(len(t.x), t.dimension, -1)
         of_bodies, of_tools = modes.shape[2], sum(len(tool.free) for tool in self.tools)
         if not of_bodies + of_tools:
             return
@@ -584,6 +621,7 @@ class Bounded(PlainProblem):
             moved = moved * self.grading.greatest
         if self.beyond is not None:
             moved = (moved + self.beyond.added(from_strain(t, computed - strain))).clip(min=0.0)
+        moved = moved + self._stored(v[0] - self.y, v[1] - self.middle)
         return Admissible(*v, strain, contact, moved)
 
     def _entered(self) -> Array:

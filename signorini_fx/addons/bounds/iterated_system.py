@@ -16,14 +16,16 @@ from signorini_fx.addons.bounds.definite_factor import Factor
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.linear_displacement import assembled, free_basis
 from signorini_fx.addons.bounds.simplices import FACETS, Simplices, moments_of
+from signorini_fx.addons.bounds.spring_facets import SpringFacets
 from signorini_fx.tuned import BALANCING_PRODUCTS, BALANCING_RESIDUAL, SINGULAR
 
 
 class IteratedSystem:
     """The system of the displacements on the faces of a body that is held in given directions."""
 
-    def __init__(self, t: Simplices, local: LocalStress, held: Array) -> None:
+    def __init__(self, t: Simplices, local: LocalStress, held: Array, springs: SpringFacets | None = None) -> None:
         count = len(t.facets)
+        self._springs = springs
         self._free, self._compliance = np.eye(3) - held, local.compliance
         self._places = (3 * local.places[..., None] + np.arange(3)).reshape(-1, 36)
         blocks = np.zeros((count, 3, 3, 3, 3))
@@ -37,6 +39,8 @@ class IteratedSystem:
                         k = np.flatnonzero((t.sign[:, i] > 0) == first)
                         blocks[t.facets_of[k, i], corner[k, i, a], :, corner[k, i, b]] += compliance[k, i, a, :, i, b]
         blocks = np.einsum("fij,fajbk,fkl->faibl", self._free, blocks, self._free)
+        if springs is not None:
+            blocks[springs.facets] += springs.matrices.reshape(-1, 3, 3, 3, 3)
         unit = np.einsum("faiai->f", blocks) / 9 + np.einsum("faiai->", blocks) / (9e6 * count)
         blocks += np.einsum("f,ab,fij->faibj", unit, np.eye(3), held)
         self._blocks = np.linalg.inv(blocks.reshape(count, 9, 9))
@@ -48,13 +52,15 @@ class IteratedSystem:
         for row, corner in enumerate(FACETS[3].ravel()):
             gather[3 * row : 3 * row + 3, 3 * corner : 3 * corner + 3] = np.eye(3)
         matrix = assembled(gather.T @ self._compliance @ gather, t.corners, len(t.x))
+        if self._springs is not None:
+            matrix += assembled(self._springs.matrices, t.facets[self._springs.facets], len(t.x))
         weight = np.zeros((len(t.x), 3, 3))
         for k in range(3):
             np.add.at(weight, t.facets[:, k], held)
         sizes, vectors = np.linalg.eigh(weight)
         basis = free_basis(vectors, sizes > SINGULAR)
         # As many tied unknowns as there are free motions: loads in balance cause no force there.
-        remaining_modes = basis.T @ free_motions(t, held)
+        remaining_modes = basis.T @ free_motions(t, held if self._springs is None else self._springs.stopped(held))
         pins, diagonal = np.zeros(basis.shape[1]), (basis.T @ matrix @ basis).diagonal()
         for _ in range(remaining_modes.shape[1]):
             pin = int(np.argmax(np.linalg.norm(remaining_modes, axis=1)))
@@ -84,6 +90,14 @@ class IteratedSystem:
         """Moments of each tetrahedron out of it from displacements (f, 3, 3), shape (n, 36)."""
         return np.asarray((self._compliance @ u.ravel()[self._places][:, :, None])[:, :, 0])
 
+    def _resisted(self, u: Array) -> Array:
+        """Moments in free directions that displacements (f, 3, 3) need, springs included, shape (f, 3, 3)."""
+        moments = self._summed(self._forces(u))
+        if self._springs is not None:
+            facets = self._springs.facets
+            moments[facets] += (self._springs.matrices @ u[facets].reshape(-1, 9, 1)).reshape(-1, 3, 3)
+        return moments
+
     def _summed(self, moments: Array) -> Array:
         """Those of both sides of the faces in free directions, shape (f, 3, 3)."""
         sums = np.bincount(self._places.ravel(), moments.ravel(), 9 * len(self._free)).reshape(-1, 3, 3)
@@ -102,14 +116,14 @@ class IteratedSystem:
             u: start with prescribed components.
             alone: moments without displacements less those of the loads, summed up, shape (f, 3, 3).
         """
-        r = -alone - self._summed(self._forces(u))
+        r = -alone - self._resisted(u)
         z = p = self._preconditioned(r)
         first = current = float((r * z).sum())
         largest = max(first, float((alone * self._preconditioned(alone)).sum()))
         for _ in range(BALANCING_PRODUCTS):
             if not current > BALANCING_RESIDUAL**2 * largest:
                 break
-            q = self._summed(self._forces(p))
+            q = self._resisted(p)
             step = current / float((p * q).sum())
             u, r = u + step * p, r - step * q
             z = self._preconditioned(r)

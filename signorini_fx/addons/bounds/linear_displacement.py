@@ -12,6 +12,7 @@ from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.cell_pieces import rigid_motions
 from signorini_fx.addons.bounds.definite_factor import Factor
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Simplices
+from signorini_fx.addons.bounds.spring_facets import SpringFacets
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
@@ -86,13 +87,16 @@ class PrescribedComponents:
         return PrescribedComponents.joined(*parts)
 
 
-def smallest_energy(t: Simplices, constraints: PrescribedComponents, load: Array | None = None) -> tuple[Array, float]:
+def smallest_energy(
+    t: Simplices, constraints: PrescribedComponents, load: Array | None = None, springs: SpringFacets | None = None
+) -> tuple[Array, float]:
     """The displacement of least energy, loads included, with given components.
 
     Args:
         t: the cells.
-        constraints: the components; they leave no rigid motion free.
+        constraints: the components; with springs they leave no rigid motion free.
         load: forces at vertices, shape (v, d); None: there are none.
+        springs: on facets; None: there are none.
 
     Returns:
         The displacement at the vertices, length, shape (v, d), and how far it is from what is given at most, length.
@@ -110,6 +114,8 @@ def smallest_energy(t: Simplices, constraints: PrescribedComponents, load: Array
         "nik,nk->ni", vectors, np.where(fixed[constrained], along / np.where(fixed[constrained], sizes, 1.0), 0.0)
     )
     matrix = stiffness(t)
+    if springs is not None:
+        matrix = matrix + assembled(springs.matrices, t.facets[springs.facets], count)
     force = (np.zeros((count, d)) if load is None else load) - (matrix @ start.ravel()).reshape(-1, d)
     basis = free_basis(turn, fixed)
     if basis.shape[1]:

@@ -21,6 +21,7 @@ from signorini_fx.addons.bounds.bounded_scene import (
     NO_MATCH,
     PARTLY_CLOSED,
     REFUSES_OF_PAIRS,
+    SPRINGS_MOVED,
     TWICE_MET,
     BoundPoints,
     grounds,
@@ -47,6 +48,7 @@ from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, 
 from signorini_fx.addons.bounds.round_foundations import RoundFacets, is_round
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, divide
 from signorini_fx.addons.bounds.split_triangles import SplitTriangles, with_moved_nodes
+from signorini_fx.addons.bounds.spring_facets import SpringFacets
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.assembly import facet_entities
@@ -54,6 +56,7 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.springs import Springs
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 from signorini_fx.mechanics.statement.effect import Force
@@ -274,6 +277,8 @@ class PlainProblem:
         held: projectors onto the directions in which facets are held, by supports and by contact that cannot open,
             shape (f, d, d).
         supported: those of supports alone.
+        springs: on facets; None: there are none.
+        stopped: projectors onto the directions in which facets are held or on springs, shape (f, d, d).
         loads: what acts on the body.
         grading: how moduli vary inside the cells; None: they do not.
         initial: the stress that initial strains take from it; None: there are none.
@@ -306,6 +311,11 @@ class PlainProblem:
                 facets, normal = self._towards(effect)
                 self.held[facets] += normal[:, :, None] * normal[:, None]
         self.held = self._projectors()
+        springs = [(entry, self._facets(entry.boundary)) for entry in self._statement.of(Springs)]
+        self.springs = SpringFacets.of(self.t, self.held, springs)
+        self.stopped = self.held if self.springs is None else self.springs.stopped(self.held)
+        if self.springs is not None and self.moved_nodes > 0:
+            raise Refused(SPRINGS_MOVED)
         acting, mass = (
             [self._statement.now(load, step) for load in self._statement.of(Force)],
             mass_of(model, self.owner),

@@ -143,7 +143,7 @@ class _Quantity(Bounded):
         """See ``mean_displacement``."""
         t, edges = self.t, self._facets(boundary)
         pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
-        if np.isin([piece for piece, _ in of_each_piece(t, free_motions(t, self.held))], pieces).any():
+        if np.isin([piece for piece, _ in of_each_piece(t, free_motions(t, self.stopped))], pieces).any():
             raise Refused("a mean displacement has bounds where supports hold the body without its contact")
         unit = np.zeros((len(t.edges), 2, 2))
         unit[edges] = direction / t.area[edges].sum()  # what supports take of it neither stress nor w know
@@ -152,7 +152,7 @@ class _Quantity(Bounded):
         for k in (0, 1):
             np.add.at(load, t.edges[:, k], t.area[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
         constraints = self._closed(np.zeros((len(t.edges), 2)), pieces)
-        w, missed = smallest_energy(t, constraints, load)
+        w, missed = smallest_energy(t, constraints, load, self.springs)
         y, middle = self.enclosure.v.y, self.enclosure.v.middle
         share = t.area[edges] / t.area[edges].sum()
         mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
@@ -176,13 +176,18 @@ class _Quantity(Bounded):
             if load.where is not None
         ):
             raise Refused(f"loads act on {boundary!r}: its own force is not known apart from them")
+        if (support or closed) and self.springs is not None and np.isin(self.springs.facets, edges).any():
+            raise Refused(f"springs act on {boundary!r}: its own force is not known apart from them")
         value = np.zeros((len(t.edges), 2))
         value[edges] = -direction
         pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
         constraints = self._closed(value, pieces)
-        if not constraints.fixes(t):
+        no_displacement = np.zeros_like(value)
+        if not PrescribedComponents.joined(
+            constraints, PrescribedComponents.of_facets(t.edges, self.stopped - self.held, no_displacement)
+        ).fixes(t):
             raise Refused("a force has bounds where supports and contacts hold the body")
-        w, missed = smallest_energy(t, constraints)
+        w, missed = smallest_energy(t, constraints, springs=self.springs)
         if missed > SAME_LENGTH * np.abs(direction).max():
             raise Refused(
                 f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact"
@@ -239,6 +244,11 @@ class _Quantity(Bounded):
         else:
             products, squares = product(t, difference, enclosure.difference), square(t, difference)
             around = np.zeros_like(squares) if self.initial is None else self.initial.unknown_work(difference)
+        if self.springs is not None:
+            of_w = self.left_of_springs(dual.stress, dual.w, self._middles(dual.w))
+            of_v = self.left_of_springs(enclosure.stress, enclosure.v.y, enclosure.v.middle)
+            products = products + self.springs.by_cell(self.springs.product(of_w, of_v), len(t.corners))
+            squares = squares + self.springs.by_cell(self.springs.product(of_w, of_w), len(t.corners))
         size = float(np.sqrt(squares.sum()))
         rounded = of_strains(t, dual.w, self._middles(dual.w))[enclosure.inside].sum()
         norm = size + self._growth * float(np.sqrt(rounded))
@@ -267,6 +277,12 @@ class _Quantity(Bounded):
             mean_stress = elastic_stress(t, self.enclosure.v.strain, self.initial).mean(axis=(1, 2))
             inside = float(t.volume @ (mean_stress * self._strain(w)[:, 0] * TWICE[2]).sum(axis=1))
             unknown_part = 0.0 if self.initial is None else float(self.initial.unknown_work(elastic).sum())
+        if (springs := self.springs) is not None:
+            v = self.enclosure.v
+            of_v, of_w = (
+                springs.reaction(self.on_facets(*values, springs.facets)) for values in ((v.y, v.middle), (w, middle))
+            )
+            inside += float(springs.product(of_v, of_w).sum())
         return float(self.loads.work(w, middle) - inside), unknown + unknown_part
 
     def _round_off(self, dual: _Dual, enclosure: Enclosure, size: float) -> float:
@@ -288,7 +304,8 @@ class _Quantity(Bounded):
             return growth * float(np.sqrt(squares[inside].sum()))
 
         of_v, of_w = norm(of_strains(t, v.y, v.middle)), norm(of_strains(t, w, middle))
-        size_v, size_w = norm(energy(t, v.strain)), norm(energy(t, self._strain(w)))
+        size_v = norm(energy(t, v.strain) + self._stored(v.y, v.middle))
+        size_w = norm(energy(t, self._strain(w)) + self._stored(w, middle))
         between = float(np.sqrt(enclosure.gap))
         strains = of_v * (size_w + of_w + size / 2) + of_w * (size_v + between / 2)
         if self.initial is not None:
@@ -306,5 +323,6 @@ class _Quantity(Bounded):
         near = np.zeros_like(w)
         near[vertices] = moved
         of_values = growth * of_boundary_values(t, vertices, np.sqrt(2) * moved)
+        of_values += norm(self._stored(near, self._middles(near)))
         forces = of_values * (enclosure.size + enclosure.distance) + loads.size_of_work(near, self._middles(near))
         return strains + sums + forces

@@ -1,0 +1,227 @@
+"""Bounds of bodies on springs: true errors, exact states, and what each part of (B11) is for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from loaded_scenes import effectivity
+from scenes import alone
+from spaces import box
+
+from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
+from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
+from signorini_fx.addons.bounds.spring_facets import SpringFacets
+from signorini_fx.scenes.reading import parse_scene
+
+SLOW, LONG = pytest.mark.slow, pytest.mark.long
+
+
+# --- true errors ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("study", "seeds"),
+    [
+        ("plane", (1,)),
+        pytest.param("plane", (0, 4, 5), marks=SLOW),
+        pytest.param("pressed", (1, 4), marks=SLOW),
+        pytest.param("pair", (3, 5), marks=SLOW),
+        pytest.param("space", (100, 103), marks=SLOW),
+    ],
+)
+def test_true_errors(study, seeds):
+    """In the norm of body and springs; finer solutions refute no interval of the strain energy or of a force."""
+    for seed in seeds:
+        found = effectivity("springs", study, seed)
+        assert not isinstance(found, str), found
+        assert found[2] == []
+        assert 1 < found[0] < 6
+
+
+@LONG
+@pytest.mark.parametrize(("study", "many", "largest"), [("plane", 30, 2.2), ("pair", 30, 2), ("space", 12, 2.5)])
+def test_true_errors_of_many(study, many, largest):
+    """Of random scenes, most of which have a bound."""
+    found = [row for row in (effectivity("springs", study, seed) for seed in range(100, 100 + many)) if len(row) == 3]
+    assert len(found) > many / 2
+    assert all(ratio > 1 and wrong == [] for ratio, _, wrong in found)
+    assert np.median([ratio for ratio, _, _ in found]) < largest
+
+
+# --- exact states -----------------------------------------------------------------------------------------------------
+
+YOUNG, LONG_BAR, PULL = 100.0, 2.0, 0.7
+
+
+def bar(springs, *, degree=1, dimension=2, **more):
+    """A bar without Poisson's ratio that is pulled at its right, with springs at its left."""
+    if dimension == 2:
+        shape = {"length": LONG_BAR, "height": 1.0, "nx": 2, "ny": 1, "cell": "triangle"}
+        mesh = {"generator": "rectangle", "parameters": shape}
+    else:
+        mesh = box("tetrahedra", (2, 1, 1), size=(LONG_BAR, 1.0, 1.0))
+    scene = {
+        "mesh": mesh,
+        "element": {"degree": degree},
+        "material": {"young": YOUNG, "poisson": 0.0},
+        "springs": [{"boundary": "left", **entry} for entry in springs],
+        "traction": [{"boundary": "right", "x": PULL}],
+    }
+    return parse_scene(scene | more)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize(
+    "springs", [[{"normal": 5.0, "tangential": 3.0}], [{"x": 4.0}, {"normal": 1.0, "tangential": 2.0}]]
+)
+def test_a_bar_that_springs_hold(springs, dimension):
+    """Nothing but springs holds it; the elements have its displacement, so that the bound is round-off."""
+    solution = alone(bar(springs, dimension=dimension))
+    bound = solution.error_bound
+    energy = PULL**2 / YOUNG * LONG_BAR / 2
+    assert bound.error < 1e-5 * bound.size
+    assert bound.strain_energy == pytest.approx((energy, energy), rel=1e-4)
+    assert bound.size**2 / 2 == pytest.approx(energy + PULL**2 / 5 / 2, rel=1e-9)
+    assert bound.work[0] <= PULL**2 * (LONG_BAR / YOUNG + 1 / 5) * (1 + 1e-12)
+    assert bound.work[1] >= PULL**2 * (LONG_BAR / YOUNG + 1 / 5) * (1 - 1e-12)
+    assert bound.as_dict()["guaranteed"]
+    assert "in the energy norm of body and springs" in str(bound)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.02, 0.98])
+def test_a_stiffness_that_is_wrong(monkeypatch, factor):
+    """The mean displacement of the pulled end has both bounds equal; seen with another stiffness they are refuted."""
+    solution = alone(bar([{"normal": 5.0, "tangential": 3.0}]))
+    of = SpringFacets.of
+
+    def wrong(*args):
+        found = of(*args)
+        less = {"stiffness": factor * found.stiffness, "give": found.give / factor, "softest": factor * found.softest}
+        return replace(found, **less)
+
+    monkeypatch.setattr(SpringFacets, "of", staticmethod(wrong))
+    exact = PULL * (LONG_BAR / YOUNG + 1 / 5)
+    low, high = solution.mean_displacement_bounds("right", (1.0, 0.0))
+    # Of the solution with another stiffness the computed one is wrong, so that the interval has a width.
+    assert high - low < (1e-9 if factor == 1 else 0.05) * exact
+    if factor == 1:
+        assert low - 1e-12 * exact <= exact <= high + 1e-12 * exact
+    else:
+        theirs = PULL * (LONG_BAR / YOUNG + 1 / 5 / factor)
+        assert low <= theirs <= high
+        assert not low - 1e-12 * exact <= exact <= high + 1e-12 * exact
+
+
+def test_the_force_of_a_support_beside_springs():
+    """A bar between a support and springs: both take their share, by their stiffness."""
+    held, load = {"boundary": "right", "x": 0.0, "y": 0.0}, {"boundary": "left", "x": 2.0}
+    scene = bar([{"x": 30.0}], displacement=held, traction=load)
+    exact = -2.0 * (YOUNG / LONG_BAR) / (YOUNG / LONG_BAR + 30.0)
+    low, high = alone(scene).force_bounds("right", (1.0, 0.0))
+    assert high - low < 1e-9
+    assert low - 1e-12 <= exact <= high + 1e-12
+
+
+# --- what each part is for --------------------------------------------------------------------------------------------
+
+
+def uneven(degree=1, **more):
+    """A stiff block on springs, loaded on a part of its top, with a foundation below its right side."""
+    return parse_scene(
+        {
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2, "cell": "triangle"},
+            },
+            "element": {"degree": degree},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "springs": {"boundary": "left", "normal": 20.0, "tangential": 30.0},
+            "traction": {"boundary": "top", "y": "where(x[0] < 1, -1, -3)"},
+            "contact": {"boundary": "bottom", "gap": "0.02 + 0.02*x[0]"},
+            **more,
+        }
+    )
+
+
+def error_of(solution, displaced):
+    """The bound of a displacement."""
+    return error_bound(solution.model, displaced, solution.contact)
+
+
+@pytest.mark.parametrize("counted", [True, False])
+def test_a_displacement_that_the_springs_alone_know_to_be_wrong(monkeypatch, counted):
+    """It is lifted as a whole: its strain is right. Without what the stress leaves of the springs nobody sees it."""
+    light = {"boundary": "top", "y": -0.01}
+    solution = alone(uneven(contact={"boundary": "bottom", "gap": 1.0}, traction=light))
+    displaced = solution.displacement.copy()
+    displaced.x.array[1::2] += 0.05
+    if not counted:
+        monkeypatch.setattr(Bounded, "_left", lambda self, *_: np.zeros(len(self.t.corners)))
+    # Nothing is in contact: the true error is at least that of the lift in springs less that of the solution.
+    lifted, own = 0.05 * np.sqrt(30.0), error_of(solution, solution.displacement).error
+    assert (error_of(solution, displaced).error > lifted - own) == counted
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_energies_in_springs(degree):
+    """Of a displacement that is drawn, beside a rule of quadrature at points of the scene's own mesh."""
+    solution = alone(uneven(degree))
+    displaced = solution.displacement.copy()
+    displaced.x.array[:] = np.random.default_rng(degree).normal(size=len(displaced.x.array))
+    case = Bounded(solution.model, displaced, solution.contact, 0.0)
+    facets = case._facets("left")
+    at = bernstein(POINTS[2]) @ case.on_facets(case.y, case.middle, facets)
+    exact = case.t.area[facets] @ (20 * at[..., 0] ** 2 + 30 * at[..., 1] ** 2) @ WEIGHTS[2]
+    assert case._stored(case.y, case.middle).sum() == pytest.approx(exact, rel=1e-12)
+    moved = case._beside((case.y + [0.3, 0.1], case.middle + [0.3, 0.1]), case.t.strain_at_corners(case.y, case.middle))
+    assert moved.moved.sum() == pytest.approx(20 * 0.09 + 30 * 0.01, rel=1e-9)
+    traction = np.random.default_rng(3).normal(size=(len(facets), 2, 2))
+    left = case.springs.reaction(case.on_facets(case.y, case.middle, facets)) + case.springs.at_points(traction)
+    along = POINTS[2] @ traction
+    exact = (20 * at[..., 0] + along[..., 0]) ** 2 / 20 + (30 * at[..., 1] + along[..., 1]) ** 2 / 30
+    assert case.springs.product(left, left).sum() == pytest.approx(case.t.area[facets] @ exact @ WEIGHTS[2], rel=1e-12)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_tractions_of_springs_are_in_equilibrium(dimension):
+    """What the stress exerts where springs alone hold the body balances its loads, in each direction."""
+    solution = alone(bar([{"normal": 5.0, "tangential": 3.0}], dimension=dimension, body_force={"y": 0.004}))
+    problem = Bounded(solution.model, solution.displacement, solution.contact, 0.0)
+    traction = problem.enclosure.stress.of_springs
+    force = problem.springs.area @ traction.mean(axis=1)
+    assert force[:2] == pytest.approx([-PULL, -0.004 * LONG_BAR], rel=1e-7)
+
+
+def test_springs_of_one_direction_exert_no_other_force():
+    """Along the boundary there are none, and the support takes all of its own direction."""
+    scene = uneven(springs={"boundary": "left", "normal": 20.0}, displacement={"boundary": "right", "y": -0.01})
+    problem = Bounded(*(lambda s: (s.model, s.displacement, s.contact))(alone(scene)), 0.0)
+    traction = problem.enclosure.stress.of_springs
+    assert np.abs(traction[..., 0]).max() > 0
+    assert np.abs(traction[..., 1]).max() == 0
+    # Beside a support in one direction they act in the other.
+    scene = uneven(displacement={"boundary": "left", "x": 0.0})
+    problem = Bounded(*(lambda s: (s.model, s.displacement, s.contact))(alone(scene)), 0.0)
+    assert np.abs(problem.springs.stiffness - np.diag([0.0, 30.0])).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("more", "reason"),
+    [
+        ({"springs": {"boundary": "left", "normal": "20 + x[1]", "tangential": 30.0}}, "is a number so far"),
+        (
+            {"contact": {"boundary": "bottom", "gap": 0.02, "kind": "bilateral", "direction": [0.6, -0.8]},
+             "springs": [{"boundary": "bottom", "x": 5.0}, {"boundary": "left", "normal": 20.0, "tangential": 30.0}]},
+            "along or across them so far",
+        ),
+    ],
+)  # fmt: skip
+def test_what_has_no_bound(more, reason):
+    """Springs whose stiffness varies, or that are not along what holds the boundary."""
+    assert reason in alone(uneven(**more)).error_bound
+
+
+def test_a_support_with_springs_has_no_force_of_its_own():
+    """Both act on the same boundary."""
+    solution = alone(uneven(displacement={"boundary": "left", "x": 0.0}))
+    assert "springs act on 'left'" in solution.force_bounds("left", (1.0, 0.0))
