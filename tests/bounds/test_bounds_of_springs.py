@@ -173,7 +173,8 @@ def test_energies_in_springs(degree):
     at = bernstein(POINTS[2]) @ case.on_facets(case.y, case.middle, facets)
     exact = case.t.area[facets] @ (20 * at[..., 0] ** 2 + 30 * at[..., 1] ** 2) @ WEIGHTS[2]
     assert case._stored(case.y, case.middle).sum() == pytest.approx(exact, rel=1e-12)
-    moved = case._beside((case.y + [0.3, 0.1], case.middle + [0.3, 0.1]), case.t.strain_at_corners(case.y, case.middle))
+    away = np.array([0.3, 0.1])
+    moved = case._beside((case.y + away, case.middle + away), case.t.strain_at_corners(case.y, case.middle))
     assert moved.moved.sum() == pytest.approx(20 * 0.09 + 30 * 0.01, rel=1e-9)
     traction = np.random.default_rng(3).normal(size=(len(facets), 2, 2))
     left = case.springs.reaction(case.on_facets(case.y, case.middle, facets)) + case.springs.at_points(traction)

@@ -116,8 +116,9 @@ class Equilibration:
         """Squares of bounds of the work of what is not in equilibrium, per unit of the energy norm, shape (n,).
 
         The forces and couples that a cell misses are carried from one to the next to a facet with a support or springs,
-        or to a cell of a piece without one, by linear tractions: those with a resultant R and a couple M about the middle of an edge of
-        length l are at most R / l + 6 M / l^2, on a face of area A and least height h R / A + 12 M / (A h).  The stress
+        or to a cell of a piece without one, by linear tractions: those with a resultant R and a couple M about the
+        middle of an edge of length l are at most R / l + 6 M / l^2, on a face of area A and least height h R / A +
+        12 M / (A h).  The stress
         of each cell that balances these is bounded by the norm of the map from tractions or moments to stresses.
         """
         t, d = self._t, self._t.dimension

@@ -6,11 +6,11 @@ of v and tau from the solution, in the norms of the energy and of the complement
 
     |C eps(v) - tau|^2 + 2 int p (d - v_n) + 2 int (g |v_t| - mu v_t),
 
-of which every part is local and not negative, with springs and their part of (B11) (W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269; for
+of which every part is local and not negative (W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269; for
 contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysis and Variational Problems); between two
-bodies v_n and v_t are those of the jump, (B1) and (B2) of docs/theory.md.  v is the
-finite element solution without what it enters the foundation, w; with the solution itself in the first term only, the
-square of its error is at most the sum above plus that of |w|.  tau the stress of least complementary energy of
+bodies v_n and v_t are those of the jump, (B1) and (B2) of docs/theory.md; springs add (B11) of docs/bounds.md.  v is
+the finite element solution without what it enters the foundation, w; with the solution itself in the first term only,
+the square of its error is at most the sum above plus that of |w|.  tau the stress of least complementary energy of
 ``equilibrated_stress`` with tractions made of the nodal pressures.  What the stress does not hold of the loads enters
 with explicit constants.  In a later load step v_t is the increment, whose beginning is taken as computed.
 docs/theory.md lists what is assumed.  Straight cells, one rank.

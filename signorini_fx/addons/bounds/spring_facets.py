@@ -1,8 +1,8 @@
 """Springs on facets, whose energy is a part of the energy norm, and what a stress leaves of their forces.
 
-With the stiffness K per area, the squared norm of a displacement v is a(v, v) + int K v . v.  A stress tau is admissible
-with any traction t of the springs in the range of K: tau n = h + t on their facets.  The gap of the functionals then has
-one more term, (B11) of docs/bounds.md,
+With the stiffness K per area, the squared norm of a displacement v is a(v, v) + int K v . v.  A stress tau is
+admissible with any traction t of the springs in the range of K: tau n = h + t on their facets.  The gap of the
+functionals then has one more term, (B11) of docs/bounds.md,
 
     int K^+ (K v + t) . (K v + t),
 
