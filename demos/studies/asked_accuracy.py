@@ -68,7 +68,7 @@ def rivals(name: str, reference) -> list[dict]:
     evaluated at points of the reference that are outside theirs.
     """
     found, scene, straight = [], scene_of(name), not name.startswith("hertz")
-    for method in methods(scene):
+    for method in methods(scene.statement):
         if not FAMILIES & set(method.families) or (not straight and (method.adaptive or method.element[0] == "Q")):
             continue
         plain = on_mesh(scene, 1.0, method.element, {**method.settings})

@@ -11,10 +11,9 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.assembly import facet_nodes
+from signorini_fx.mechanics.body.assembly import facet_nodes, node_positions
 from signorini_fx.mechanics.body.averages import averaging
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.node_positions import node_positions
 
 _NAMES = ("pressure", "shear", "gap", "slip")
 

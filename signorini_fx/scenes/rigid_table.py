@@ -54,7 +54,7 @@ def with_shapes(entry: Any) -> Any:
     if not isinstance(entry, Mapping) or not isinstance(entry.get("contact", ()), list | tuple | Mapping | BaseModel):
         return entry
     contacts, rigid = _listed(entry.get("contact", ())), _listed(entry.get("rigid", ()))
-    if not rigid and not any(isinstance(_foundation(contact), str) for contact in contacts):
+    if not rigid and not any(isinstance(_get(contact, "foundation"), str) for contact in contacts):
         return entry
     try:
         bodies = [body if isinstance(body, Rigid) else Rigid.model_validate(body) for body in rigid]
@@ -62,7 +62,7 @@ def with_shapes(entry: Any) -> Any:
         return entry  # its errors are those of the table
     names, problems, driven = [body.name for body in bodies], [], set[str]()
     for number, contact in enumerate(contacts):
-        foundation = _foundation(contact)
+        foundation = _get(contact, "foundation")
         name = foundation if isinstance(foundation, str) else _get(foundation, "rigid")
         path = ("contact", number, "foundation")
         if name not in names:
@@ -105,10 +105,6 @@ def _listed(entries: Any) -> list[Any]:
 
 def _get(table: Any, key: str) -> Any:
     return table.get(key) if isinstance(table, Mapping) else getattr(table, key, None)
-
-
-def _foundation(contact: Any) -> Any:
-    return _get(contact, "foundation")
 
 
 def _with_foundation(contact: Any, shape: Shape) -> Any:

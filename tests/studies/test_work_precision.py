@@ -132,7 +132,7 @@ def test_methods():
     """No name twice; Coulomb friction adds its algorithms; every family has something to compare."""
     for friction in ({"bound": 1.0}, {"coefficient": 0.3}):
         scene = example1(**friction)
-        found = methods.methods(scene)
+        found = methods.methods(scene.statement)
         names = [method.name for method in found]
         assert len(names) == len(set(names))
         assert any("monolithic" in name for name in names) == scene.statement.has_coulomb

@@ -69,7 +69,7 @@ def judged_problem(problem: object) -> tuple[JudgedProblem, list[str]]:
     scene = as_scene(problem)
     tagged = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, tagged)
-    judged, reasons = _problem(scene, _mesh_of_tagged(tagged, scene), None, ())
+    judged, reasons = _problem(scene, _mesh_of_tagged(tagged), None, ())
     if tagged.subdivided:
         reasons.append(f"its mesh has other cells than its file: {tagged.note}")
     return judged, reasons
@@ -139,7 +139,7 @@ def _mesh_of_deck(deck: Deck) -> JudgedMesh:
     return JudgedMesh(arrays.points[:count], kind, arrays.cells[:, :width], boundaries, dict(arrays.regions), names)
 
 
-def _mesh_of_tagged(tagged: TaggedMesh, scene: Scene) -> JudgedMesh:
+def _mesh_of_tagged(tagged: TaggedMesh) -> JudgedMesh:
     """The mesh of a scene."""
     mesh, dim = tagged.mesh, tagged.dimension
     degree, name = compat.geometry_degree(mesh), mesh.topology.cell_name()

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from signorini_fx.scenes.scene import Scene
+from signorini_fx.mechanics.statement.statement import Statement
 
 FAMILIES = {
     "element": "Element",
@@ -45,7 +45,7 @@ class Method:
         return int(self.element[1])
 
 
-def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
+def methods(statement: Statement, *, quick: bool = False) -> list[Method]:
     """The list, simplest first."""
     exact = {"algorithm": "exact"}
     candidates = [Method("Q1, exact", tuple(FAMILIES), settings=exact)]
@@ -57,13 +57,13 @@ def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
         ("path-following", {"algorithm": "path-following"}),
         ("ALM", {"algorithm": "alm"}),
     ):
-        if scene.statement.has_coulomb:
+        if statement.has_coulomb:
             name = f"{name}-FP" if name == "ALM" else f"{name}, FP"
         if not quick or "ALM" in name:
             candidates.append(Method(name, ("algorithm",), settings=settings))
     powers = (5,) if quick else (3, 4, 5, 6, 7, 8, 9, 10)
     candidates += [Method(f"gamma = 1e{power}", ("gamma",), gamma=10.0**power) for power in powers]
-    if scene.statement.has_coulomb:
+    if statement.has_coulomb:
         candidates.append(Method("gamma automatic, monolithic", ("algorithm",), settings={"coulomb": "newton"}))
     for kind in ("condensed", "full", "krylov")[: 2 if quick else 3]:
         candidates.append(Method(f"Q1, exact, {kind}", ("linear algebra",), settings={**exact, "linear_algebra": kind}))

@@ -89,7 +89,7 @@ def run_study(
     report(f"reference: {about}; {time.perf_counter() - begin:.1f} s")
     natural = reference.solution.model.scales.gamma
     runs = []
-    for method in methods(scene, quick=quick):
+    for method in methods(scene.statement, quick=quick):
         if method.adaptive:
             targets = _QUICK_ASKED if quick else _ASKED[method.element]
             runs += [_Run(method, 1.0, scene, natural, asked=target) for target in targets]

@@ -47,6 +47,7 @@ from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.nonlinear.undeformed_pairs import held_between
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.body.averages import averaging
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
@@ -58,7 +59,6 @@ from signorini_fx.mechanics.body.foundations_on_points import (
     ShapeDistances,
 )
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.paired_points import PairedSides
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.body.sliding_sides import SlidingSides

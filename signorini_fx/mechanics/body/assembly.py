@@ -1,4 +1,4 @@
-"""Tools for all forms: facets as integration entities, measures, assembled vectors."""
+"""Tools for all forms: positions of nodes, facets as integration entities, measures, assembled vectors."""
 
 from __future__ import annotations
 
@@ -14,6 +14,23 @@ from dolfinx import mesh as dmesh
 
 # Sums in another order can be computed two at a time, in space in half of the time; the difference is round-off.
 _IN_ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"]
+
+# Where a function space keeps the positions of its nodes.
+_ATTRIBUTE = "_signorini_fx_node_positions"
+
+
+def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+    """X of the nodes of this rank, ghosts included: length, shape (nodes, 3), read-only.
+
+    dolfinx passes over all cells at every call, and a solve with its certificate needs the positions at six places.
+    They are kept with the space, which cannot be hashed, so that they live as long as it does.
+    """
+    positions: npt.NDArray[np.float64] | None = getattr(space, _ATTRIBUTE, None)
+    if positions is None:
+        positions = np.asarray(space.tabulate_dof_coordinates(), dtype=np.float64)
+        positions.flags.writeable = False
+        setattr(space, _ATTRIBUTE, positions)
+    return positions
 
 
 def stiffness_form(term: Any, dimension: int) -> fem.Form:

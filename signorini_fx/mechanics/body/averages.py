@@ -30,8 +30,7 @@ from petsc4py import PETSc
 
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body import forms
-from signorini_fx.mechanics.body.assembly import assemble, facet_entities, measure
-from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.body.assembly import assemble, facet_entities, measure, node_positions
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import SINGULAR
 

@@ -26,9 +26,8 @@ from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body import forms
-from signorini_fx.mechanics.body.assembly import assemble, facet_nodes, measure
+from signorini_fx.mechanics.body.assembly import assemble, facet_nodes, measure, node_positions
 from signorini_fx.mechanics.body.averages import Averages, AveragingForms, averaged_points
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.kinematics.protocol import Kinematics

@@ -27,7 +27,6 @@ from signorini_fx.algebra.linalg import ElasticSystem, petsc_options, row_by_row
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCase
 from signorini_fx.algebra.method import Settings
-from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import action
 from signorini_fx.mechanics.body.block_stiffness import block_stiffness, why_not
@@ -328,16 +327,6 @@ class ElasticBody:
         if level.coarser is not None and level.dofs > greatest**dimension * level.coarser.dofs:
             level.coarser = None
         return level
-
-    def refuse_enclosed(self) -> None:
-        """Refuse an incompressible body whose volume supports prescribe; collective.
-
-        Raises:
-            SceneError: nothing determines its pressure.
-        """
-        if self.elastic.encloses(self.vector, self.prescribed):
-            reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
-            raise SceneError([("displacement", reason)])
 
     def elasticity(self, cases: Sequence[LoadCase], coarser: MeshLevel | None = None) -> Elasticity:
         """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""

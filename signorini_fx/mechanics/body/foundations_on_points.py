@@ -17,9 +17,9 @@ from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes

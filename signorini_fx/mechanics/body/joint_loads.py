@@ -18,10 +18,9 @@ from dolfinx import fem, la
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_nodes
+from signorini_fx.mechanics.body.assembly import facet_nodes, node_positions
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, chains
 from signorini_fx.mechanics.body.joint_pressure import Flags
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 

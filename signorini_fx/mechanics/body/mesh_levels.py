@@ -18,7 +18,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import row_by_row
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.body.rigid import RigidMotions, rigid_modes
 from signorini_fx.mechanics.mesh.lattice_points import at_lattice
 from signorini_fx.mechanics.mesh.points import at_points

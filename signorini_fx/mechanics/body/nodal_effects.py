@@ -15,8 +15,8 @@ from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.body.averages import from_owners
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.pieces import BodyPieces
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Resistance

@@ -15,12 +15,11 @@ from mpi4py import MPI
 
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import adjugates, facet_entities
+from signorini_fx.mechanics.body.assembly import adjugates, facet_entities, node_positions
 from signorini_fx.mechanics.body.averages import Averages, from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.body.held_pairs import HeldPairs, held_along
 from signorini_fx.mechanics.body.mirrored_points import mirrored
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides

@@ -22,9 +22,9 @@ from scipy.sparse.csgraph import connected_components
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.algebra.contact.points import PointGroups
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, MovingFoundation
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.pieces import BodyPieces
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.kinematics import CARTESIAN

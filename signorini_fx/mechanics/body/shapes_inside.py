@@ -38,7 +38,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.body.users_shapes import inradius_of, on_way
 from signorini_fx.tuned import ELONGATED, MOST_PLACES, SHAPE_INSIDE, SHAPE_MIDDLE, SHAPE_STEP, SMALLEST_PART
 

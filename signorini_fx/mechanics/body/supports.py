@@ -13,9 +13,8 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_entities, facet_vertices
+from signorini_fx.mechanics.body.assembly import facet_entities, facet_vertices, node_positions
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.body.turned_supports import SkewSupport, TurnedNodes
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.kinematics import KINDS

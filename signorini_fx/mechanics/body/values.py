@@ -13,7 +13,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.statement.expressions import in_space
 from signorini_fx.tuned import LARGEST_NUMBER
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from signorini_fx.mechanics.statement import magnitudes
 from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.tuned import LARGEST_NUMBER, SMALLEST_NUMBER
 
 _LONGEST_SHOWN = 200
 
@@ -62,15 +62,21 @@ def not_at_points(entry: Any) -> str:
 
 
 def bounded(number: float) -> float:
-    """The number, if its magnitude is in the allowed range.
+    """The number, if its magnitude is in the allowed range, whatever the units.
+
+    Energies, squares of forces and products of stiffness, length and penalty must still be numbers in double precision,
+    which reaches from 1e-308 to 1e308.
 
     Raises:
         ValueError: it is not.
     """
-    wrong = magnitudes.complaint(number)
-    if wrong is not None:
-        raise ValueError(f"{wrong}, got {shown(number)}")
-    return number
+    if abs(number) > LARGEST_NUMBER:
+        limit = f"larger than {LARGEST_NUMBER:g}, or forces and energies overflow: take other units"
+    elif 0 < abs(number) < SMALLEST_NUMBER:
+        limit = f"smaller than {SMALLEST_NUMBER:g}, or forces and energies vanish: take other units, or 0"
+    else:
+        return number
+    raise ValueError(f"must not be {limit}, got {shown(number)}")
 
 
 def value(entry: Any) -> Any:

@@ -23,8 +23,8 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.body.averages import from_owners
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 from signorini_fx.tuned import DIGITS_OF_FILES, PARTNERS_REACH, SAME_DIRECTION

@@ -15,8 +15,7 @@ from dolfinx import fem
 
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body import forms
-from signorini_fx.mechanics.body.assembly import adjugates, facet_entities, over_ranks
-from signorini_fx.mechanics.body.node_positions import node_positions
+from signorini_fx.mechanics.body.assembly import adjugates, facet_entities, node_positions, over_ranks
 from signorini_fx.results.certificate.rigid_part import RigidPart
 from signorini_fx.tuned import ZERO_SUM
 

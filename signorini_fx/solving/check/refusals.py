@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
-from signorini_fx.mechanics.body import first_sets
 from signorini_fx.mechanics.model import Model
+from signorini_fx.solving.first_start import first_sets
 
 
 def refuse_beforehand(model: Model) -> None:
@@ -24,9 +24,11 @@ def refuse_beforehand(model: Model) -> None:
             a certified accuracy is asked for where there is no guaranteed bound.
         InstallationError: the scene asks for a proof by an add-on that is not installed.
     """
-    model.refuse_enclosed()
+    if model.elastic.pressed and model.elastic.encloses(model.vector, model.prescribed):
+        reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
+        raise SceneError([("displacement", reason)])
     if model.boundary is not None:
-        first_sets.first_sets(model.statement, model.boundary)
+        first_sets(model.statement, model.boundary)
         if model.statement.solver.algorithm == "exact":
             model.boundary.aligned()
         _refuse_moving(model)

@@ -23,11 +23,10 @@ from signorini_fx.algebra.algorithms.task import Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import facet_nodes
+from signorini_fx.mechanics.body.assembly import facet_nodes, node_positions
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.mechanics.body.jumps import Jump
-from signorini_fx.mechanics.body.node_positions import node_positions
 from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
