@@ -66,9 +66,11 @@ def is_added(quantity: Quantity) -> bool:
     return quantity not in of_package()
 
 
-def stage_of(quantity: Quantity) -> str:
-    """When it is computed: one that is added once the results stand."""
-    return "afterwards" if is_added(quantity) and quantity.stage != "never" else quantity.stage
+def at_stage(stage: str) -> list[Quantity]:
+    """Those that are computed at a stage: one that is added once the results stand, if ever."""
+    added = quantities()[len(of_package()) :] if stage == "afterwards" else ()
+    ours = [quantity for quantity in of_package() if quantity.stage == stage]
+    return [*ours, *(quantity for quantity in added if quantity.stage != "never")]
 
 
 def shown_lines(quantity: Quantity, summary: Summary) -> list[TerminalLine]:

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from signorini_fx.quantities.kinds import Number
 from signorini_fx.quantities.quantity import Quantity
-from signorini_fx.quantities.registry import has, is_added, quantities, stage_of
+from signorini_fx.quantities.registry import at_stage, has, is_added
 from signorini_fx.records import Finding
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ERROR_PATIENCE
@@ -86,11 +86,7 @@ def missing(what: list[str]) -> list[dict[str, Any]]:
 
 
 def _afterwards(solution: Solution) -> list[Quantity]:
-    return [
-        quantity
-        for quantity in quantities()
-        if stage_of(quantity) == "afterwards" and (is_added(quantity) or quantity.asked(solution))
-    ]
+    return [quantity for quantity in at_stage("afterwards") if is_added(quantity) or quantity.asked(solution)]
 
 
 def asked(solution: Solution) -> list[str]:

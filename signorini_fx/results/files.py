@@ -25,7 +25,7 @@ from signorini_fx.mechanics.body.contact_table import ContactTable, contact_tabl
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.families.stress import marked_stress
-from signorini_fx.quantities.registry import quantities, stage_of
+from signorini_fx.quantities.registry import at_stage
 from signorini_fx.records import Finding, as_columns
 from signorini_fx.results import deferred_quantities
 from signorini_fx.results.fields import FIELD_FILES, FIELDS, chosen_format, size_of_fields, write_fields
@@ -182,8 +182,8 @@ class _Written:
         if fields is not None:
             self.folder.reserve(size_of_fields(solution, fields))
             summary["fields"] = _together(comm, self.folder, lambda: write_fields(solution, part, fields))
-            for quantity in quantities():
-                summary |= quantity.entries(solution) if stage_of(quantity) == "fields" else {}
+            for quantity in at_stage("fields"):
+                summary |= quantity.entries(solution)
 
         def write() -> None:
             for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):

@@ -13,7 +13,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import effort_in_words, results_of, status_in_words
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.body.pieces import extent
-from signorini_fx.quantities.registry import quantities, shown_lines, stage_of
+from signorini_fx.quantities.registry import at_stage, quantities, shown_lines
 from signorini_fx.quantities.summary_schema import SCHEMA_VERSION
 from signorini_fx.quantities.text import row
 from signorini_fx.records import OuterRecord, Record, StepRecord
@@ -55,9 +55,8 @@ def summary_of(solution: Solution) -> dict[str, Any]:
         "pieces": solution.model.motions.pieces.as_rows(),
         "findings": [asdict(finding) for finding in solution.findings],
     }
-    for quantity in quantities():
-        if stage_of(quantity) == "results":
-            summary |= quantity.entries(solution)
+    for quantity in at_stage("results"):
+        summary |= quantity.entries(solution)
     if solution.price_list:
         summary["price_list"] = [asdict(row) for row in solution.price_list]
     if solution.statement.several_steps:

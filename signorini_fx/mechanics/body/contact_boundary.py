@@ -253,7 +253,7 @@ class ContactBoundary:
         alone = alone[times[node] > 1]
         order = alone[np.argsort(self.nodes[alone], kind="stable")]
         nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
-        pairs = [pair for group in nodes for pair in permutations((int(point) for point in group), 2)]
+        pairs = [pair for group in nodes for pair in permutations(map(int, group), 2)]
         points, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         coframes = np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
         return SharedNodes(points, beside, np.einsum("nji,nj->ni", coframes[points], self.normal[beside]))

@@ -45,7 +45,8 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
     grad u is evaluated at the midpoint of each cell.
     """
     pieces = body.motions.pieces
-    squares, areas = _squares(body, displacement)
+    gradient_of_cell, areas = _gradients(body, displacement)
+    squares = np.einsum("ijc,ijc->c", gradient_of_cell, gradient_of_cell)
     of_cell = pieces.of_cell[: areas.size]
     total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
     gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())
@@ -77,12 +78,6 @@ def neglected_strain(body: ElasticBody, displacement: fem.Function) -> tuple[flo
     total = parallel.sums_by(body.comm, pieces.of_cell[: areas.size], rows, pieces.count)
     rotation, neglected, strain = np.sqrt(total[:, :3] / total[:, 3:]).max(axis=0)
     return float(rotation), float(neglected / strain) if strain > 0 else 0.0
-
-
-def _squares(body: ElasticBody, displacement: fem.Function) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """|grad u|^2 at the middle of each owned cell, and the sizes of these cells, shape (cells,)."""
-    gradient, areas = _gradients(body, displacement)
-    return np.einsum("ijc,ijc->c", gradient, gradient), areas
 
 
 def _gradients(

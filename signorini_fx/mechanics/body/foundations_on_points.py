@@ -531,22 +531,12 @@ class Foundations:
                 parts[-1] = stuck(np.ones(at.size, dtype=bool))
         return joined(parts, points).without_pressure(boundary.points.immovable)
 
-    def _at_points(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
-        """Gaps of the nodes at their points, length, shape (n,)."""
-        gap = np.zeros(boundary.size)
-        for k, contact_data in enumerate(data):
-            on_part = boundary.part == k
-            gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
-        return gap
-
     def _gap(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
         """The gap at the points, averaged where the displacement is that it is compared with; collective."""
-        if boundary.averages is None:
-            return self._at_points(boundary, data)
         gap = np.zeros(boundary.size)
         for k, contact_data in enumerate(data):
             on_part = boundary.part == k
-            if contact_data.pair is not None or not averaging(self._space):
+            if boundary.averages is None or contact_data.pair is not None or not averaging(self._space):
                 gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
                 continue
             owned_gap = np.nan_to_num(contact_data.gap[: self._space.dofmap.index_map.size_local, None])

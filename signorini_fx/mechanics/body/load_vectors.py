@@ -240,8 +240,9 @@ Facets = Callable[[str], npt.NDArray[np.int32]]
 def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets, cuts: Cuts = NO_CUTS) -> list[Any]:
     """Integration over what each effect acts on, the body, or the facets of its boundary, without what jumps cut."""
     surfaces = [
-        np.setdiff1d(every, cuts[id(effect)].entities) if id(effect) in cuts else every
-        for effect, every in ((effect, facets(effect.where)) for effect in effects if effect.where is not None)
+        np.setdiff1d(facets(effect.where), cuts[id(effect)].entities) if id(effect) in cuts else facets(effect.where)
+        for effect in effects
+        if effect.where is not None
     ]
     ds = measure(space.mesh, surfaces, {})
     number = count(1)
@@ -412,10 +413,9 @@ def _compiled(
         return "", None
     space, inventory = on.space, on.inventory
     element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets, cuts)
-    degrees = ({"quadrature_degree": effect.degree(element)} for effect in effects)
     terms = [
-        integrand(effect) * on.around * d(metadata=degree)
-        for effect, d, degree in zip(effects, where, degrees, strict=True)
+        integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(element)})
+        for effect, d in zip(effects, where, strict=True)
     ]
     name = " + ".join(effect.name for effect in effects)
     return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))

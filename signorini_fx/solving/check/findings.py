@@ -53,14 +53,14 @@ def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
         estimates: whether to include findings based on estimated displacements, which a solution replaces.
     """
     statement, data = body.statement, body.data
-    note = body.tagged.note
+    note, paired = body.tagged.note, any(effect.against is not None for effect in statement.contact)
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
     findings += [Finding("note", "mesh", note)] if note else []
     findings += [
         *_pieces(body),
         *_locking(body),
         *_idle(body),
-        *_across_bodies(statement),
+        *(_across_bodies(statement) if paired else ()),
         *equilibrium(body),
         *jumping_loads(body),
     ]
@@ -84,7 +84,7 @@ def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
             *_regularisation(statement, data, body.scales.gamma),
             *_monolithic(statement),
         ]
-        if any(effect.against is not None for effect in statement.contact):
+        if paired:
             from signorini_fx.solving.check.bodies import paired_findings
 
             findings += paired_findings(body, moved if estimates else 0.0)
@@ -112,8 +112,6 @@ def _locking(body: Model) -> list[Finding]:
 
 def _across_bodies(statement: Statement) -> list[Finding]:
     """Values at points that are interpolated over all bodies, where these touch: each body may have its own there."""
-    if not any(contact.against for contact in statement.contact):
-        return []
     message = (
         "its values are interpolated between points of all bodies, of another one beside them where they touch: give "
         "each body a file of its own, with region"
