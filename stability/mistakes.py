@@ -366,7 +366,7 @@ MUTANTS = (
         "boundary.part == k",
         "boundary.part <= k",
         "gap of a boundary on those before it",
-        within="Foundations._at_points",
+        within="Foundations._gap",
         tests=("patch_anywhere::test_two_foundations",),
     ),
     # --- the boundary ------------------------------------------------------------------------------------------------
@@ -2451,8 +2451,8 @@ MUTANTS = (
     ),
     Mutant(
         "body/deformation",
-        'np.einsum("ijc,ijc->c", gradient, gradient)',
-        'np.einsum("ijc,ijc->c", gradient + gradient.swapaxes(0, 1), gradient) / 2',
+        'np.einsum("ijc,ijc->c", slopes, slopes)',
+        'np.einsum("ijc,ijc->c", slopes + slopes.swapaxes(0, 1), slopes) / 2',
         "deformation: rotation not counted",
         tests=("traps",),
     ),

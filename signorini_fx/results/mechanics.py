@@ -120,7 +120,9 @@ class StatedMechanics:
         return model
 
 
-def loads_of(forces: NodalForces, y: fem.Function, step: float) -> list[tuple[str | None, str, npt.NDArray[np.float64]]]:
+def loads_of(
+    forces: NodalForces, y: fem.Function, step: float
+) -> list[tuple[str | None, str, npt.NDArray[np.float64]]]:
     """The loads of a statement and what resists a displacement, those of one kind and place together, see
     ``ActingForces``; collective.
     """

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.promised_law import UNREGULARISED, Law
+from signorini_fx.results.certificate.promised_law import UNREGULARISED
 
 # The algorithms whose result is to have no regularisation.
 _UNREGULARISED = ("alm", "exact")
@@ -97,7 +97,7 @@ def asked_law(
     if not given:
         return AskedLaw("", delivered, "")
     asked = ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
-    others = [step for step, law in laws.items() if not _has(law, given)]
+    others = [step for step, law in laws.items() if any(getattr(law, name) != value for name, value in given.items())]
     if not others:
         return AskedLaw(asked, delivered, "", "solver.gamma_n")
     told = (
@@ -105,10 +105,6 @@ def asked_law(
         f"{_where(laws, others)}; lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
     )
     return AskedLaw(asked, delivered, told, "solver.gamma_n")
-
-
-def _has(law: Law, given: dict[str, float]) -> bool:
-    return all(getattr(law, name) == value for name, value in given.items())
 
 
 def _beside(settings: SolverSettings) -> str:

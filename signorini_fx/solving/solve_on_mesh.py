@@ -20,6 +20,7 @@ from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.discretisation import discretise, friction_of, placed
+from signorini_fx.mechanics.body.first_sets import first_sets
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -38,7 +39,7 @@ from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.data_at_times import stated_body
-from signorini_fx.solving.first_start import first_sets, first_start
+from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.ramp import Increments

@@ -224,7 +224,7 @@ def certified_result(
     (task, start, last), unknowns = begun, outcome.displacement()
     displacement = model.from_rest(task.rest, unknowns)
     contact = None if model.boundary is None else replace(model.state(task, outcome, start), joint=joint)
-    rigid = model.rigid.moved(model.driven(unknowns, task.rest))
+    rigid = model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
     certificate = judge.certified(
         model,
         displacement,

@@ -93,7 +93,8 @@ class ContactTable:
             rows = path[:-1] if is_closed(path) else path
             inside = mask[rows].astype(np.int64)
             enters = np.diff(inside, prepend=0, append=0)
-            first, last = rows[np.flatnonzero(enters == 1)], rows[np.flatnonzero(enters == -1) - 1]
+            starts, stops = np.flatnonzero(enters == 1), np.flatnonzero(enters == -1)
+            first, last = rows[starts], rows[stops - 1]
             if is_closed(path) and len(first) > 1 and inside[0] and inside[-1]:
                 first, last = first[1:], np.append(last[1:-1], last[0])
             runs += [(path, int(a), int(b)) for a, b in zip(first, last, strict=True)]

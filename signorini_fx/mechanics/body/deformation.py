@@ -45,8 +45,8 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
     grad u is evaluated at the midpoint of each cell.
     """
     pieces = body.motions.pieces
-    gradient_of_cell, areas = _gradients(body, displacement)
-    squares = np.einsum("ijc,ijc->c", gradient_of_cell, gradient_of_cell)
+    slopes, areas = _gradients(body, displacement)
+    squares = np.einsum("ijc,ijc->c", slopes, slopes)
     of_cell = pieces.of_cell[: areas.size]
     total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
     gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())

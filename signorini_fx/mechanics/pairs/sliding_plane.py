@@ -267,7 +267,12 @@ class _SeenVertices:
         at_vertices = s[:, None, None]
         functions *= slave.measured(facets, at_vertices, slave.sizes(facets, at_vertices))
         around = np.column_stack((slave.neighbours.around[facets], len(slave.x) + vertices))
-        return cls(slave.points[facets], functions * rate[:, None], _components(around), passing.reshape(len(moved), 2 * moved.shape[1]))
+        return cls(
+            slave.points[facets],
+            functions * rate[:, None],
+            _components(around),
+            passing.reshape(len(moved), 2 * moved.shape[1]),
+        )
 
     def entries(self, nodal: Array) -> tuple[Array, Indices, Indices]:
         """What forces of the functions of the nodes of the slave, shape (N,), add to the tangent, with the rows and
@@ -350,5 +355,8 @@ def _components(nodes: Indices) -> Indices:
 
 def _entries(blocks: Array, unknowns: Indices) -> tuple[Array, Indices, Indices]:
     """Blocks of some unknowns, shapes (p, l, l) and (p, l), as values with their rows and columns, shape (e,) each."""
-    rows, columns = np.broadcast_to(unknowns[:, :, None], blocks.shape), np.broadcast_to(unknowns[:, None], blocks.shape)
+    rows, columns = (
+        np.broadcast_to(unknowns[:, :, None], blocks.shape),
+        np.broadcast_to(unknowns[:, None], blocks.shape),
+    )
     return blocks.ravel(), rows.ravel(), columns.ravel()

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
+from signorini_fx.mechanics.body.first_sets import first_sets
 from signorini_fx.mechanics.model import Model
-from signorini_fx.solving.first_start import first_sets
 
 
 def refuse_beforehand(model: Model) -> None:
