@@ -121,7 +121,7 @@ def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
         FormError: with all errors.
     """
     contacts = [contact] if isinstance(contact, Foundation | Pair) else list(contact or [])
-    problems: list[tuple[str, str]] = [] if contacts else [("contact", "is empty: without it, dolfinx alone will do")]
+    problems = list[tuple[str, str]]()
     for k, entry in enumerate(contacts):
         if not isinstance(entry, Foundation | Pair):
             problems.append((f"contact[{k}]", f"must be a Foundation or a Pair, not {kind_of(entry)}"))

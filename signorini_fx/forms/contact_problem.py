@@ -53,7 +53,7 @@ class ContactProblem(ProblemOfForms):
             cells in space, a section, too.
         L: a linear form on the same space.
         bcs: Dirichlet conditions as dolfinx makes them; where two meet the later one applies.
-        contact: the foundations, and the pairs of bodies that can touch.
+        contact: the foundations, and the pairs of bodies that can touch; none: the body alone.
         u: the Function that takes the solution; None: a new one.
         petsc_options_prefix: of the options of this problem in PETSc's database.
         petsc_options: options without that prefix, for the SNES, its KSP and PC.
@@ -172,7 +172,8 @@ class ContactProblem(ProblemOfForms):
 
         Raises:
             RuntimeError: the problem was given no ``stress``.
-            FormError: see ``stress``; or the forms are multiplied by a measure, which the estimate does not know.
+            FormError: see ``stress``; or the forms are multiplied by a measure, which the estimate does not know; or
+                there is no contact.
         """
         return errors_of(self.assembled, self.stress)
 
@@ -303,6 +304,8 @@ class ContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution to differentiate")
         if self.tools:
             raise RuntimeError("derivatives by what moves a foundation are those of scenes")
+        if not self.contact:
+            raise FormError([("contact", "there is none: a problem without contact is linear")])
         solved = solver.elastic, solver.task, solver.outcome, solver.begun, self.state, self.u, solver.law_now()
         return add_on("gradient")(of, by, solver.model, solved, solver.data_now)
 

@@ -45,7 +45,7 @@ def elastic_body(
     a: fem.Form,
     bcs: Sequence[fem.DirichletBC],
     fixed: npt.NDArray[np.bool_],
-    boundary: ContactBoundary,
+    boundary: ContactBoundary | None,
     settings: SolverSettings,
     **more: Any,
 ) -> ElasticBody:
@@ -56,7 +56,7 @@ def elastic_body(
         a: the form.
         bcs: the supports.
         fixed: see ``ElasticBody``.
-        boundary: the contact points.
+        boundary: the contact points; None: there are none.
         settings: how it is to be solved.
         more: ``beside``, ``definite`` and ``symmetric``.
 
@@ -164,7 +164,8 @@ def scales_of(
 ) -> Scales:
     """Size of a body, and its modulus, the scale of gamma; collective.
 
-    Where the modulus is not known it is that of the stiffness near the contact points.
+    Where the modulus is not known it is that of the stiffness near the contact points; without contact that of the
+    whole body, from a mean of what nodes meet that move alone, about E h^(d - 2).
 
     A point that moves alone strains the cells around it, which are of the size l along the boundary and h across it:
     per area it meets about E (1 / h + h / l^2).
@@ -181,9 +182,13 @@ def scales_of(
     space, diagonal = body.space, body.stiffness.getDiagonal()
     if body.relative is not None:  # what turning normals do to rigid bodies is no stiffness of the body
         diagonal.getArray()[body.fixed.size :] = 0.0
-    stiffness = body.contact.stiffness(diagonal)
-    mesh = space.mesh
-    dim, listed = mesh.topology.dim, np.concatenate(list(facets))
+    mesh, dim = space.mesh, space.mesh.topology.dim
+    if body.boundary is None:
+        free = diagonal.getArray(readonly=True)[~body.prescribed]
+        units = mesh.h(dim, np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)) ** (dim - 2)
+        totals = parallel.global_sum(boundary.comm, np.array([free.sum(), free.size, units.sum(), units.size]))
+        return Scales(dim, float(totals[0] * totals[3] / (totals[1] * totals[2])), size)
+    stiffness, listed = body.contact.stiffness(diagonal), np.concatenate(list(facets))
     across = 2 * (
         dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, listed)[:, 0])
         - dmesh.compute_midpoints(mesh, dim - 1, listed)

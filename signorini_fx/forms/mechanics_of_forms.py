@@ -39,7 +39,7 @@ from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tra
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.mechanics import Mechanics
-from signorini_fx.results.resultants import ActingForces
+from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
@@ -142,9 +142,10 @@ class FormMechanics(Mechanics):
         return stated_body(self.forms, self.fixed, self.values, model)
 
 
-def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[tuple[str | None, str, Nodal]]:
-    """The loads of UFL forms, and what resists the displacement on the boundary, see ``ActingForces``; of compiled forms
-    nothing is known.  A load belongs to each part of the boundary that holds all facets of its integral; collective.
+def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[NamedForces]:
+    """The loads of UFL forms, and what resists the displacement on the boundary, see ``ActingForces``; of compiled
+    forms nothing is known.  A load belongs to each part of the boundary that holds all facets of its integral;
+    collective.
     """
     comm, dim = forms.mesh.comm, forms.mesh.geometry.dim
     nodes = np.arange(y.x.array.size // dim, dtype=np.int32)
@@ -172,7 +173,7 @@ def acting_on(
     balance: Balance,
     boundaries: Mapping[str, Facets],
     fixed: npt.NDArray[np.bool_],
-    loads: Iterable[tuple[str | None, str, Nodal]],
+    loads: Iterable[NamedForces],
     *,
     displaced: bool = False,
 ) -> ActingForces:

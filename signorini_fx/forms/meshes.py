@@ -62,6 +62,8 @@ class FormsOnMesh:
         problem, at = result if isinstance(result, tuple) and len(result) == 2 else (result, None)
         if not isinstance(problem, ContactProblem):
             raise FormError([("make", f"must return a ContactProblem, not {kind_of(problem)}")], "make")
+        if not problem.contact:
+            raise FormError([("make", "must return a problem with contact; others need no sequence of meshes")], "make")
         if (at is None) is self.path.several:
             wanted = "(problem, at), as run takes at" if self.path.several else "the problem alone without a path"
             raise FormError([("make", f"must return {wanted}")], "make")

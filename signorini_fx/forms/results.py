@@ -69,9 +69,11 @@ def errors_of(solver: FormSolver, stress: RawStresses) -> Errors:
     """Estimated errors of the last solution, see ``ContactProblem.errors``; ``stress``: of it; collective.
 
     Raises:
-        FormError: the forms are multiplied by a measure, which the estimate does not know.
+        FormError: the forms are multiplied by a measure, which the estimate does not know; or there is no contact.
     """
     forms, outcome = solver.forms, solver.outcome
+    if not forms.contact:
+        raise FormError([("contact", "there is none, and no error of its pressure: of the stress see stress.error")])
     if forms.weighted:
         raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
     assert outcome is not None

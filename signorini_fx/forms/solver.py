@@ -287,13 +287,14 @@ class FormSolver:
         if result is None:
             unknowns, rest = outcome.displacement(), self.task.rest
             displacement = self.elastic.from_rest(rest, unknowns)
-            self._state = self.elastic.state(self.task, outcome, self.begun)
             self.tools = self.rigid.moved(self.elastic.driven(unknowns, rest))
             self.status, self.certificate, self.deformation = outcome.status, None, None
         else:
             result.displacement.name = self.u.name
-            displacement, self._state, self.tools = result.displacement, result.contact, result.tools
+            displacement, self.tools = result.displacement, result.tools
             self.status, self.certificate, self.deformation = result.status, result.certificate, result.deformation
+        shown = None if result is None else result.contact
+        self._state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary) if shown is None else shown
         self.u.x.array[:] = displacement.x.array
         self.fields.take(self.space, self.state)
         if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
@@ -392,7 +393,8 @@ class FormSolver:
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         """See ``elastic_body``."""
-        return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, self.settings)
+        points = boundary if self.contact else None
+        return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, self.settings)
 
     def _forces(self) -> Array:
         """The right-hand side without what is prescribed, shape (owned dofs,); collective."""

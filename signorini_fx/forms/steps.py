@@ -80,7 +80,10 @@ class FormPlaces:
         solver.return_to(self.beginning)
         with body.timings.phase("assemble"):
             self.clock.turn(self.path.time_at(path_step))
-            solver.begun = start = solver.begin_step()
+            start = solver.begin_step()
+        if end is None:  # without contact nothing of the last step but its number counts
+            start = replace(start, step=first.step)
+        solver.begun = start
         body = replace(body, model=solver.model(self.path), judge=solver.mechanics)
         return BegunStep(body, solver.task, start, solver.previous_step)
 

@@ -204,9 +204,8 @@ def residual_of(
     """
     space = stress.displacement.function_space
     mesh, dim = space.mesh, stress.kinematics.dimension
-    traction_facets = np.setdiff1d(dmesh.exterior_facet_indices(mesh.topology), np.concatenate(list(contact))).astype(
-        np.int32
-    )
+    exterior, touching = dmesh.exterior_facet_indices(mesh.topology), np.concatenate([np.zeros(0, np.int32), *contact])
+    traction_facets = np.setdiff1d(exterior, touching).astype(np.int32)
     held = fixed.reshape(-1, dim)[facet_nodes(space, traction_facets)].all(axis=1)
     integrals = [
         integral for form in forms for integral in form.integrals() if integral.integral_type() == "exterior_facet"

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
@@ -17,7 +15,7 @@ from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import sides_of
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
-from signorini_fx.results.resultants import ActingForces
+from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses, Stresses
 
 if TYPE_CHECKING:
@@ -120,9 +118,7 @@ class StatedMechanics:
         return model
 
 
-def loads_of(
-    forces: NodalForces, y: fem.Function, step: float
-) -> list[tuple[str | None, str, npt.NDArray[np.float64]]]:
+def loads_of(forces: NodalForces, y: fem.Function, step: float) -> list[NamedForces]:
     """The loads of a statement and what resists a displacement, those of one kind and place together, see
     ``ActingForces``; collective.
     """

@@ -24,6 +24,8 @@ from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
+# A part of the boundary, None for the body; what acts there, in words; the forces, shape (owned nodes, d).
+NamedForces = tuple[str | None, str, Array]
 
 
 @dataclass(frozen=True)
@@ -90,15 +92,14 @@ class ActingForces:
         balance: the forces.
         supports: the name of the part of the boundary, or of the point, that each number in ``balance.supports.by``
             stands for; None: it stands for none.
-        loads: loads and what resists the displacement: the part of the boundary, None for the body; what acts, in
-            words; the forces, shape (owned nodes, d).
+        loads: loads and what resists the displacement.
         names: of the parts of the boundary with any of them, in the order in which they are listed; None: the body.
         displaced: whether they act at the displaced points, as on a body with large displacements.
     """
 
     balance: Balance
     supports: Sequence[str | None]
-    loads: Sequence[tuple[str | None, str, Array]]
+    loads: Sequence[NamedForces]
     names: Sequence[str | None]
     displaced: bool = False
 
@@ -189,7 +190,7 @@ class Resultants:
 
     @cached_property
     def _moved(self) -> Array:
-        """By how much nodes are moved from where forces would act on a body with small displacements, shape (nodes, d)."""
+        """By how much nodes are moved to where forces act on a body with large displacements, shape (nodes, d)."""
         y = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
         return np.asarray(y if self.acting.displaced else np.zeros_like(y))
 

@@ -39,6 +39,7 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.nonlinear_stresses import NonlinearStresses, StatesOnPath
+from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
@@ -302,7 +303,7 @@ class OpinionOfScene(SecondOpinion):
             for load in problem.body.pressures.effects
         ]
 
-        def loads(path_step: float) -> list[tuple[str | None, str, Array]]:
+        def loads(path_step: float) -> list[NamedForces]:
             acting = [load for load in anew.statement.of(Force) if load.acts]
             return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting] + followers
 

@@ -36,7 +36,8 @@ def newton_effects(
     ProblemOfScene.of(statement, body, History())
     large = any(getattr(material, "finite", False) for material in statement.material)
     kind = f"{statement.kinematics_in(body.tagged.dimension).words}, {'finite' if large else 'small'} strains"
-    why = f"always; {kind}, Newton's method with the contact problem of its tangent in each iteration"
+    inner = " with the contact problem of its tangent in each iteration" if statement.contact else ""
+    why = f"always; {kind}, Newton's method{inner}"
     later_steps = statement.expected_steps - 1
     changed: dict[str, dict[str, Any]] = {
         "elasticity": {"name": "nonlinear body", "why": why, "forms": RESIDUAL_FORMS, "solves": NEWTON_SOLVES},

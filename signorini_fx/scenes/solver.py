@@ -125,8 +125,6 @@ def _checkpoint(
     without = None
     if scene.accuracy is not None:
         without = "a run with a requested accuracy"
-    elif not scene.contact:
-        without = "a scene without contact"
     elif not (scene.statement.several_steps or scene.statement.nonlinear) and scene.solver.levels == 1:
         without = "a scene with one load step on one mesh"
     elif any(effect.friction.timed for effect in scene.contact):  # nor is the law of a load step

@@ -24,7 +24,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.problem.exact import ExactProblem
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, no_points
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
@@ -171,8 +171,8 @@ class MeshCheckpoint:
             marks: numbers of linear solves, regularised problems and events before it.
             beside: further displacements, see ``Checkpoint.write``.
         """
-        problem, history, body, boundary = outcome.problem, task.history, stepped.model, stepped.model.boundary
-        assert boundary is not None
+        problem, history, body = outcome.problem, task.history, stepped.model
+        boundary = body.boundary or no_points(body.space)
         tangents, cotangents, sets = boundary.tangents, boundary.cotangents, problem.sets
         nodal: dict[str, Nodal] = {
             "contact": sets.contact.astype(np.float64),
@@ -224,8 +224,7 @@ class MeshCheckpoint:
         figures = self.checkpoint.figures(self.level, start.step)
         if figures is None:
             return None
-        body, boundary = stepped.model, stepped.model.boundary
-        assert boundary is not None
+        body, boundary = stepped.model, stepped.model.boundary or no_points(stepped.model.space)
         stored = self.checkpoint.read(self.level, start.step, body.space, boundary, stepped.size)
         if stored is None:
             self.forget(start.step)

@@ -848,7 +848,6 @@ def bad(**changes):
         ({"bcs": [1]}, r"bcs\[0\]: must be a DirichletBC"),
         ({"bcs": "other"}, r"bcs\[0\]: is on another space"),
         ({"bcs": "held"}, r"contact\[0\]: bcs prescribe"),
-        ({"contact": None}, "contact: is empty"),
         ({"contact": [3]}, r"contact\[0\]: must be a Foundation"),
         ({"contact": "inner"}, r"contact\[0\].facets: \d+ of its \d+ facets are not on the boundary"),
         ({"contact": "none"}, r"contact\[0\].facets: there are none"),

@@ -82,7 +82,6 @@ REFUSED = {
         "material": material("j2", hardening=[[0.1, 2e3], [0.2, 1.5e3]])
     },
     "material.c10: must be above 0, or c01": {"material": material("mooney-rivlin", c10=0.0, c01=0.0)},
-    "a nonlinear body without contact is not possible yet": {"contact": [], "load_steps": {}},
 }
 
 

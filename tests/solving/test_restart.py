@@ -735,7 +735,6 @@ def test_a_file_that_has_changed(tmp_path, of):
             "a scene with one load step on one mesh has no",
         ),
         (PUSHED + "[accuracy]\ntarget = 0.1\n", "a run with a requested accuracy has no checkpoint to go on from"),
-        (PUSHED.partition("[[contact]]")[0], "a scene without contact has no checkpoint"),
         (
             PUSHED.replace("0.3 }\n", '"0.3 + 0.01 * t" }\n').replace('poisson = "0.3 + 0.01 * t"', "poisson = 0.3"),
             "friction that",

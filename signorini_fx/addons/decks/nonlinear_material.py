@@ -143,7 +143,6 @@ def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) 
         (heated, "with temperature"),
         (bool(deck.links), "with links between nodes"),
         (bool(deck.bolts), "with a preload"),
-        (not contacts, "without contact"),
     ):
         if wrong:
             return words

@@ -409,7 +409,8 @@ class LinearisedProblem(FormSolver):
         if self._one_body and definite:
             beside["far"] = self._retained.far_points(boundary, self._state, self.shapes, self.prescribed)
         try:
-            return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, boundary, settings, **beside)
+            points = boundary if self.contact else None
+            return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, settings, **beside)
         except MatrixError as error:
             if error.fault is not MatrixFault.NOT_SYMMETRIC:
                 raise
@@ -687,7 +688,7 @@ class LinearisedProblem(FormSolver):
         shape (n,).
         """
         part, state = self.state.boundary.part, self.state
-        rough = np.array([entry.friction is not None or entry.bonded for entry in self.contact])[part]
+        rough = np.array([entry.friction is not None or entry.bonded for entry in self.contact], dtype=bool)[part]
         acts = state.in_contact | (state.bound > 0.0)
         return np.asarray(rough & acts & (state.direction == 0.0).all(axis=1))
 

@@ -18,7 +18,7 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.mechanics import Mechanics
-from signorini_fx.results.resultants import ActingForces
+from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses
 
 
@@ -42,7 +42,7 @@ class ResidualMechanics(Mechanics):
     contact_sides: Sequence[ContactSide]
     boundaries: Mapping[str, Facets]
     fixed: npt.NDArray[np.bool_]
-    loads: Callable[[float], Sequence[tuple[str | None, str, npt.NDArray[np.float64]]]] = lambda step: ()
+    loads: Callable[[float], Sequence[NamedForces]] = lambda step: ()
     steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
     displaced: bool = True
     stresses: Callable[[Model, Sequence[fem.Function]], RawStresses] | None = None

@@ -142,7 +142,7 @@ class EquilibriumSolver:
             moving.check(number, self.linear.space.mesh.comm)
         last = self.last = self.last or self.snapshot()
         self.certificate, self.status, self.without, self._detail = None, None, "", ""
-        solves = len(self.linear.history.iterations)
+        self.linear_solves, solves = 0, len(self.linear.history.iterations)
         try:
             with self.timings.phase("iterate"):
                 status = self._iterate(damps=damps)
@@ -153,7 +153,7 @@ class EquilibriumSolver:
         except Exception:
             self.go_back(last)
             raise
-        self.status, self.linear_solves = status, len(self.linear.history.iterations) - solves
+        self.status, self.linear_solves = status, self.linear_solves + len(self.linear.history.iterations) - solves
         if status is Status.CONVERGED:
             return
         self.failure = outcomes.failure(status, self.certificate, self.without, self._detail)
@@ -307,6 +307,7 @@ class EquilibriumSolver:
                     raise
             finally:
                 linear.residual = None
+            self.linear_solves += 0 if linear.outcome is None else linear.outcome.unrecorded
             increment = linear.u.x.array - old
             at = old, increment, residual
             length, forces, descends = length_of_increment(linear, self.residual.at, at, search=search)

@@ -67,7 +67,7 @@ class NonlinearContactProblem(ProblemOfForms):
         u: the Function that takes the solution, in a vector Lagrange space of degree 1 or 2; its values are the first
             iterate.
         bcs: Dirichlet conditions as dolfinx makes them; their values may change between two solves.
-        contact: the foundations, and pairs of sides of the mesh.
+        contact: the foundations, and pairs of sides of the mesh; none: the body alone.
         J: the tangent, a form with two arguments, UFL or compiled; None: the derivative of ``F``.  Where it is not
             symmetric, as that of loads that follow the body, it is factorised as a whole.
         update: called before anything is assembled at new values of ``u``, such as to return stresses to a yield

@@ -74,7 +74,7 @@ class SolvedBody:
         number, y = linear.begun.step, u.copy()
         y.name = u.name
         deformation = deformation_of(linear.elastic, u, linear.scales.size)
-        reached = status, y, linear.state, certificate, deformation, solves
+        reached = status, y, linear.state if linear.contact else None, certificate, deformation, solves
         step = replace(step_result(counted_path(number), number, number, *reached), tools=linear.moving_tools.motions)
         forms, algebra = replace(linear.forms, contact=tuple(placed)), linear.task.linear_algebra
         return cls(forms, linear.elastic, linear.outcome, linear.begun.law, algebra, mechanics, step)

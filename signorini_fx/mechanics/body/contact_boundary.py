@@ -368,6 +368,23 @@ def contact_part(
     )
 
 
+def no_points(space: fem.FunctionSpace) -> ContactBoundary:
+    """The contact boundary of a body without contact."""
+    dim, nowhere = space.mesh.geometry.dim, np.zeros(0, dtype=np.int32)
+    return ContactBoundary(
+        comm=space.mesh.comm,
+        nodes=nowhere,
+        x=np.zeros((0, dim)),
+        weight=np.zeros(0),
+        normal=np.zeros((0, dim)),
+        part=nowhere,
+        free=np.zeros((0, dim), dtype=bool),
+        segments=segments_of(space, nowhere, 0, vertices=False),
+        global_nodes=nowhere.astype(np.int64),
+        kinematics=of_components(space.mesh.topology.dim, dim),
+    )
+
+
 def segments_of(
     space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, *, vertices: bool
 ) -> npt.NDArray[np.int64]:

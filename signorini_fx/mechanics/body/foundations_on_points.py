@@ -19,7 +19,13 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.body.averages import averaging, averaging_forms, from_owners
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
+from signorini_fx.mechanics.body.contact_boundary import (
+    ContactBoundary,
+    contact_part,
+    join,
+    no_points,
+    unit_contact_form,
+)
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
@@ -342,7 +348,7 @@ class Foundations:
             elif shape.factor is not None:
                 part = replace(part, normal=_axial(part.normal, shape.factor[part.nodes] == 0))
             parts.append(self._along(k, shape, part))
-        return join(parts)
+        return join(parts) if parts else no_points(self._space)
 
     def _along(self, number: int, shape: ShapeDistances, part: ContactBoundary) -> ContactBoundary:
         """The points of a contact with the axes of its friction."""

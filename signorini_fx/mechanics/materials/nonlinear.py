@@ -108,8 +108,6 @@ class NonlinearMaterial(Material):
             return
         if statement.kinematics not in KINDS:
             yield ("material", number, "hypothesis"), f"that of another package {_NOT_YET}"
-        if not statement.contact:
-            yield ("material", number, "law"), "a nonlinear body without contact is not possible yet: leave law out"
         for other, beside in enumerate(statement.material):
             if beside.linear and (beside.varies or not beside.isotropic):
                 yield ("material", other), "is not possible yet beside a nonlinear one: give regions of isotropic ones"

@@ -277,7 +277,7 @@ def judged(
         "potential_energy": strain_energy + stored / 2 - work,
     }
     volume = change_of_volume(balance, float(far.max()), strained)
-    if tractions is None:
+    if tractions is None or not sides:
         units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
         left, unjudged = equilibrium(balance, pieces, y, None, units, float(far.max()))
         return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)
