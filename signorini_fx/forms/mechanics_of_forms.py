@@ -24,7 +24,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.assembly import action, assemble, facet_nodes
 from signorini_fx.mechanics.body.foundations_on_points import FoundationData
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -32,10 +31,8 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.mechanics import Mechanics
@@ -82,38 +79,18 @@ class FormMechanics(Mechanics):
 
     def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
         """See ``Mechanics``."""
-        return self.contact_sides
-
-    @property
-    def contact_sides(self) -> list[ContactSide]:
-        """The parts of the boundary with contact."""
         forms = self.forms
         return sides_of(self.data, forms.contact, forms.facets, forms.masters, forms.space)
 
-    def balance(self, displacement: fem.Function) -> Balance:
-        """The forces on the body without contact; collective."""
+    def balance(self, model: Model, y: fem.Function, step: float) -> Balance:
+        """See ``Mechanics``: of the present values of the forms, wherever ``step`` is."""
         (a, L), dim = self.forms.compiled, self.forms.mesh.geometry.dim
         nodes = np.arange(self.values.size // dim, dtype=np.int32)
-        internal = action((a,), displacement, nodes).reshape(-1, dim)
-        surface = SurfaceQuadrature(displacement.function_space)
-        supports = prescribed_nodes(self.fixed, self.values, displacement.function_space)
+        internal = action((a,), y, nodes).reshape(-1, dim)
+        surface = SurfaceQuadrature(y.function_space)
+        supports = prescribed_nodes(self.fixed, self.values, y.function_space)
         external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
         return Balance(surface, internal, external, supports, self.scales, self.scales, nothing)
-
-    def certified(
-        self,
-        model: Model,
-        displacement: fem.Function,
-        tractions: Tractions | None,
-        *,
-        law: Law,
-        step: float,
-        last: PreviousStep | None,
-        rigid: tuple[RigidBodyMotion, ...],
-    ) -> Certificate:
-        """See ``results.certificate.certificate.judged``; of the present values of the forms, wherever ``step`` is."""
-        balance, drives = self.balance(displacement), [*zip(rigid, model.rigid.drives(), strict=True)]
-        return judged(displacement, balance, self.contact_sides, tractions, law=law, before=last, rigid=drives)
 
     def stress(
         self, model: Model | None, y: fem.Function, step: float, shared: dict[str, StressRecovery]
@@ -131,9 +108,10 @@ class FormMechanics(Mechanics):
 
     def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
         """See ``Mechanics``: what acts through the parts of the boundary that have names."""
+        balance = self.balance(model, y, step)
         if not self.settled:
-            return ActingForces(self.balance(y), (), (), ())
-        return acting_on(self.balance(y), self.forms.boundaries, self.fixed, loads_of(self.forms, model.tagged, y))
+            return ActingForces(balance, (), (), ())
+        return acting_on(balance, self.forms.boundaries, self.fixed, loads_of(self.forms, model.tagged, y))
 
     def stated(self, model: Model) -> Model:
         """See ``Mechanics``."""

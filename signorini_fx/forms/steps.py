@@ -84,7 +84,7 @@ class FormPlaces:
         if end is None:  # without contact nothing of the last step but its number counts
             start = replace(start, step=first.step)
         solver.begun = start
-        body = replace(body, model=solver.model(self.path), judge=solver.mechanics)
+        body = replace(body, model=solver.model(self.path), mechanics=solver.mechanics)
         return BegunStep(body, solver.task, start, solver.previous_step)
 
     def load(self, model: Model, system: ElasticSystem, path_step: float) -> Nodal:

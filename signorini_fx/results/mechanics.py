@@ -10,9 +10,10 @@ from dolfinx import fem
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.certificate import Certificate, balance_of, certify
+from signorini_fx.results.certificate.certificate import Certificate, balance_of, certify, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import sides_of
+from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.resultants import ActingForces, NamedForces
@@ -56,9 +57,31 @@ class Mechanics(Protocol):
         """
         ...
 
-    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
-        """What acts on the body at a displacement and a place in the lists of factors, beside contact; collective."""
+    def balance(self, model: Model, y: fem.Function, step: float) -> Balance:
+        """The forces on the body without contact at a displacement and a place in the lists of factors; collective."""
         ...
+
+    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
+        """The same with the names of what acts; collective."""
+        ...
+
+    def certified(
+        self,
+        model: Model,
+        displacement: fem.Function,
+        tractions: Tractions | None,
+        *,
+        law: Law,
+        step: float,
+        last: PreviousStep | None,
+        rigid: tuple[RigidBodyMotion, ...],
+    ) -> Certificate:
+        """The certificate of a result at a place; ``last``: the end of the last load step; for the other arguments see
+        ``results.certificate.certificate.certify``; collective.
+        """
+        balance, sides = self.balance(model, displacement, step), self.sides(model, displacement)
+        drives = [*zip(rigid, model.rigid.drives(), strict=True)]
+        return judged(displacement, balance, sides, tractions, law=law, before=last, rigid=drives)
 
     def stated(self, model: Model) -> Model:
         """The body with loads, supports and moduli as entries of its statement, which proofs read.
@@ -105,6 +128,10 @@ class StatedMechanics:
     def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
         """See ``Mechanics``."""
         return Stresses.of(model, y, step, shared)
+
+    def balance(self, model: Model, y: fem.Function, step: float) -> Balance:
+        """See ``Mechanics``."""
+        return balance_of(NodalForces(model.statement, model.tagged, y.function_space), y, step)
 
     def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
         """See ``Mechanics``."""

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.nonlinear.mechanics_of_residual import ResidualMechanics
+from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.newton import SecondOpinion
 from signorini_fx.forms.nonlinear.outcomes import advice_on
@@ -193,7 +193,8 @@ class ProblemOfScene(NonlinearContactProblem):
         """
         failures = list[Finding]()
         try:
-            self._run(self.statement.path, self.go_to, lambda step: None, stored)
+            with self._as_convergence_error():
+                self._continuation.along(self.statement.path, self.go_to, lambda step: None, stored)
         except ConvergenceError as error:
             if self._solver.solved is None:  # not even the body before the first one can be shown
                 raise

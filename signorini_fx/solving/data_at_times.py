@@ -65,8 +65,8 @@ def stated_body(model: Model, timings: Timings, renew: Callable[[Model], Task]) 
         timings: of the mesh.
         renew: makes the contact problem of a model whose foundations have moved.
     """
-    judge = StatedMechanics(NodalForces(model.statement, model.tagged, model.space))
-    return SteppedBody(model, model.statement.path, timings, StatedPlaces(renew), judge)
+    mechanics = StatedMechanics(NodalForces(model.statement, model.tagged, model.space))
+    return SteppedBody(model, model.statement.path, timings, StatedPlaces(renew), mechanics)
 
 
 def on_moved_foundations(

@@ -16,7 +16,6 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
 from signorini_fx.mechanics.body.joint_pressure import JointPressure
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -24,6 +23,7 @@ from signorini_fx.records import Finding, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.last_digits import status_by_digits
+from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
@@ -57,26 +57,6 @@ class Places(Protocol):
         ...
 
 
-class Judge(Protocol):
-    """What certifies the results of a body; a part of ``results.mechanics.Mechanics``."""
-
-    def certified(
-        self,
-        model: Model,
-        displacement: fem.Function,
-        tractions: Tractions | None,
-        *,
-        law: Law,
-        step: float,
-        last: PreviousStep | None,
-        rigid: tuple[RigidBodyMotion, ...],
-    ) -> Certificate:
-        """The certificate of a result at a place; ``last``: the end of the last load step; for the other arguments see
-        ``results.certificate.certificate.certify``; collective.
-        """
-        ...
-
-
 @dataclass(frozen=True)
 class SteppedBody:
     """A body that load steps lead through; all methods are collective.
@@ -86,14 +66,14 @@ class SteppedBody:
         path: the load steps.
         timings: of its mesh.
         places: gives the model of the next one.
-        judge: certifies the results of the present one.
+        mechanics: of the present one, which certifies its results.
     """
 
     model: Model
     path: LoadPath
     timings: Timings
     places: Places
-    judge: Judge
+    mechanics: Mechanics
 
     @property
     def size(self) -> float:
@@ -129,7 +109,7 @@ class SteppedBody:
         """
         with self.timings.phase("certify"):
             result = certified_result(
-                self.model, self.judge, self.path, (begun.task, begun.start, begun.last), outcome, joint
+                self.model, self.mechanics, self.path, (begun.task, begun.start, begun.last), outcome, joint
             )
             self.places.show(outcome, result)
         return result
@@ -214,7 +194,7 @@ class LoadStep(BegunStep):
 
 def certified_result(
     model: Model,
-    judge: Judge,
+    mechanics: Mechanics,
     path: LoadPath,
     begun: tuple[Task, Start, PreviousStep | None],
     outcome: Outcome,
@@ -225,7 +205,7 @@ def certified_result(
     displacement = model.from_rest(task.rest, unknowns)
     contact = None if model.boundary is None else replace(model.state(task, outcome, start), joint=joint)
     rigid = model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
-    certificate = judge.certified(
+    certificate = mechanics.certified(
         model,
         displacement,
         None if contact is None else Tractions.of(contact),

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -14,10 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import FormError
+from signorini_fx.forms.nonlinear import outcomes
+from signorini_fx.forms.nonlinear.leaps import SnapThrough
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
-from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, StepSizes, Way
+from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, RampStep, StepSizes, Way
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.records import Status
@@ -206,6 +208,43 @@ class ControlSteps(StepSizes):
     def size(self) -> float:
         """See ``StepSizes``."""
         return self._step
+
+
+def ramped(
+    continuation: Continuation,
+    sizes: LoadSizes,
+    apply: Callable[[float], object],
+    control: tuple[int, str] | None,
+    on_step: Callable[[RampStep], object],
+) -> list[RampStep]:
+    """The steps of a ramp, for the arguments see ``NonlinearContactProblem.ramp``; collective.
+
+    Raises:
+        NoEquilibrium, SnapThrough: it does not reach its load.
+        FormError: likewise, or an argument is wrong.
+    """
+    solver, steps, to = continuation.solver, list[RampStep](), sizes.to
+    assert to is not None
+    shapes, dimension = solver.linear.shapes, solver.u.function_space.mesh.geometry.dim
+    tool = None if control is None else Control.of(control, shapes, dimension)
+    places = [] if tool is None else [begins_to_move(tool, solver, apply, sizes, LOAD_DIFFERENCE * to)]
+    gone = [0.0]  # how far the load has gone, up and down
+
+    def named(load: float, step: StepResult) -> StepResult:
+        gone.append(gone[-1] + abs(load - (steps[-1].load if steps else 0.0)))
+        steps.append(RampStep(load, solver.iterations, step.linear_solves))
+        if tool is not None:
+            places.append(tool.position(shapes))
+        return replace(step, place=float(step.step - 1), time=gone[-1])
+
+    way = Way(sizes, apply, named, controlled=tool is not None)
+    try:
+        continuation.follow(way, lambda step: on_step(steps[-1]))
+    except (NoEquilibrium, SnapThrough):
+        if tool is None or not continuation.steps or solver.status in outcomes.NOT_A_LIMIT:
+            raise
+        beyond_limit(continuation, tool, way, to, places, lambda step: on_step(steps[-1]))
+    return steps
 
 
 def begins_to_move(

@@ -11,14 +11,15 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear import outcomes
+from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.leaps import Leaps, SnapThrough
-from signorini_fx.forms.nonlinear.mechanics_of_residual import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.restarted_body import RestartedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
-from signorini_fx.forms.nonlinear.step_sizes import Way
+from signorini_fx.forms.nonlinear.step_sizes import PathSizes, Way
 from signorini_fx.machine import parallel
-from signorini_fx.records import Status, Timings
+from signorini_fx.mechanics.statement.load_path import LoadPath
+from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.solution import StepResult
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.load_steps import Marks, Stepping
@@ -72,6 +73,31 @@ class Continuation:
             store=partial(self._store, way),
         )
         stepping.all(on_step, checkpoint)
+
+    def along(
+        self,
+        path: LoadPath,
+        apply: Callable[[float], object],
+        on_step: Callable[[StepResult], object],
+        checkpoint: MeshCheckpoint | None = None,
+    ) -> None:
+        """Solve the steps of a path by places instead of times; for the arguments see ``Way``; collective.
+
+        Raises:
+            NoEquilibrium, FormError: see ``follow``.
+        """
+        history = self.solver.linear.history
+
+        def named(end: float, step: StepResult) -> StepResult:
+            return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
+
+        def announce(end: float) -> None:
+            number = len(self.steps) + 1
+            history.move(step=number, steps=len(path.times))
+            if path.several:
+                history.add(StepRecord(number, path.name_at(end), path.time_at(end)))
+
+        self.follow(Way(PathSizes(path), apply, named, announce), on_step, checkpoint)
 
     def _next_step(self, way: Way) -> StepResult | None:
         """Solve the next step of a way; None: it has no solution and will be another one; collective.

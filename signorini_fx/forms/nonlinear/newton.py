@@ -21,10 +21,9 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault
 from signorini_fx.forms.nonlinear import outcomes
-from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics, certified, mechanics_at
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.mechanics_of_residual import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_pairs import alternating_points
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual

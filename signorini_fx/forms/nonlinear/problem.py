@@ -13,35 +13,30 @@ from typing import Any
 from dolfinx import fem
 
 from signorini_fx.forms.arguments import foundations_of
-from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.arguments import checked
-from signorini_fx.forms.nonlinear.displacement_control import Control, begins_to_move, beyond_limit
-from signorini_fx.forms.nonlinear.leaps import Leaps, SnapThrough
+from signorini_fx.forms.nonlinear.displacement_control import ramped
+from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
-from signorini_fx.forms.nonlinear.moving_pairs import sheared_across_gaps
 from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, PathSizes, RampStep, Way
+from signorini_fx.forms.nonlinear.results import findings_of
+from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, RampStep
 from signorini_fx.forms.nonlinear.tangent import Tangents
-from signorini_fx.forms.nonlinear.undeformed_pairs import facet_size, slid_past_partners
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
-from signorini_fx.forms.results import findings_of_last
 from signorini_fx.forms.steps import begun_path
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath
-from signorini_fx.records import Finding, Status, StepRecord
+from signorini_fx.records import Finding, Status
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
-from signorini_fx.solving.check.pushed_nodes import pushed_nodes
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.tuned import LOAD_DIFFERENCE, SMALLEST_STEP
+from signorini_fx.tuned import SMALLEST_STEP
 
 # Iterations of Newton's method, unless it is said otherwise.
 MOST_ITERATIONS = 30
@@ -176,19 +171,7 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        linear = self.linear
-        if linear.solved.state is None:
-            return ()
-        held = [pair.held_nodes(bilateral=self.contact[k].bilateral) for k, pair in linear.pairs.items()]
-        pushed = pushed_nodes(linear.space.mesh.comm, [held], linear.scales.size)
-        across = sheared_across_gaps(linear.pairs, linear.state)
-        sizes = {
-            number: facet_size(linear.space.mesh, linear.foundations.facets[number])
-            for number, entry in enumerate(self.contact)
-            if isinstance(entry, Pair) and not entry.sliding and not entry.bonded
-        }
-        past = slid_past_partners(linear.state, sizes)
-        return (*self._continuation.leaps.findings, *findings_of_last(linear), *pushed, *across, *past)
+        return findings_of(self.linear, self._continuation.leaps)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:
@@ -277,28 +260,9 @@ class NonlinearContactProblem(ProblemOfForms):
                 equilibrium is unstable, or its stability is not known.
             FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
         """
-        sizes, steps = LoadSizes(to, first, largest, smallest), list[RampStep]()
-        tool = None if control is None else Control.of(control, self.shapes, self.u.function_space.mesh.geometry.dim)
-        slightest = LOAD_DIFFERENCE * to
-        places = [] if tool is None else [begins_to_move(tool, self._solver, apply, sizes, slightest)]
-        gone = [0.0]  # how far the load has gone, up and down
-
-        def named(load: float, step: StepResult) -> StepResult:
-            gone.append(gone[-1] + abs(load - (steps[-1].load if steps else 0.0)))
-            steps.append(RampStep(load, self.iterations, step.linear_solves))
-            if tool is not None:
-                places.append(tool.position(self.shapes))
-            return replace(step, place=float(step.step - 1), time=gone[-1])
-
-        way = Way(sizes, apply, named, controlled=tool is not None)
+        sizes = LoadSizes(to, first, largest, smallest)
         with self._as_convergence_error():
-            try:
-                self._continuation.follow(way, lambda step: on_step(steps[-1]))
-            except (NoEquilibrium, SnapThrough):
-                if tool is None or not self._continuation.steps or self.status in outcomes.NOT_A_LIMIT:
-                    raise
-                beyond_limit(self._continuation, tool, way, to, places, lambda step: on_step(steps[-1]))
-        return steps
+            return ramped(self._continuation, sizes, apply, control, on_step)
 
     def run(
         self,
@@ -327,26 +291,6 @@ class NonlinearContactProblem(ProblemOfForms):
             FormError: see ``ramp``; or the folder is that of another problem or run.
         """
         path, clock, stored = begun_path(self.linear, path, at, folder, restart=restart)
-        self._run(path, lambda step: clock.turn(path.time_at(step)), on_step, stored)
-        return self.solution
-
-    def _run(
-        self,
-        path: LoadPath,
-        apply: Callable[[float], object],
-        on_step: Callable[[StepResult], object],
-        checkpoint: MeshCheckpoint | None = None,
-    ) -> None:
-        """``run`` by places instead of times; for the arguments see ``Way``; collective."""
-
-        def named(end: float, step: StepResult) -> StepResult:
-            return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
-
-        def announce(end: float) -> None:
-            number = len(self._continuation.steps) + 1
-            self.history.move(step=number, steps=len(path.times))
-            if path.several:
-                self.history.add(StepRecord(number, path.name_at(end), path.time_at(end)))
-
         with self._as_convergence_error():
-            self._continuation.follow(Way(PathSizes(path), apply, named, announce), on_step, checkpoint)
+            self._continuation.along(path, lambda step: clock.turn(path.time_at(step)), on_step, stored)
+        return self.solution

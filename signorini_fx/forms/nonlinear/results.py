@@ -12,14 +12,20 @@ from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.named_parts import named_parts
+from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
+from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.mechanics_of_residual import ResidualMechanics
+from signorini_fx.forms.nonlinear.moving_pairs import sheared_across_gaps
+from signorini_fx.forms.nonlinear.undeformed_pairs import facet_size, slid_past_partners
+from signorini_fx.forms.results import findings_of_last
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
+from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import Solution, StepResult
+from signorini_fx.solving.check.pushed_nodes import pushed_nodes
 from signorini_fx.solving.solve_on_mesh import algorithm_name, used_parameters
 from signorini_fx.solving.stepped_body import step_result
 
@@ -119,3 +125,25 @@ class SolvedBody:
             found=lambda: found,
             mechanics=self.mechanics,
         )
+
+
+def findings_of(linear: LinearisedProblem, leaps: Leaps) -> tuple[Finding, ...]:
+    """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective.
+
+    Args:
+        linear: the contact problem of the last iteration.
+        leaps: what the load steps have shown.
+    """
+    if linear.solved.state is None:
+        return ()
+    entries, mesh = linear.contact, linear.space.mesh
+    held = [pair.held_nodes(bilateral=entries[k].bilateral) for k, pair in linear.pairs.items()]
+    pushed = pushed_nodes(mesh.comm, [held], linear.scales.size)
+    across = sheared_across_gaps(linear.pairs, linear.state)
+    sizes = {
+        number: facet_size(mesh, linear.foundations.facets[number])
+        for number, entry in enumerate(entries)
+        if isinstance(entry, Pair) and not entry.sliding and not entry.bonded
+    }
+    past = slid_past_partners(linear.state, sizes)
+    return (*leaps.findings, *findings_of_last(linear), *pushed, *across, *past)
