@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,23 +12,32 @@ from signorini_fx.algebra.linalg.failures import memory_ended
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mechanics.mesh.zone_halving import halved_around, has_divisible_zone
 from signorini_fx.records import History
-from signorini_fx.results.accuracy.peak_error import Peak
+from signorini_fx.results.accuracy.peak_error import FinerZone, Peak
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
-from signorini_fx.tuned import ZONE_REACH
+from signorini_fx.tuned import LARGEST_ZONE, ZONE_HALVINGS, ZONE_REACH
 
 
-def peak_of_finer_zone(problem: MeshedProblem[Any], solved: SolvedMesh) -> Peak | None:
+def peak_of_finer_zone(
+    problem: MeshedProblem[Any],
+    solved: SolvedMesh,
+    *,
+    everywhere: bool = False,
+    allowed: Callable[[float], bool] = lambda growth: True,
+) -> FinerZone | None:
     """The largest pressure with halved cells in contact, from the contact state on the mesh; collective.
 
-    Where a mesh of all cells halved has four times the unknowns, this one has 5 to 30 % more.
+    Triangles in contact are halved twice, other cells once, quadrilaterals and hexahedra in whole rows; if all cells
+    are, once.  The linear solves count in the history of the problem.
 
     Args:
         problem: on the mesh, with which ``solved`` was made.
         solved: the mesh.
+        everywhere: whether all cells are halved.
+        allowed: whether a mesh with so many times the cells may be solved, the same on all ranks.
 
     Returns:
-        None without contact, for cells that are no triangles in the plane, for curved boundaries of forms whose names
-        the mesh does not know, and where there is no solution or, on one rank, not enough memory.
+        None without contact, for curved boundaries of forms whose names the mesh does not know, where the mesh would be
+        too large, and where there is no solution or, on one rank, not enough memory.
     """
     level, history = solved.level, problem.history
     if level is None or not has_divisible_zone(solved.tagged):
@@ -36,15 +46,22 @@ def peak_of_finer_zone(problem: MeshedProblem[Any], solved: SolvedMesh) -> Peak 
     pressed = columns["pressure"] > 0
     if peak.spacing <= 0:
         return None
-    points = np.column_stack((columns["x"], columns["y"]))[pressed]
+    points = np.column_stack([columns[axis] for axis in "xyz" if axis in columns])[pressed]
     names, against = solved.solution.statement.sides
     # Where straight facets stay when cells are divided, the polygon is the body.
     curved = set() if problem.polygonal else {name for name in (*names, *(against or ())) if name is not None}
     if not curved <= set(solved.tagged.boundaries):
         return None
-    own = History(limit=history.limit - history.linear_solves, is_late=history.is_late)
+    # What it records goes on from what there is, and is not shown.
+    own = History([*history.iterations], [*history.outer], limit=history.limit, is_late=history.is_late)
+    cells = solved.tagged.mesh.topology.index_map(solved.tagged.dimension)
+    reach = ZONE_REACH[level.dimension] * peak.spacing
+    times = 1 if everywhere else ZONE_HALVINGS.get(solved.tagged.mesh.topology.cell_name(), 1)
     try:
-        tagged = halved_around(solved.tagged, points, ZONE_REACH * peak.spacing, curved)
+        tagged = halved_around(solved.tagged, points, reach, curved, times=times, everywhere=everywhere)
+        growth = tagged.mesh.topology.index_map(tagged.dimension).size_global / cells.size_global
+        if not (growth <= LARGEST_ZONE[level.dimension] and allowed(growth)):
+            return None
         finer = replace(problem, history=own, stored=None).on(tagged).solved(0, solved.state, None)
     except SignoriniError:
         return None
@@ -52,10 +69,13 @@ def peak_of_finer_zone(problem: MeshedProblem[Any], solved: SolvedMesh) -> Peak 
         if problem.comm.size > 1 or not memory_ended(failure):
             raise
         return None
+    finally:
+        solves = own.linear_solves - history.linear_solves
+        history.recall(own.iterations[history.linear_solves :], own.outer[len(history.outer) :], ())
     if finer.level is None:
         return None
     history.add(
-        f"largest pressure: its error is told by halved cells in contact, {finer.level.dofs} unknowns, "
-        f"{own.linear_solves} linear solves"
+        f"largest pressure: its error is told by halved cells{'' if everywhere else ' in contact'}, "
+        f"{finer.level.dofs} unknowns, {solves} linear solves"
     )
-    return Peak.of(finer.level.table)
+    return FinerZone(Peak.of(finer.level.table), finer.level.energy)

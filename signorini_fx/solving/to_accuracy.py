@@ -23,6 +23,7 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import FEW_NODES, History, Status
 from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.peak_error import FinerZone
 from signorini_fx.results.accuracy.price_list import (
     Price,
     expected_rates,
@@ -115,10 +116,8 @@ def solve_to_accuracy(
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
         prices = partial(price_list, base_memory=budget.base_memory, rates=rates, uniform=not meshes.adaptive)
         rows = prices(levels) if len(levels) > 1 else []
-        # Of meshes that are divided here and there cells elsewhere count, which these do not show.
-        told = goal.of == "peak" and not meshes.adaptive
-        if told and rows and (rows[-2].peak or inf) <= ZONE_WORTH * goal.target:
-            zone = peak_of_finer_zone(meshes.problem, solved)
+        if goal.of == "peak" and rows and (rows[-2].peak or inf) <= ZONE_WORTH * goal.target:
+            zone, levels[-1] = _with_finer_zone(meshes, solved, levels[-1], partial(budget.exceeded, rows, last=level))
             levels[-1] = replace(levels[-1], seconds=parallel.clock(comm) - started)
             rows = prices(levels, zone=zone)
         solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
@@ -175,6 +174,28 @@ def solve_to_accuracy(
         elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             notify("accuracy: the regularisation leaves more, and gamma is as large as double precision allows")
             return replace(solution, status=Status.OUT_OF_REACH)
+
+
+def _with_finer_zone(
+    meshes: Meshes, solved: SolvedMesh, level: LevelResult, exceeded: Callable[[float], Exceeded | None]
+) -> tuple[FinerZone | None, LevelResult]:
+    """The largest pressure with halved cells in contact, see ``peak_of_finer_zone``, and the mesh with its cost but the
+    seconds.
+
+    Of meshes that are divided here and there all cells are halved: they do not show what is wrong elsewhere.
+    """
+    history = meshes.problem.history
+    before = history.linear_solves
+
+    def allowed(growth: float) -> bool:
+        return exceeded(fineness_of(growth, level.dimension)) is None
+
+    zone = peak_of_finer_zone(meshes.problem, solved, everywhere=meshes.adaptive, allowed=allowed)
+    own = history.iterations[before:]
+    factorisations = level.factorisations + sum(record.factorised for record in own)
+    memory = peak_memory(meshes.problem.comm)
+    solves = level.linear_solves + len(own)
+    return zone, replace(level, linear_solves=solves, factorisations=factorisations, memory=memory)
 
 
 def _smaller_mesh(

@@ -9,7 +9,7 @@ import pytest
 from surfaces import grid
 
 from signorini_fx.mechanics.body.contact_table import ContactTable
-from signorini_fx.results.accuracy.peak_error import Peak, peak_error, seen_from_finer, seen_from_zone
+from signorini_fx.results.accuracy.peak_error import FinerZone, Peak, peak_error, seen_from_finer, seen_from_zone
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "demos" / "studies"))
 
@@ -211,23 +211,33 @@ def test_meshes_that_tell_nothing_of_a_coarser_one():
 
 def test_halved_cells_in_contact_tell_the_error():
     """The top goes on by a third of its change, as with the rate 2; the nodes of the mesh itself missed its own top."""
-    coarse, zone = Peak(1.98, 2.0, 0.0, 0.2), Peak(2.06, 2.06, 0.0, 0.1)
+    coarse, halved = Peak(1.98, 2.0, 0.0, 0.2), Peak(2.06, 2.06, 0.0, 0.1)
+    zone = FinerZone(halved, 0.0)
     assert seen_from_zone(coarse, zone, 0.0) == pytest.approx(1 - 1.98 / 2.08)
     # Divided by four.
-    assert seen_from_zone(coarse, replace(zone, spacing=0.05), 0.0) == pytest.approx(1 - 1.98 / (2.06 + 0.06 / 15))
+    four = FinerZone(replace(halved, spacing=0.05), 0.0)
+    assert seen_from_zone(coarse, four, 0.0) == pytest.approx(1 - 1.98 / (2.06 + 0.06 / 15))
     # The error may be zero by chance.
     lucky = Peak(2.08, 2.0, 0.0, 0.2)
     assert seen_from_zone(lucky, zone, 0.0) == pytest.approx(0.0, abs=1e-12)
     assert 0.0 < seen_from_zone(lucky, zone, 0.05) < 0.05
-    assert 0.0 < seen_from_zone(lucky, replace(zone, scatter=0.01), 0.0) < 0.01
+    assert 0.0 < seen_from_zone(lucky, FinerZone(replace(halved, scatter=0.01), 0.0), 0.0) < 0.01
+
+
+def test_cells_elsewhere_add_the_square_of_their_error():
+    """Halved cells in contact do not show it: it is half of the squared error in the energy norm."""
+    coarse, halved = Peak(2.0, 2.0, 0.0, 0.2), Peak(2.0, 2.0, 0.0, 0.1)
+    assert seen_from_zone(coarse, FinerZone(halved, 0.1), 0.0) == pytest.approx(0.005)
+    both = seen_from_zone(replace(coarse, largest=1.98), FinerZone(halved, 0.1), 0.0)
+    assert both == pytest.approx(np.hypot(0.01, 0.005))
 
 
 def test_cells_that_are_not_halved_tell_nothing():
     """Or the contact is elsewhere on them."""
     coarse, zone = Peak(1.98, 2.0, 0.0, 0.2), Peak(2.06, 2.06, 0.0, 0.1)
-    assert seen_from_zone(coarse, replace(zone, spacing=0.2), 0.01) is None
-    assert seen_from_zone(coarse, Peak(0.0, 0.0, 0.0, 0.0), 0.01) is None
-    assert seen_from_zone(Peak(0.0, 0.0, 0.0, 0.0), zone, 0.01) is None
+    assert seen_from_zone(coarse, FinerZone(replace(zone, spacing=0.2), 0.1), 0.01) is None
+    assert seen_from_zone(coarse, FinerZone(Peak(0.0, 0.0, 0.0, 0.0), 0.1), 0.01) is None
+    assert seen_from_zone(Peak(0.0, 0.0, 0.0, 0.0), FinerZone(zone, 0.1), 0.01) is None
 
 
 def test_scatter_is_an_error_where_the_top_does_not_change():

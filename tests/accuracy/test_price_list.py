@@ -329,7 +329,7 @@ def test_one_more_solve_tells_the_error_of_the_largest_pressure(degree, contact_
     solution = solve(scene.model_copy(update={"accuracy": Accuracy(**goal)}), MPI.COMM_SELF, observers=[said.append])
     (told,) = (event for event in said if isinstance(event, str) and event.startswith("largest pressure:"))
     assert told in solution.history.events
-    assert int(re.search(r"(\d+) unknowns", told)[1]) < 2 * solution.model.dofs
+    assert int(re.search(r"(\d+) unknowns", told)[1]) < 3 * solution.model.dofs
     estimate, true = solution.price_list[-2].peak, abs(solution.table.columns["pressure"].max() / fine - 1)
     assert 0.5 <= estimate / true <= 2.0
     # Where another quantity is asked for, nothing is solved for the largest pressure.
@@ -343,7 +343,7 @@ def test_one_more_solve_that_fails(monkeypatch, failure):
     scene = half_disk_on(1, 0.3)
     goal = {"accuracy": Accuracy(target=0.05, of="peak")}
 
-    def fails(*given):
+    def fails(*given, **named):
         raise failure
 
     monkeypatch.setattr(finer_zone, "halved_around", fails)

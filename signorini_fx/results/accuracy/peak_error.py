@@ -37,6 +37,7 @@ from signorini_fx.tuned import (
     SAME_LENGTH,
     SCATTER_SHARE,
     SHARE_BESIDE_ZONE,
+    SHARE_ELSEWHERE,
     SHARE_OF_LAST_ERROR,
     SHARE_SEEN_BEFORE,
     SLOWEST_PEAK,
@@ -160,11 +161,25 @@ def seen_from_finer(
     return float(np.hypot(mesh.largest / better - 1, SHARE_OF_LAST_ERROR * error)) if better > 0 else None
 
 
-def seen_from_zone(last: Peak, zone: Peak, error: float) -> float | None:
+@dataclass(frozen=True)
+class FinerZone:
+    """The largest pressure on a mesh with halved cells in contact.
+
+    Attributes:
+        peak: on it.
+        energy: its estimated error in the energy norm, relative.
+    """
+
+    peak: Peak
+    energy: float
+
+
+def seen_from_zone(last: Peak, zone: FinerZone, error: float) -> float | None:
     """The relative error of the largest pressure on the last mesh, from the same mesh with halved cells in contact.
 
     What the top changes by, extrapolated, is the error.  As this may be zero by chance, the scatter around the top and
-    a share of the error that is estimated without this mesh count as well.
+    a share of the error that is estimated without this mesh count as well.  What is wrong elsewhere in the body, which
+    this mesh does not show, is about the square of its error in the energy norm (Aubin and Nitsche), or less.
 
     Args:
         last: on the last mesh.
@@ -174,12 +189,15 @@ def seen_from_zone(last: Peak, zone: Peak, error: float) -> float | None:
     Returns:
         None where the cells around the peak are no smaller.
     """
-    if min(last.largest, zone.largest, zone.spacing) <= 0 or last.spacing < FINER_FACTOR * zone.spacing:
+    peak = zone.peak
+    if min(last.largest, peak.largest, peak.spacing) <= 0 or last.spacing < FINER_FACTOR * peak.spacing:
         return None
-    better = zone.top + (zone.top - last.top) / ((last.spacing / zone.spacing) ** ZONE_RATE - 1)
+    better = peak.top + (peak.top - last.top) / ((last.spacing / peak.spacing) ** ZONE_RATE - 1)
     if not better > 0:
         return None
-    return float(np.linalg.norm([last.largest / better - 1, SCATTER_SHARE * zone.scatter, SHARE_BESIDE_ZONE * error]))
+    elsewhere = SHARE_ELSEWHERE * zone.energy**2
+    parts = [last.largest / better - 1, SCATTER_SHARE * peak.scatter, SHARE_BESIDE_ZONE * error, elsewhere]
+    return float(np.linalg.norm(parts))
 
 
 def peak_error(

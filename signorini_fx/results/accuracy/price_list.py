@@ -29,7 +29,7 @@ from signorini_fx.results.accuracy.contact_values import interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.forecast import grown, powers
 from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
-from signorini_fx.results.accuracy.peak_error import Peak, peak_error, seen_from_finer, seen_from_zone
+from signorini_fx.results.accuracy.peak_error import FinerZone, Peak, peak_error, seen_from_finer, seen_from_zone
 from signorini_fx.results.accuracy.pressure_error import peak_of
 from signorini_fx.tuned import (
     CHANGES_USED,
@@ -132,7 +132,7 @@ def price_list(
     *,
     rates: Mapping[str, float] = EXPECTED_RATES,
     uniform: bool = True,
-    zone: Peak | None = None,
+    zone: FinerZone | None = None,
 ) -> list[Price]:
     """The rows for the meshes that were solved, coarsest first, and one for the next.
 
