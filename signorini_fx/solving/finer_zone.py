@@ -42,6 +42,8 @@ def peak_of_finer_zone(
     level, history = solved.level, problem.history
     if level is None or not has_divisible_zone(solved.tagged):
         return None
+    if everywhere and 2**level.dimension > LARGEST_ZONE[level.dimension]:
+        return None
     peak, columns = Peak.of(level.table), level.table.columns
     pressed = columns["pressure"] > 0
     if peak.spacing <= 0:
