@@ -7,8 +7,8 @@ cells are halved from mesh to mesh, the first with a third of the half width of 
 asked for its largest pressure with ``refinement = "adaptive"`` too.  The reference is the top of the pressure on finer
 meshes of degree 2, extrapolated; how far it may be wrong is half of what that adds, and errors of less than three times
 this are left out.  Of meshes before the last one the last one tells the error, and of this one the same with halved
-cells in contact, as where the largest pressure is asked for.  Seeds 1, 2 and 21 to 24 are those that the estimates were
-tuned on.  Written are largest_pressure.csv and what is printed.
+cells in contact, as where the largest pressure is asked for.  Seeds 1, 2, 21 to 24, 51 and 52 are those that the
+estimates were tuned on.  Written are largest_pressure.csv and what is printed.
 
 An error passes through zero where nodes miss the top by as much as it is wrong, which no estimate can see: then the
 ratio is large by chance.  A ratio below 1/2 is the worse one.
