@@ -181,7 +181,9 @@ def from_rest(
         moved: by which the foundations have moved at the points since, length, shape (n, d).
     """
     before = PreviousStep(fem.Function(space), Tractions.none(boundary), moved=moved)
-    return replace(start, data=replace(start.data, slip_origin=np.asarray(_along(boundary, moved)))), before
+    resting = start.data.slip_origin  # of a body that contact alone holds: not zero where it has come to rest
+    origin = np.asarray(_along(boundary, moved)) + (0.0 if resting is None else resting)
+    return replace(start, data=replace(start.data, slip_origin=origin)), before
 
 
 def _along(boundary: ContactBoundary, moved: Array | None) -> Any:

@@ -94,4 +94,10 @@ def on_moved_foundations(
     x, free = moved.unknowns(end.before.displacement), ~moved.fixed
     if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone
         task.iterate.x.getArray()[free] = x.getArray(readonly=True)[free]
-    return end.begins_on(moved.boundary, task.start.data, moved.law, moved_since(moved, earlier.statement))
+    begun, _ = end.seen_from(moved.boundary, held=True)
+    if task.rest is not None:  # contact alone holds the body, which comes to rest elsewhere with another gap
+        origin = begun.data.slip_origin
+        assert origin is not None
+        begun = replace(begun, data=replace(begun.data, slip_origin=origin - task.rest.u_t))
+    drift = moved_since(moved, earlier.statement)
+    return end.begins_on(moved.boundary, task.start.data, moved.law, drift, start=begun)

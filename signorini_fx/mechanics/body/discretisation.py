@@ -263,8 +263,7 @@ def _with_supports(model: Model, statement: Statement) -> Model:
         applied=(*applied, *model.applied[len(earlier) :]),
         of_body={},
     )
-    contact = contact_of(changed, statement)
-    return replace(changed, **contact | {"boundary": model.rigid.on(contact["boundary"])})
+    return replace(changed, **contact_of(changed, statement))
 
 
 def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
@@ -274,7 +273,7 @@ def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
     rests = at_rest(model.space, model.supports, model.turned, model.fixed)
     boundary = foundations.boundary(shapes, model.fixed, model.turned, rests)
     data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), model.scales)
-    return {"boundary": boundary, "data": data, "law": law}
+    return {"boundary": model.rigid.on(boundary), "data": data, "law": law}
 
 
 def law_of(model: Model, statement: Statement) -> PointFriction | None:
