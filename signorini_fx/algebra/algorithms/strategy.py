@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
 from signorini_fx.algebra.algorithms.augmentation import with_enough_digits
@@ -56,6 +57,7 @@ from signorini_fx.tuned import (
     CONTINUATION_SHARE,
     LARGEST_GAMMA,
     LARGEST_GAMMA_RATIO,
+    NO_FORCE,
     START_GAMMA,
 )
 
@@ -225,6 +227,50 @@ def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outco
     return Outcome(status, newton, data)
 
 
+def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> Outcome | None:
+    """The solution without contact, where an iteration with Coulomb friction has come to that one and has not ended,
+    as round-off decides which points touch: contact that is released exactly.  None: it is not; collective.
+
+    Args:
+        task: the contact problem, which supports hold.
+        failed: how the iteration has ended.
+        law: the friction law.
+        moved: the largest displacement that the iteration has begun with, length.
+    """
+    newton, points, history = failed.newton, task.motions.points, task.history
+    nothing = np.zeros(points.size)
+    bilateral = failed.data.bilateral is not None and bool(failed.data.bilateral.any())
+    if parallel.any_rank(points.comm, bilateral or bool(law.bound(nothing).any())) or task.motions.count:
+        return None
+    if history.overdue() or (history.exhausted and task.settings.limited("max_iterations")):
+        return None
+    reached, opened = newton.checkpoint(), ActiveSets.of(~points.everywhere, np.zeros_like(failed.data.mu_hat))
+    system, data, status = newton.problem.system, replace(failed.data, bound=nothing), Status.CONVERGED
+    newton.begin_at(system.start)
+    if system.load.norm() > 0 or system.start.norm() > 0:  # else exactly zero
+        limit, history.limit = history.limit, max(history.limit, history.linear_solves + 1)  # whatever failed has taken
+        try:
+            status = newton.attempt(data, opened, max_iterations=1)
+        finally:
+            history.limit = limit
+    change, largest = newton.x.copy(), max(moved, newton.x.norm(PETSc.NormType.NORM_INFINITY))
+    change.axpy(-1.0, reached[0])
+    depths = (system.contact.traces(x)[0] - data.gap for x in (newton.x, reached[0]))
+    entered, before = (max(parallel.largest(points.comm, depth), 0.0) for depth in depths)
+    if (
+        status not in (Status.CONVERGED, Status.CYCLING, Status.MAX_ITERATIONS)
+        or change.norm(PETSc.NormType.NORM_INFINITY) > NO_FORCE * largest
+        or entered > task.coordinate_error
+    ):
+        newton.restore(reached)
+        return None
+    if before < entered:  # by what a penalty has put right of the last digits
+        newton.restore(reached)
+    newton.pose(data, opened)
+    history.add("nothing presses the body onto its foundation: the solution is that without contact")
+    return replace(failed, status=Status.CONVERGED, data=data, monolithic=False)
+
+
 def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
     """Frictionless or Tresca contact by the algorithm of the scene.
 
@@ -378,7 +424,10 @@ def _either_way(
         nonlocal slid
         status = proved(task, newton.problem, law, ways[name]())
         slid = slid if name is MONOLITHIC else status is Status.SLIDES_AT_PRESSURES
-        return replace(begun, status=status, monolithic=name is MONOLITHIC)
+        outcome = replace(begun, status=status, monolithic=name is MONOLITHIC)
+        if status is Status.CONVERGED or slid:
+            return outcome
+        return _released(task, outcome, law, checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)) or outcome
 
     def settled(outcome: Outcome) -> bool:
         if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back

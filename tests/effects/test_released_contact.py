@@ -1,0 +1,81 @@
+"""A body with Coulomb friction whose contact is released exactly: no point presses, round-off decides which ones touch,
+and the solution is that without contact.
+"""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx import Scene, solve
+
+FRICTION = {"law": "coulomb", "coefficient": 0.3}
+BLOCK = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 8, "ny": 4}}
+BOX = {
+    "generator": "box",
+    "parameters": {"length": 1.0, "width": 1.0, "height": 0.5, "nx": 2, "ny": 2, "nz": 2},
+}
+STEEL = {"young": 100.0, "poisson": 0.3}
+PRESSED = [1.0, 0.0, 1.0, 0.5, 0.0]
+PUSHED = [{"boundary": "top", "x": 0.01, "factors": [0.0, 1.0, 1.0, -0.5, 0.5]}]
+
+
+def cycle(up="y", **entries):
+    """The load steps of a block that is pressed and released, twice."""
+    press = {"boundary": "top", up: -0.01, "factors": PRESSED}
+    contact = {"boundary": "bottom", "friction": FRICTION}
+    displacement = [press, *entries.pop("displacement", PUSHED)]
+    body = {"mesh": BLOCK, "material": STEEL, "contact": contact}
+    solution = solve(Scene(**body | {"displacement": displacement} | entries))
+    assert all(step.certificate.holds for step in solution.steps)
+    return solution.steps
+
+
+def size(step):
+    """Of the largest nodal traction, stress."""
+    contact = step.contact
+    largest = max((np.abs(values).max(initial=0.0) for values in (contact.pressure, contact.shear)), default=0.0)
+    return MPI.COMM_WORLD.allreduce(largest, MPI.MAX)
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {},
+        {"displacement": [{"boundary": "top", "x": 0.0}]},
+        {"element": {"degree": 2}},
+        {"solver": {"algorithm": "alm"}},
+        {"solver": {"algorithm": "exact"}},
+        {"material": STEEL | {"hypothesis": "axisymmetric"}, "displacement": [{"boundary": "left", "x": 0.0}]},
+        {"mesh": BOX, "up": "z", "displacement": [PUSHED[0] | {"y": 0.004}]},
+    ],
+    ids=["pushed", "pressed", "degree 2", "alm", "exact", "axisymmetric", "space"],
+)
+def test_nothing_is_left(entries):
+    """After each release there is no traction and no strain, and pressed again it is as before."""
+    pressed, released, again, _, at_end = cycle(**entries)
+    assert size(pressed) > 1.0
+    assert size(again) > 0.9 * size(pressed)
+    for step in (released, at_end):
+        assert size(step) == 0.0
+        assert step.strain_energy < 1e-20 * pressed.strain_energy
+
+
+def test_released_by_the_load():
+    """A body that supports hold, on which a load has come and gone, is where it was."""
+    load = [{"boundary": "top", "y": -1.0, "factors": PRESSED}]
+    support = [{"boundary": "left", "x": 0.0, "y": 0.0}]
+    contact = {"boundary": "bottom", "friction": FRICTION}
+    scene = Scene(mesh=BLOCK, material=STEEL, traction=load, displacement=support, contact=contact)
+    steps = solve(scene).steps
+    assert [np.abs(step.displacement.x.array).max() == 0.0 for step in steps] == [False, True, False, False, True]
+
+
+def test_what_friction_holds_stays():
+    """A wedge that its friction holds stays where it is driven to, though it would be in equilibrium elsewhere, too."""
+    scene = Scene(
+        mesh={"generator": "wedge", "parameters": {"angle": 15.0}},
+        material={"young": 210e3, "poisson": 0.3},
+        force={"boundary": "top", "y": -100.0, "factors": [1.0, 0.0]},
+        contact=[{"boundary": side, "friction": FRICTION} for side in ("left", "right")],
+    )
+    assert size(solve(scene).steps[1]) > 1.0
