@@ -152,10 +152,14 @@ def drawn(rng: Rng) -> ForeignDeck:
     pair = "SURFACE TO SURFACE" if quadratic or rng.random() < 0.6 else "NODE TO SURFACE"
     stiffness = None if rng.random() < 0.15 else float(rng.choice([50.0, 100.0, 300.0])) * young
     law = _drawn_law(rng, young, nodal=pair == "NODE TO SURFACE") if rng.random() < 0.3 else None
+    if friction and law is not None and law[0] == "TABULAR":  # one needs one increment, the other many
+        law = None
     adjusts = kind == "shelf" and rng.random() < 0.3
     shapes = [name for name in SHAPES if (kind == "stack" and dim == 2) or name != "arc"]
     turns = [name for name in shapes if name != "rotated" or not element.startswith("CAX")]
     shape = str(rng.choice(turns)) if rng.random() < 0.5 and law is None and not adjusts else ""
+    capped = not shape and not adjusts and rng.random() < 0.3
+    earlier = float(rng.choice([-0.5, 0.6])) if rng.random() < 0.2 else 0.0
     return ForeignDeck(
         kind,
         element,
@@ -171,14 +175,27 @@ def drawn(rng: Rng) -> ForeignDeck:
         displaced=(0.01, 0.03),
         warp=float(rng.choice([0.0, 0.2])),
         law=law,
-        increments=10 if friction or (law is not None and law[0] == "TABULAR") else 1,
+        increments=_increments(friction, law, earlier),
         shape=shape,
         adjust="0.032" if adjusts else "",
         tilt=0.03 if adjusts else 0.0,
         # CalculiX ties no plane elements: of degree 1 it finds no solution, of degree 2 it warns that nodes stay free.
-        capped=not shape and not adjusts and rng.random() < 0.3 and dim == 3,
-        earlier=float(rng.choice([-0.5, 0.6])) if rng.random() < 0.2 else 0.0,
+        capped=capped and dim == 3,
+        earlier=earlier,
     )
+
+
+def _increments(friction: float, law: tuple[str, tuple[tuple[float, ...], ...]] | None, earlier: float) -> int:
+    """With how many increments CalculiX has a good result.
+
+    All loads and motions grow in proportion, and so does a solution with a linear law, in any number of increments.
+    Friction of CalculiX drifts from it with each of them, if contact is soft: of a press of CPE8R with a linear law and
+    a coefficient of .15 our solution is .8 % (of displacement) from its result with one increment, 11 % with ten, 19 %
+    with forty.  Of a table it may lose contact with few ones, the more after a step that pulls.
+    """
+    if law is None:
+        return 10 if friction else 1
+    return (50 if earlier else 10) if law[0] == "TABULAR" else 1
 
 
 def _drawn_law(rng: Rng, young: float, *, nodal: bool) -> tuple[str, tuple[tuple[float, ...], ...]]:

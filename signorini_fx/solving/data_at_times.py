@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.averages import from_owners
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.discretisation import moved_since, placed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Timings
@@ -100,4 +107,47 @@ def on_moved_foundations(
         assert origin is not None
         begun = replace(begun, data=replace(begun.data, slip_origin=origin - task.rest.u_t))
     drift = moved_since(moved, earlier.statement)
-    return end.begins_on(moved.boundary, task.start.data, moved.law, drift, start=begun)
+    begun, before = end.begins_on(moved.boundary, task.start.data, moved.law, drift, start=begun)
+    origin, change = begun.data.slip_origin, _seen_otherwise(earlier.boundary, moved.boundary, before.displacement)
+    if origin is None or change is None or begun.multipliers is None:
+        return begun, before
+    tangents = moved.boundary.tangents
+    data = replace(begun.data, slip_origin=origin + np.einsum("nij,ni->nj", tangents, change))
+    across = np.zeros((moved.boundary.size, tangents.shape[1], tangents.shape[1]))
+    for number, pair in moved.pairs.items():
+        across[moved.boundary.part == number] = pair.across
+    if not parallel.any_rank(moved.boundary.comm, bool(across.any())):
+        return replace(begun, data=data), before
+
+    def kept(vectors: Nodal | None) -> Any:  # of shears along the tangents, or in space
+        if vectors is None:
+            return None
+        inner = across if vectors.shape[1] == across.shape[1] else tangents.swapaxes(1, 2) @ across @ tangents
+        return vectors - np.einsum("nij,nj->ni", inner, vectors)
+
+    pressure, shear = begun.multipliers
+    begun = replace(
+        begun,
+        data=replace(data, mu_hat=kept(data.mu_hat)),
+        multipliers=(pressure, kept(shear)),
+        elastic_slip=kept(begun.elastic_slip),
+    )
+    tractions = replace(before.tractions, shear=kept(before.tractions.shear))
+    return begun, replace(before, tractions=tractions, elastic_slip=kept(before.elastic_slip))
+
+
+def _seen_otherwise(earlier: ContactBoundary, now: ContactBoundary, displacement: fem.Function) -> Nodal | None:
+    """What the relative displacement at the points of two bodies is now more than it was for the same displacement,
+    shape (n, d): a support that holds from now on, or does no longer, changes which planes of symmetry there are, across
+    which there is none; None: points see what they have seen; collective.
+    """
+    if earlier.averages is None or now.averages is None:
+        return None
+    space = displacement.function_space
+    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
+    y = displacement.x.array.reshape(-1, dim)[:owned]
+    seen = [
+        (averages.counted @ from_owners(y, averages.nodes, now.comm).ravel()).reshape(-1, dim)
+        for averages in (earlier.averages, now.averages)
+    ]
+    return np.asarray(seen[1] - seen[0])

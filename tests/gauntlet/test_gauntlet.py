@@ -1,12 +1,15 @@
 """Test cases of CalculiX: what is whole, what is lost, and that no case ends the others."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from deck_lines import stacked
 
+from signorini_fx.addons.decks.draft import draft
 from signorini_fx.addons.gauntlet import gauntlet as runs
+from signorini_fx.addons.gauntlet import solved_drafts
 from signorini_fx.addons.gauntlet.calculix import DeckRun
 from signorini_fx.addons.gauntlet.compared_tables import compared, with_exact
 from signorini_fx.addons.gauntlet.gauntlet import gauntlet, run_case
@@ -307,3 +310,25 @@ def test_command(tmp_path, capsys):
     assert cli.main(["gauntlet", str(cases), "--seconds", "0"]) == 2
     assert cli.main(["gauntlet", str(cases), "--seconds", "0.05", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["cases"][0]["state"] == SLOW
+
+
+@pytest.mark.parametrize("fails", [True, False])
+def test_files_of_a_draft_that_has_no_solution(tmp_path, monkeypatch, fails):
+    """Where finite strains are tried in vain, the files are those of the solution that there is."""
+    first = draft(case_of(tmp_path, "shelf_CPE4"), file := tmp_path / "scene.toml")
+    other = replace(first, files={file: "title = 'other'\n", tmp_path / "links.csv": "link\n"})
+    tried = []
+
+    def solved(case, drafted, path, plainly):
+        solved_drafts._write(drafted)
+        tried.append(drafted)
+        return case if fails and drafted is other else (None, None, [])
+
+    monkeypatch.setattr(solved_drafts, "_solved", solved)
+    monkeypatch.setattr(solved_drafts, "lacks_finite_strains", lambda solution: True)
+    monkeypatch.setattr(solved_drafts, "finite_draft", lambda deck, path: other)
+    case = GauntletCase("shelf", "case", REFUSED)
+    assert solved_drafts.solved_draft(case, first, file, str, tmp_path / "shelf_CPE4.inp") == (None, None, [])
+    assert tried == [first, other]
+    assert (file.read_text() == first.text) is fails
+    assert (tmp_path / "links.csv").exists() is not fails

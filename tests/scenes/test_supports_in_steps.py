@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from deck_lines import squares
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scenes.reading import as_scene
@@ -152,3 +153,33 @@ def test_what_is_wrong(holds, more, said):
     with pytest.raises(SceneError) as raised:
         block(supports, **more)
     assert said in str(raised.value)
+
+
+@pytest.mark.parametrize("friction", [None, {"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.5}])
+@pytest.mark.parametrize("order", [(True, False), (False, True)])
+def test_planes_of_symmetry_that_come_and_go(tmp_path, order, friction):
+    """A support of the side below along the contact: with that of the body above, the corner lies in a plane of symmetry
+    while both hold, across which there is neither slip nor shear, nor any from the step before.
+    """
+    lines = [*squares(4, 2, name="LOW"), *squares(4, 2, 101, (0.0, 1.0), name="UP")]
+    (tmp_path / "two.inp").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    fixed = [{"boundary": "LOW_FEET", "x": 0.0, "y": 0.0}, {"boundary": "UP_WALL", "x": 0.0}]
+    changing_support = {"boundary": "LOW_TOP", "x": 0.0}
+
+    def solved(supports):
+        data = {
+            "mesh": {"file": str(tmp_path / "two.inp")},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": [{"boundary": "UP_HEAD", "y": -5.0, "factors": [1.0, 1.0]}],
+            "contact": [{"boundary": "UP_BOTTOM", "against": "LOW_TOP"} | ({"friction": friction} if friction else {})],
+            "displacement": supports,
+        }
+        return solve(as_scene(data))
+
+    solution = solved([*fixed, changing_support | {"holds": list(order)}])
+    assert solution.converged
+    assert all(step.certificate.holds for step in solution.steps)
+    if friction is None:  # what came before does not count
+        for step, holds in zip(solution.steps, order, strict=True):
+            alone = solved([*fixed, *([changing_support] if holds else [])]).displacement.x.array
+            np.testing.assert_allclose(step.displacement.x.array, alone, atol=1e-8 * np.abs(alone).max())

@@ -59,7 +59,18 @@ def solved_draft(
     if finite is None:
         return solved
     with_finite = _solved(case, finite, file, plainly)
-    return solved if isinstance(with_finite, GauntletCase) else with_finite
+    if not isinstance(with_finite, GauntletCase):
+        return with_finite
+    for path in finite.files:
+        path.unlink()
+    _write(drafted)
+    return solved
+
+
+def _write(drafted: Draft) -> None:
+    """Write the files of a draft."""
+    for path, text in drafted.files.items():
+        path.write_text(text, encoding="utf-8")
 
 
 def _solved(
@@ -67,8 +78,7 @@ def _solved(
 ) -> SolvedDraft | GauntletCase:
     """See ``solved_draft``; of one draft."""
     lost = list(drafted.lost)
-    for path, text in drafted.files.items():
-        path.write_text(text, encoding="utf-8")
+    _write(drafted)
     try:
         scene = read_scene(file)
         solution = solve(scene, MPI.COMM_SELF, check=False)

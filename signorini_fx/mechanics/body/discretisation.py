@@ -267,13 +267,15 @@ def _with_supports(model: Model, statement: Statement) -> Model:
 
 
 def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
-    """``boundary``, ``data`` and ``law`` of another statement that differs in its contact only; collective."""
+    """``boundary``, ``data``, ``law`` and ``pairs`` of another statement that differs in its contact, or has the supports
+    of the model, which may lie in other planes of symmetry and hold other nodes of the pairs; collective.
+    """
     foundations = _foundations_on(model, statement)
     shapes = foundations.shapes()
     rests = at_rest(model.space, model.supports, model.turned, model.fixed)
     boundary = foundations.boundary(shapes, model.fixed, model.turned, rests)
     data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), model.scales)
-    return {"boundary": model.rigid.on(boundary), "data": data, "law": law}
+    return {"boundary": model.rigid.on(boundary), "data": data, "law": law, "pairs": foundations.pairs}
 
 
 def law_of(model: Model, statement: Statement) -> PointFriction | None:

@@ -315,18 +315,13 @@ class _Reader:
         for row in rows:
             if kind == "NODE":
                 self._node_surfaces.add(name)
-                self._extend(
-                    self.node_sets,
-                    name,
-                    np.array([int(row[0])], dtype=np.int64)
-                    if row[0].isdigit()
-                    else self._member(self.node_sets, row[0]),
-                )
+                members = np.array([int(row[0])]) if row[0].isdigit() else self._member(self.node_sets, row[0])
+                self._extend(self.node_sets, name, members)
             elif kind == "ELEMENT" and len(row) > 1 and re.fullmatch(r"[SE]\d+", row[1].upper()):
-                members = [int(row[0])] if row[0].isdigit() else self._listed(self.element_sets, row[0])
+                elements = [int(row[0])] if row[0].isdigit() else self._listed(self.element_sets, row[0])
                 faces = self.surfaces.setdefault(name, [])
-                faces.extend((element, int(row[1][1:])) for element in members)
-                self._members += len(members)
+                faces.extend((element, int(row[1][1:])) for element in elements)
+                self._members += len(elements)
                 if self._members > _MOST_MEMBERS:
                     raise ValueError(f"the surfaces up to {name!r} have more than {_MOST_MEMBERS:,} faces together")
             elif kind == "ELEMENT" and len(row) > 1 and row[1] and not _OTHER_FACE.fullmatch(row[1].upper()):

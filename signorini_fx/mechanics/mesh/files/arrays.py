@@ -343,7 +343,7 @@ def _check_plane(points: Floats, name: str) -> None:
 
 
 def _check_twice(corners: Ints, name: str) -> None:
-    # Cells with the same corners have the same sum of random numbers of these; only where sums agree, corners are compared.
+    # Cells with the same corners have the same sum of random numbers of these: only where sums agree the corners may.
     sums = np.random.default_rng(0).integers(2**62, size=int(corners.max()) + 1, dtype=np.uint64)[corners].sum(axis=1)
     if np.unique(sums).size == len(sums):
         return
