@@ -18,6 +18,8 @@ from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import DIGITS_OF_FILES
 
 _CORNERS = {"l": 2, "t": 3, "q": 4}
+# Along each side of a facet, from which lines go to the other side: a smaller part of a facet there may be missed.
+_PLACES = 12
 
 
 def _facets_of(kind: str) -> list[tuple[str, tuple[int, ...]]]:
@@ -123,8 +125,73 @@ class BodyFacets:
         pairs = list(zip(parts, marks, strict=True))
         return [mark & (part == first) for part, mark in pairs], [mark & (part != first) for part, mark in pairs]
 
+    def facing(self, marks: list[Any], others: list[Any]) -> list[Any]:
+        """Of other facets those that are met first by a line along the normal of a facet of a choice, from one of many
+        places of it; corners count, and not nodes between them.
+        """
+        found, points = self.nothing(), self.mesh.points
+        targets = [
+            (k, np.flatnonzero(others[k]), points[rows[others[k]][:, : _CORNERS[kind[0]]]])
+            for k, (kind, rows) in self._outer()
+        ]
+        rows_of_targets = [(k, row) for k, chosen, x in targets for row in chosen]
+        pieces = [_triangles(x) for _, _, x in targets]
+        corners = np.concatenate([piece.reshape(-1, *piece.shape[2:]) for piece in pieces if piece.size])
+        first = np.cumsum([0, *(len(chosen) for _, chosen, _ in targets)])
+        owner = np.concatenate([
+            start + np.tile(np.arange(piece.shape[1]), piece.shape[0])
+            for start, piece in zip(first, pieces, strict=False)
+            if piece.size
+        ])
+        for k, (kind, rows) in self._outer():
+            x = points[rows[marks[k]][:, : _CORNERS[kind[0]]]]
+            for facet, normal in zip(x, _normals(x, kind), strict=True):
+                hit = _met(_places(facet), normal / np.linalg.norm(normal), corners)
+                for number in np.unique(owner[hit[hit >= 0]]):
+                    block, row = rows_of_targets[int(number)]
+                    found[block][row] = True
+        return found
+
     def _outer(self) -> list[tuple[int, tuple[str, Ints]]]:
         return list(enumerate(self.mesh.blocks))[self.cells :]
+
+
+def _triangles(x: Floats) -> Floats:
+    """Facets by their corners as lines or triangles, one for each, or two, shape (1 or 2, facets, 2 or 3, 3)."""
+    if x.shape[1] < 4:
+        return x[None]
+    return np.stack((x[:, :3], x[:, [0, 2, 3]]))
+
+
+def _places(corners: Floats) -> Floats:
+    """Many places inside of a facet, shape (n, 3)."""
+    at = (np.arange(_PLACES) + 0.5) / _PLACES
+    if len(corners) == 2:
+        return np.asarray(corners[0] + at[:, None] * (corners[1] - corners[0]))
+    s, t = (along.ravel() for along in np.meshgrid(at, at))
+    if len(corners) == 3:
+        s, t = s[s + t < 1], t[s + t < 1]
+        weights = np.column_stack((1 - s - t, s, t))
+    else:
+        weights = np.column_stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t))
+    return np.asarray(weights @ corners)
+
+
+def _met(places: Floats, normal: Floats, corners: Floats) -> Ints:
+    """Which line or triangle of some is the nearest one on a line along a unit normal through each place, in either
+    direction, -1: none; corners of shape (m, 2 or 3, 3).
+    """
+    sides = corners[:, 1:] - corners[:, :1]
+    if corners.shape[1] == 2:  # in the plane: any triangle with this side across it
+        sides = np.concatenate((sides, np.broadcast_to([0.0, 0.0, 1.0], (len(sides), 1, 3))), axis=1)
+    systems = np.concatenate((sides, np.broadcast_to(-normal, (len(sides), 1, 3))), axis=1).swapaxes(1, 2)
+    parallel = np.abs(np.linalg.det(systems)) <= DIGITS_OF_FILES * np.linalg.norm(sides, axis=2).prod(axis=1)
+    systems[parallel] = np.eye(3)
+    a, b, away = np.moveaxis(np.linalg.solve(systems[:, None], (places - corners[:, :1])[..., None])[..., 0], -1, 0)
+    inside = (a >= 0) & (b >= -DIGITS_OF_FILES) & (a + b <= 1 + DIGITS_OF_FILES) & ~parallel[:, None]
+    distance = np.where(inside, np.abs(away), np.inf)
+    nearest = distance.argmin(axis=0)
+    return np.where(np.isfinite(distance.min(axis=0)), nearest, -1)
 
 
 def _normals(x: Floats, kind: str) -> Floats:

@@ -515,6 +515,10 @@ class _KratosCase:
         if not some(slave) or not some(master):
             study.lose(origin, f"{key}: {', '.join(names)}: two surfaces of bodies are expected")
             return
+        # Kratos takes the normals of the slave.  Ours are means of both sides, which facets that no point of the slave
+        # faces, as round a corner, would turn.
+        facing = facets.nothing() if tied else facets.facing(slave, master)
+        master = facing if some(facing) else master
         coefficient = 0.0
         if rubs:
             coefficient = self._coefficient(study, origin, parameters, key, slave)
