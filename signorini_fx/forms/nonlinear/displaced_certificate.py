@@ -139,7 +139,7 @@ def mechanics_at(
         facets, factor = (linear.forms.facets[number], linear.forms.masters[number]), data[number].shape.factor
         surfaces = sides.slave.surface, sides.master.surface
         claim = sliding_claim if dim == 2 else sliding_claim_in_space
-        claims[number] = claim(space, surfaces, points, facets, ends, factor)
+        claims[number] = claim(space, surfaces, points, facets, ends, factor, pair.certified)
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,7 @@ class MovingPair:
         allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
         fixed: where supports fix the distance of both sides, and at which displacement that is so; None: nowhere.
         changed: which points have begun or ceased to see the other side by each of the last two moves, shape (2, n).
+        certified: what certificates have found, which they alone read, see ``SlidingClaim``.
     """
 
     sides: SlidingSides
@@ -52,6 +54,7 @@ class MovingPair:
     allowance: Array = field(init=False)
     fixed: tuple[Array, FixedDistances | None] = field(init=False)
     changed: npt.NDArray[np.bool_] = field(init=False)
+    certified: list[Any] = field(default_factory=list, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))
@@ -122,8 +125,8 @@ class MovingPair:
         return self.sides.stiffness(self.coupling, state.pressure[rows], shear, near=self.near)
 
     def passed_on(self, state: ContactState, increment: Array) -> Array:
-        """What an increment of the displacement of the owned nodes, shape (owned nodes, d), changes of the forces of the
-        shears of a state as partners shift, see ``SlidingCoupling``; likewise, collective.
+        """What an increment of the displacement of the owned nodes, shape (owned nodes, d), changes of the forces of
+        the shears of a state as partners shift, see ``SlidingCoupling``; likewise, collective.
         """
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])

@@ -113,12 +113,15 @@ class PairedBodies:
         nodes = self.cells.nodes
         if not len(nodes):
             return within
-        dim, piece = places.shape[1], self.piece
+        near_others = self._near_others(places, at)
+        dim, piece, nodes = places.shape[1], self.piece[near_others], nodes[near_others]
         if dim == 2:
             corners = places[nodes[:, _AROUND[nodes.shape[1]]]]
         else:
             parts = np.array(_TETRAHEDRA[nodes.shape[1]])
             corners, piece = places[nodes[:, parts].reshape(-1, 4)], np.repeat(piece, len(parts))
+        if not len(corners):
+            return within
         middles = corners.mean(axis=1)
         reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
         near = cKDTree(at).query_ball_point(middles, reach)
@@ -134,6 +137,18 @@ class PairedBodies:
         turns = edges[..., 0] * away[..., 1] - edges[..., 1] * away[..., 0]
         within[point[(turns >= 0).all(axis=1) | (turns <= 0).all(axis=1)]] = True
         return within
+
+    def _near_others(self, places: Array, at: Array) -> npt.NDArray[np.int64]:
+        """The cells of this rank whose boxes meet the box of all points, shape (m, d), of other pieces."""
+        corners = places[self.cells.nodes]
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        near = np.zeros(len(corners), dtype=bool)
+        for piece in np.unique(self.piece):
+            others = at[self.of_node != piece]
+            if len(others):
+                meets = (high >= others.min(axis=0)) & (low <= others.max(axis=0))
+                near |= (self.piece == piece) & meets.all(axis=1)
+        return np.flatnonzero(near)
 
 
 def _in_tetrahedra(corners: Array, x: Array) -> npt.NDArray[np.bool_]:

@@ -81,7 +81,7 @@ def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
 
 
 def _inverse(matrices: Array) -> Array:
-    """Inverse matrices, those of what is singular among them pseudo-inverse; symmetric, not negative, shape (f, t, t)."""
+    """Inverse matrices, pseudo-inverse where they are singular; symmetric and not negative, shape (f, t, t)."""
     singular = np.ones(len(matrices), dtype=bool)
     inverse = np.zeros_like(matrices)
     if matrices.shape[1] == 2:  # in a fraction of the time of a decomposition

@@ -14,7 +14,7 @@ and which nodes lie in planes of symmetry.  What it does otherwise:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -357,6 +357,27 @@ class SeenSides:
         return np.column_stack((-self.normal[:, 1], self.normal[:, 0]))
 
 
+# What points see, facets of both sides that see each other, and functions at rays: see ``SlidingClaim``.
+LookedAt = tuple[SeenSides, tuple[Numbers, Numbers], Any]
+# At how many displacements this is kept.
+_KNOWN = 3
+
+
+@dataclass(frozen=True)
+class KnownSides:
+    """What a certificate has found of two sides at one displacement.
+
+    Attributes:
+        values: the displacement of the nodes of both sides, shape (m, d).
+        measure: of the slave, shape (N,).
+        found: what it has found.
+    """
+
+    values: Array
+    measure: Array
+    found: LookedAt
+
+
 @dataclass(frozen=True)
 class SlidingClaim:
     """A pair of sides as the certificate sees it, n points on this rank.
@@ -373,6 +394,8 @@ class SlidingClaim:
         slave: owned facets of the side with the points, local numbers, as the problem names them.
         master: those of the other side.
         ends: values of the displacement at the nodes of both sides, now and at the beginning of the step, shape (m, 2).
+        known: what certificates have found of this pair at the last few displacements: the end of a step is where the
+            next one begins.
     """
 
     space: fem.FunctionSpace
@@ -386,6 +409,7 @@ class SlidingClaim:
     slave: npt.NDArray[np.int32]
     master: npt.NDArray[np.int32]
     ends: tuple[Array, Array]
+    known: list[KnownSides] = field(default_factory=list, repr=False)
     nominal: bool = False
     followed: None = None
 
@@ -571,7 +595,7 @@ class SlidingClaim:
 
     # --- at one displacement ---
 
-    def _looked(self, values: Array) -> tuple[SeenSides, tuple[Numbers, Numbers], Any]:
+    def _looked(self, values: Array) -> LookedAt:
         """What the points see at a displacement, with what supports fix in the gap; facets of both sides that see each
         other, also where both are held; and the functions of the nodes at the rays, see ``_functions``.
         """
@@ -609,6 +633,17 @@ class SlidingClaim:
         )
         return seen, partners, psi
 
+    def _known_at(self, values: Array) -> LookedAt:
+        """See ``_looked``; once for each displacement."""
+        measure = self.chains[0].measure
+        for known in self.known:
+            if np.array_equal(known.values, values) and np.array_equal(known.measure, measure):
+                return known.found
+        found = self._looked(values)
+        self.known.append(KnownSides(values.copy(), measure, found))
+        del self.known[:-_KNOWN]
+        return found
+
     def _seen(self, values: Array) -> SeenSides:
         """What the points see at a displacement of the nodes of both sides, shape (m, d).
 
@@ -616,13 +651,13 @@ class SlidingClaim:
         of the step, with each side moved by as much as its held nodes on average.
         """
         (slave, master), held = self.chains, (self.held.slave, self.held.master)
-        seen, _, _ = self._looked(values)
+        seen, _, _ = self._known_at(values)
         if not all(flags.any() for flags in held):
             return seen
         along, count = self.ends[1].copy(), slave.nodes.size
         for part, flags in ((slice(count), held[0]), (slice(count, None), held[1])):
             along[part] += (values - self.ends[1])[part][flags].mean(axis=0)
-        there, partners, psi = self._looked(along)
+        there, partners, psi = self._known_at(along)
         loose, rays = self.held.loose or (None, None), there.rays
         sides = (
             DisplacedSide(slave.facets, there.x, held[0], loose[0], partial(self._hats, chain=slave)),
@@ -853,6 +888,7 @@ def sliding_claim(
     facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
     ends: tuple[fem.Function, fem.Function | None],
     factor: Array | None = None,
+    known: list[KnownSides] | None = None,
 ) -> SlidingClaim:
     """The second opinion on a pair; collective.
 
@@ -864,7 +900,9 @@ def sliding_claim(
         facets: of both sides, owned, local numbers.
         ends: displacements now and at the beginning of the step; None: none.
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
+        known: see ``SlidingClaim``; None: nothing.
     """
     both = Chain.of(space, facets[0], factor), Chain.of(space, facets[1])
     surface = replace(sides[0], measure=None if factor is None else both[0].measure)
-    return SlidingClaim(space, surface, sides[1], both, *points, *facets, at_ends(space, both, ends))
+    of_pair = at_ends(space, both, ends), [] if known is None else known
+    return SlidingClaim(space, surface, sides[1], both, *points, *facets, *of_pair)

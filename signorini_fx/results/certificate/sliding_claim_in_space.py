@@ -30,7 +30,15 @@ from signorini_fx.mechanics.body.assembly import facet_entities, node_positions
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.results.certificate.sliding_claim import Chain, Rays, SeenSides, SlidingClaim, at_ends
+from signorini_fx.results.certificate.sliding_claim import (
+    Chain,
+    KnownSides,
+    LookedAt,
+    Rays,
+    SeenSides,
+    SlidingClaim,
+    at_ends,
+)
 from signorini_fx.tuned import FACING_SIDES, NO_PART, PARALLEL, SAME_NUMBER, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
@@ -452,7 +460,7 @@ class SpaceSlidingClaim(SlidingClaim):
 
     # --- at one displacement ---
 
-    def _looked(self, values: Array) -> tuple[SeenSides, tuple[Numbers, Numbers], Any]:
+    def _looked(self, values: Array) -> LookedAt:
         """See ``SlidingClaim``."""
         slave, master = self._sheets
         count = slave.nodes.size
@@ -631,6 +639,7 @@ def sliding_claim_in_space(
     facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
     ends: tuple[fem.Function, fem.Function | None],
     factor: Array | None = None,
+    known: list[KnownSides] | None = None,
 ) -> SpaceSlidingClaim:
     """The second opinion on a pair in space; collective.
 
@@ -642,8 +651,9 @@ def sliding_claim_in_space(
         facets: of both sides, owned, local numbers.
         ends: displacements now and at the beginning of the step; None: none.
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
+        known: see ``SlidingClaim``; None: nothing.
     """
     sheets = Sheet.of(space, facets[0], factor), Sheet.of(space, facets[1])
     surface = replace(sides[0], measure=None if factor is None else sheets[0].measure)
-    at = at_ends(space, sheets, ends)
-    return SpaceSlidingClaim(space, surface, sides[1], sheets, *points, *facets, at)
+    of_pair = at_ends(space, sheets, ends), [] if known is None else known
+    return SpaceSlidingClaim(space, surface, sides[1], sheets, *points, *facets, *of_pair)
