@@ -35,7 +35,8 @@ class FactorisedSystem:
             number[cells.nodes.ravel()] = np.arange(cells.nodes.size)
             ends = number[2 * springs.facets[:, None] + [0, 1]]
             parts.append((springs.matrices, (2 * ends[:, :, None] + [0, 1]).reshape(-1, 4)))
-        modes = free_motions(t, held if springs is None else springs.stopped(held)).reshape(len(t.x), 2, -1)
+        stopped = held if springs is None else springs.stopped(held)
+        modes: Array = free_motions(t, stopped).reshape(len(t.x), 2, -1)
         modes = modes[t.facets.ravel()[cells.nodes.ravel()]]
         # Held directions as unknowns of their own.
         held = held[cells.nodes.ravel() // 2]
