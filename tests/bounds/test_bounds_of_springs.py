@@ -20,19 +20,23 @@ SLOW, LONG = pytest.mark.slow, pytest.mark.long
 
 
 @pytest.mark.parametrize(
-    ("study", "seeds"),
+    ("kind", "study", "seeds"),
     [
-        ("plane", (1,)),
-        pytest.param("plane", (0, 4, 5), marks=SLOW),
-        pytest.param("pressed", (1, 4), marks=SLOW),
-        pytest.param("pair", (3, 5), marks=SLOW),
-        pytest.param("space", (100, 103), marks=SLOW),
+        ("springs", "plane", (1,)),
+        ("pressed springs", "plane", (0,)),
+        pytest.param("springs", "plane", (0, 4, 5), marks=SLOW),
+        pytest.param("springs", "pressed", (1, 4), marks=SLOW),
+        pytest.param("springs", "pair", (3, 5), marks=SLOW),
+        pytest.param("springs", "space", (100, 103), marks=SLOW),
+        pytest.param("pressed springs", "plane", (1, 2, 3), marks=SLOW),
+        pytest.param("pressed springs", "pair", (3, 5), marks=SLOW),
+        pytest.param("pressed springs", "space", (100,), marks=SLOW),
     ],
 )
-def test_true_errors(study, seeds):
+def test_true_errors(kind, study, seeds):
     """In the norm of body and springs; finer solutions refute no interval of the strain energy or of a force."""
     for seed in seeds:
-        found = effectivity("springs", study, seed)
+        found = effectivity(kind, study, seed)
         assert not isinstance(found, str), found
         assert found[2] == []
         assert 1 < found[0] < 6

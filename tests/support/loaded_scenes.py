@@ -2,7 +2,7 @@
 
     ./env python3 tests/support/loaded_scenes.py KIND plane | pressed | pair | space [SEEDS] [FIRST]
 
-KIND is gravity, force, rotation, fluid, or springs.  Prints guaranteed bounds over true errors, and what finer
+KIND is gravity, force, rotation, fluid, springs, or 'pressed springs'.  Prints guaranteed bounds over true errors, and what finer
 solutions say against other bounds.
 """
 
@@ -65,15 +65,22 @@ def loaded(scene, seed, kind):
     elif kind == "fluid":
         low = high - (high if not scene.body else scene.body[0].mesh.parameters["height"])
         levels = [low + (high - low) * float(chance.uniform(0.2, 1.5)), f"{high} - 0.3*x[0]"]
+        above = -0.2
+        if not plane:  # facets have to be wet or dry as a whole
+            levels, above = [high * float(chance.uniform(1, 1.5)), f"{high} + 0.3*x[1]"], 0.1
         fields["fluid"] = [{"boundary": right, "level": levels[int(chance.integers(2))], "weight": 3 * size / high}]
         if chance.random() < 0.5:
-            fields["fluid"].append({"boundary": top, "level": f"{high} + 0.6*x[0] - 0.2", "weight": size / high})
+            fields["fluid"].append({"boundary": top, "level": f"{high + above} + 0.6*x[0]", "weight": size / high})
     elif kind == "springs":
-        fields |= _on_springs(scene, chance, (top, right), up, young / high, plane)
+        fields |= _on_springs(scene, chance, (top, right), up, young / high)
+    elif kind == "pressed springs":  # where contact is
+        stiff = young / high * 10 ** chance.uniform(-2, 1, 2)
+        springs = [{"normal": float(stiff[0]), "tangential": float(stiff[1])}, {"x": float(stiff[0])}]
+        fields["springs"] = [{"boundary": scene.contact[0].boundary, **springs[int(chance.integers(2))]}]
     return parse_scene(fields)
 
 
-def _on_springs(scene, chance, boundaries, up, stiffness, plane):
+def _on_springs(scene, chance, boundaries, up, stiffness):
     """Springs beside supports, or in place of those of the body that is not fixed."""
     top, right = boundaries
     stiff = stiffness * 10 ** chance.uniform(-2, 1, 3)

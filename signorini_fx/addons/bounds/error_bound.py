@@ -401,8 +401,8 @@ class Bounded(PlainProblem):
             unknown = self.loads.unknown_work(v.y, v.middle) + float(strain_unknown.sum()) / 2
             work = least - unknown, greatest + unknown
         round_off, size = enclosure.round_off, enclosure.size
-        strained = float(np.sqrt(max(size**2 - float(self._stored(self.y, self.middle).sum()), 0.0)))
-        alone = None if self.springs is None else strained
+        in_springs = float(self._stored(self.y, self.middle).sum())
+        alone = None if self.springs is None else float(np.sqrt(max(size**2 - in_springs, 0.0)))
         return ErrorBound(float(total), size, duality, missed, moved, round_off, squares, self.grounds, work, alone)
 
     @property

@@ -12,6 +12,7 @@ springs as a part, with the product int K^+ s . t of the latter.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +65,7 @@ class SpringFacets:
     softest: Array
 
     @staticmethod
-    def of(t: Simplices, held: Array, springs: list[tuple[Resistance, Ints]]) -> SpringFacets | None:
+    def of(t: Simplices, held: Array, springs: Sequence[tuple[Resistance, Ints]]) -> SpringFacets | None:
         """Those of the scene; None: none acts where supports let the body move.
 
         Args:
