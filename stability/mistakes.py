@@ -4054,7 +4054,7 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/equilibrated_stress",
-        "tractions = balanced(t, loads.body, self._held, tractions)",
+        "tractions = balanced(t, loads.body, self._stopped, tractions)",
         "tractions = tractions.copy()",
         "error bound in space: conjugate gradients are trusted",
         tests=("error_bound_in_space::test_the_stress_is_in_equilibrium",),
@@ -5015,6 +5015,48 @@ MUTANTS = (
         "(float(values.max()) for values in (mean, penalty))",
         "certificate: a tool is judged by the stress of any body",
         tests=("tools::test_a_tool_is_judged_by_the_body_that_it_touches",),
+    ),
+    Mutant(
+        "bounds/spring_facets",
+        "every[facets, :, k] += np.broadcast_to(entry.reaction_at(at), x.shape)[:, 0]",
+        "every[facets, :, k] = np.broadcast_to(entry.reaction_at(at), x.shape)[:, 0]",
+        "bounds: of springs on one boundary the last ones count",
+        tests=("bounds_of_springs::test_a_bar_that_springs_hold",),
+    ),
+    Mutant(
+        "bounds/error_bound",
+        "(np.sqrt(between) + lifted) ** 2 + self._left(stress, self.y, self.middle)",
+        "(np.sqrt(between) + lifted) ** 2",
+        "bounds: what the stress leaves of springs is not counted",
+        tests=("bounds_of_springs::test_a_displacement_that_the_springs_alone_know_to_be_wrong",),
+    ),
+    Mutant(
+        "bounds/error_bound",
+        "moved = moved + self._stored(v[0] - self.y, v[1] - self.middle)",
+        "moved = moved",
+        "bounds: springs do not resist a displacement that leaves the foundation",
+        tests=("bounds_of_springs::test_energies_in_springs",),
+    ),
+    Mutant(
+        "bounds/applied_loads",
+        "LoadPoints(points.x, points.normal, self.mass[rows], self.whole)",
+        "LoadPoints(points.x, points.normal, self.mass[: len(rows)], self.whole)",
+        "bounds: weight has the density of another cell",
+        tests=("bounds_of_other_loads::test_weight_of_two_materials",),
+    ),
+    Mutant(
+        "bounds/applied_loads",
+        "load.doubtful * self._largest_moment(load, loaded_edges)",
+        "0 * self._largest_moment(load, loaded_edges)",
+        "bounds: the integral of a spread is known",
+        tests=("bounds_of_other_loads::test_how_far_a_share_is_not_known",),
+    ),
+    Mutant(
+        "bounds/bounded_scene",
+        "kind.density_tells_all",
+        "True",
+        "bounds: a load that does more than its density is known",
+        tests=("bounds_of_other_loads::test_what_acts_unseen_has_no_bound",),
     ),
 )
 
