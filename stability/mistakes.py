@@ -5038,10 +5038,10 @@ MUTANTS = (
         tests=("bounds_of_springs::test_energies_in_springs",),
     ),
     Mutant(
-        "bounds/applied_loads",
-        "LoadPoints(points.x, points.normal, self.mass[rows], self.whole)",
-        "LoadPoints(points.x, points.normal, self.mass[: len(rows)], self.whole)",
-        "bounds: weight has the density of another cell",
+        "bounds/bounded_scene",
+        "mass[in_region(model, material.region, owner)] = material.density or 0.0",
+        "mass[:] = material.density or 0.0",
+        "bounds: weight has the density of the last material",
         tests=("bounds_of_other_loads::test_weight_of_two_materials",),
     ),
     Mutant(
