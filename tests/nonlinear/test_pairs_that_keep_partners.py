@@ -12,7 +12,7 @@ from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import Coulomb, FormError, Foundation, NonlinearContactProblem, Pair
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.forms.nonlinear.undeformed_pairs import held_between
+from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces
 from signorini_fx.results.certificate.promised_law import Tractions
 
 KEPT = {"pair": {"sliding": False}}
@@ -53,7 +53,7 @@ def turned_as_a_whole(scene, way, angle, steps=4):
 )
 def test_joint_rotations_do_not_matter(make, way):
     """Blocks that are pressed, and pressed and turned by half a right angle together: the same force, turned, to what
-    Newton's method leaves, whose tangent does not know that normals turn.
+    Newton's method leaves.
     """
     still, _ = turned_as_a_whole(make(), way, 0.0)
     turned, problem = turned_as_a_whole(make(), way, np.pi / 4)
@@ -177,6 +177,71 @@ def test_what_is_held_between():
     moved.x.array[:] = 0.0
     moved.x.array.reshape(-1, 2)[state.boundary.nodes] = state.boundary.normal
     assert np.abs(held.times(moved)).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        lambda: blocks(lower=(6, 3), upper=(3, 2), friction=Coulomb(0.3), **KEPT),
+        lambda: blocks(lower=(4, 2), upper=(3, 2), degree=2, slave=1, **KEPT),
+        lambda: stacked("hexahedron", lower=(2, 2, 1), upper=(1, 1, 1), friction=Coulomb(0.3), **KEPT),
+    ],
+    ids=["plane", "quadratic", "space"],
+)
+def test_forces_turn_with_the_normals(scene):
+    """What the tangent knows of it, against differences of the forces along the turned normals of uneven sides."""
+    scene = scene()
+    space, dim = scene.u.function_space, scene.u.function_space.mesh.geometry.dim
+    scene.move(*np.zeros(dim - 1), -0.05)
+    state, paired = scene.problem.state, scene.problem.linear.foundations.kept_pairs[0]
+    generator = np.random.default_rng(0)
+    shape = scene.u.x.array.reshape(-1, dim).shape
+    places, way = 0.02 * generator.standard_normal(shape), generator.standard_normal(shape)
+    boundary, along = state.boundary, fem.Function(space)
+    along.x.array[:] = way.ravel()
+    rows = (dim * np.arange(boundary.size)[:, None] + np.arange(dim)).ravel()
+    operator = boundary.averages.operator[rows]
+    pressure = 1.0 + generator.random(boundary.size)
+    shear = generator.standard_normal(state.shear.shape)
+
+    def forces(share):
+        """Of pressures, and of shears that turn with the normals as in the plane, or as little as they can."""
+        normal = paired.deformed(space, places + share * way).coupling.normal
+        start = paired.deformed(space, places).coupling.normal
+        vectors = np.einsum("nik,nk->ni", tangents_across(start), shear)
+        bisector = start + normal
+        part = np.sum(vectors * normal, axis=1) / (1.0 + np.sum(start * normal, axis=1))
+        tractions = pressure[:, None] * normal + vectors - part[:, None] * bisector
+        at_nodes = operator.T @ (boundary.weight[:, None] * tractions).ravel()
+        total = np.zeros(shape)
+        total[boundary.averages.nodes] = at_nodes.reshape(-1, dim)
+        return total.ravel()
+
+    def tangents_across(normal):
+        first = np.eye(dim)[np.abs(normal).argmin(axis=1)]
+        first = first - np.sum(first * normal, axis=1, keepdims=True) * normal
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        return first[..., None] if dim == 2 else np.stack((first, np.cross(normal, first)), axis=2)
+
+    start = paired.deformed(space, places).coupling.normal
+    turned = replace(boundary, normal=start)
+    in_axes = np.einsum("nik,nij,nj->nk", turned.tangents, tangents_across(start), shear)
+    claimed = replace(state, boundary=turned, pressure=pressure, shear=in_axes)
+    change = (forces(1e-6) - forces(-1e-6)) / 2e-6
+    expected = turned_forces(claimed, 0, paired, space, places).times(along)
+    assert np.abs(change).max() > 0.01
+    assert expected == pytest.approx(change, abs=1e-6 * np.abs(change).max())
+
+
+def test_steps_without_friction():
+    """A block that is pressed and pushed on without friction: with a tangent that did not know that normals turn,
+    Newton's method failed.
+    """
+    scene = blocks(lower=(6, 3), upper=(3, 2), **KEPT)
+    for way in ((0.0, -0.1), (0.0, -0.3), (0.05, -0.3)):
+        scene.move(*way)
+        assert scene.problem.iterations <= 8
+    assert scene.problem.certificate.holds
 
 
 def test_what_a_pair_may_be():

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
@@ -44,7 +45,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
-from signorini_fx.forms.nonlinear.undeformed_pairs import held_between
+from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import node_positions
@@ -87,6 +88,11 @@ class MovingFoundations(Foundations):
     shapes_of_tools: Mapping[int, MovingShape] = MappingProxyType({})
     at: fem.Function
     _undeformed: dict[int, tuple[list[bytes], PairedSides]]
+
+    @property
+    def kept_pairs(self) -> dict[int, PairedSides]:
+        """Pairs that keep their partners, where they are undeformed, by their numbers."""
+        return {number: sides for number, (_, sides) in self._undeformed.items()}
 
     @property
     def driven(self) -> list[Any]:
@@ -222,6 +228,7 @@ class LinearisedProblem(FormSolver):
     symmetric = True
     residual: Array | None = None
     passed_on: Array | None = None
+    _backward: Sequence[JointStiffness] = ()  # what symmetry has added for the turning of normals of kept partners
     _retained: RetainedPoints
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
     _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
@@ -352,7 +359,18 @@ class LinearisedProblem(FormSolver):
             self.relative = tools.relative_stiffness(state, blocks, self.places)
             nodal = np.where((self.relative.tool >= 0)[:, None, None], 0.0, blocks)
         joint = joint_stiffness(self.pairs, state)
+        if turning := self._turned_forces(state):
+            both_ways = (JointStiffness(part.nodes, sp.csr_array(part.matrix + part.matrix.T)) for part in turning)
+            joint = (*joint, *both_ways)
+        self._backward = [JointStiffness(part.nodes, sp.csr_array(-part.matrix.T)) for part in turning]
         self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
+
+    def _turned_forces(self, state: ContactState) -> list[JointStiffness]:
+        """See ``turned_forces``, for each pair that keeps its partners; collective."""
+        kept = [k for k, entry in enumerate(self.contact) if entry.against is not None and not entry.bonded]
+        space, known = self.space, self.foundations.kept_pairs
+        places = self.places[: space.dofmap.index_map.size_local]
+        return [turned_forces(state, k, known[k], space, places) for k in kept if k in known]
 
     # --- what a FormSolver asks for ---
 
@@ -514,7 +532,8 @@ class LinearisedProblem(FormSolver):
 
         Shears move on with the partners of points, whose derivative is not symmetric and so not in the tangent.  Once
         points hardly slide any more, this is what Newton's method misses most: it is solved once more with what the
-        increment moves on.
+        increment moves on.  So it is where partners are kept: with tractions that turn, the tangent has the transpose
+        of this, too, which is wrong where points slide.
 
         Raises:
             ConvergenceError: there is no solution.
@@ -522,7 +541,7 @@ class LinearisedProblem(FormSolver):
         """
         self.passed_on = None
         self._solve()
-        if any(pair.near for pair in self.pairs.values()) and not self._ends:
+        if (self._backward or any(pair.near for pair in self.pairs.values())) and not self._ends:
             self._pass_on()
 
     @property
@@ -536,9 +555,12 @@ class LinearisedProblem(FormSolver):
         """Solve it once more with what the increment changes of the forces of shears, unless that fails; collective."""
         state, dim = self.state, self.boundary.x.shape[1]
         owned = self.elastic.fixed.size
-        increment = (self.u.x.array - self._at.x.array)[:owned].reshape(-1, dim)
-        forces = sum(pair.passed_on(state, increment) for pair in self.pairs.values())
-        forces = np.where(self.elastic.fixed, 0.0, np.ravel(forces))
+        increment = fem.Function(self.space)
+        increment.x.array[:] = self.u.x.array - self._at.x.array
+        along = increment.x.array[:owned].reshape(-1, dim)
+        moved = [pair.passed_on(state, along).ravel() for pair in self.pairs.values() if pair.near]
+        moved += [part.times(increment) for part in self._backward]
+        forces = np.where(self.elastic.fixed, 0.0, sum(moved))
         if not parallel.any_rank(self.space.mesh.comm, bool(forces.any())):
             return
         assert self._last_pattern is not None

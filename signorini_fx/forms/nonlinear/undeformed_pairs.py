@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
+from dolfinx import fem
 from dolfinx import mesh as dmesh
+from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
+from signorini_fx.mechanics.body.paired_points import PairedSides
+from signorini_fx.mechanics.pairs.sliding import along_vectors
 from signorini_fx.records import Finding
 from signorini_fx.tuned import FACETS_OF_KEPT_PARTNERS
+
+Array = npt.NDArray[np.float64]
 
 
 def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[np.bool_]) -> JointStiffness:
@@ -38,10 +45,42 @@ def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[
         )
         total = total if rows is None else total + sp.csr_array(rows.T @ rows)
     entries = total.tocoo()
-    triples = boundary.comm.allgather((nodes[entries.row], nodes[entries.col], entries.data))
-    row, column, value = (np.concatenate(each) for each in zip(*triples, strict=True))
-    reached = np.unique(row // dim)
-    places = np.searchsorted(reached, np.stack((row, column)) // dim) * dim + np.stack((row, column)) % dim
+    return _joint(boundary.comm, dim, (nodes[entries.row], nodes[entries.col], entries.data))
+
+
+def turned_forces(
+    state: ContactState, number: int, paired: PairedSides, space: fem.FunctionSpace, displacement: Array
+) -> JointStiffness:
+    """What displacements change of the contact forces of a pair as its normals turn, which is not symmetric; collective.
+
+    Args:
+        state: the contact points of this rank, with tractions.
+        number: of the contact.
+        paired: both sides where they are undeformed.
+        space: of the displacement.
+        displacement: of the owned nodes, length, shape (owned nodes, d).
+    """
+    boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
+    assert averages is not None
+    points = np.flatnonzero(boundary.part == number)
+    normal, weight = boundary.normal[points], boundary.weight[points, None, None]
+    shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])
+    # Tangents turn against normals.
+    tractions = state.pressure[points, None, None] * np.eye(dim) - normal[:, :, None] * shear[:, None]
+    components = np.arange(dim)
+    operator = sp.csr_array(averages.operator)[(dim * points[:, None] + components).ravel()]
+    forces = along_vectors((weight * tractions).swapaxes(1, 2)) @ paired.turning(space, displacement)
+    entries = sp.coo_array(operator.T @ forces)
+    rows, columns = ((dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.master.nodes))
+    return _joint(boundary.comm, dim, (rows[entries.row], columns[entries.col], entries.data))
+
+
+def _joint(comm: MPI.Comm, dim: int, entries: tuple[npt.NDArray[Any], ...]) -> JointStiffness:
+    """The sum of entries of all ranks, rows, columns and values, by unknowns of the whole body; collective."""
+    row, column, value = (np.concatenate(each) for each in zip(*comm.allgather(entries), strict=True))
+    both = np.stack((row, column))
+    reached = np.unique(both // dim)
+    places = np.searchsorted(reached, both // dim) * dim + both % dim
     matrix = sp.coo_array((value, (places[0], places[1])), shape=(dim * reached.size, dim * reached.size))
     return JointStiffness(reached, sp.csr_array(matrix))
 

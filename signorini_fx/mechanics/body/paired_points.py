@@ -25,6 +25,8 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, couple
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.sliding import along_vectors, turned_normals
+from signorini_fx.mechanics.pairs.sparse_scaling import of_components
 from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]
@@ -269,6 +271,28 @@ class PairedSides:
         )
         normal = coupling.normal - along / share * bisector + 2.0 * initial_part * present
         return replace(self, coupling=replace(coupling, normal=normal), followed=True)
+
+    def turning(self, space: fem.FunctionSpace, displacement: Array) -> sp.csr_array:
+        """How further displacements of the nodes of the master turn the normals of ``deformed``, sparse, shape (n d, d
+        M); collective.  For the arguments see there.
+
+        Between the vertices of quadratic triangles normals are means, whose turning is left out.
+        """
+        coupling, start = self.coupling, self.master.surface
+        master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
+        initial, present = (coupling.master @ side.directions for side in (start, master))
+        initial = initial / np.linalg.norm(initial, axis=1, keepdims=True)
+        size = np.linalg.norm(present, axis=1)[:, None, None]
+        present, normal = present / size[:, 0], coupling.normal
+        bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1)[:, None, None]
+        along, initial_part = (np.sum(vectors * normal, axis=1)[:, None, None] for vectors in (bisector, initial))
+        one = np.eye(normal.shape[1])
+        turned = (2.0 * initial_part - along / share) * one
+        turned = turned - bisector[:, :, None] * normal[:, None] / share
+        turned = turned + along / share**2 * bisector[:, :, None] * initial[:, None]
+        turned = turned @ (one - present[:, :, None] * present[:, None]) / size
+        nodal = of_components(coupling.master, normal.shape[1]) @ turned_normals(master)
+        return sp.csr_array(along_vectors(turned.transpose(0, 2, 1)) @ nodal)
 
     @property
     def across(self) -> Array:

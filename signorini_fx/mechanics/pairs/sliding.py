@@ -39,7 +39,7 @@ from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.mortar_coupling import projected, turning_blocks
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_plane import PlanePieces, turning_at_nodes
-from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals
+from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals_in_space
 from signorini_fx.mechanics.pairs.sparse_scaling import beside, placed_rows, scaled_entries, scaled_rows
 
 Array = npt.NDArray[np.float64]
@@ -228,7 +228,7 @@ class _TurningPieces:
                 parts.append(scaled_entries(matrix, crossed))
             return sp.csr_array(beside(*parts) @ turning_at_nodes(self.sides) - self.pieces.turning_by_shift(along))
         each = [
-            sp.kron(matrix, sp.eye_array(3)) @ turned_normals(side)
+            sp.kron(matrix, sp.eye_array(3)) @ turned_normals_in_space(side)
             for matrix, side in zip((sharing, -opposite), self.sides, strict=True)
         ]
         passing = self.pieces.passing(master.directions[master.nodes[self.pieces.overlap.master]])
@@ -396,6 +396,14 @@ def along_vectors(vectors: Array) -> sp.csr_array:
     numbers = np.arange(count + 1)
     shape = (count * columns, count * dim)
     return sp.csr_array(sp.bsr_array((vectors.transpose(0, 2, 1), numbers[:-1], numbers), shape=shape))
+
+
+def turned_normals(side: PairSurface) -> sp.csr_array:
+    """How displacements of the nodes of a side turn its normals at the nodes, sparse, shape (d N, d N)."""
+    if side.dimension == 3:
+        return turned_normals_in_space(side)
+    x, y = side.nodal_normals.T
+    return sp.csr_array(along_vectors(np.stack((-y, x), axis=1)[:, None]) @ turning_at_nodes((side,)))
 
 
 def _way(tangents: Array, vectors: Array) -> Array:

@@ -7,6 +7,7 @@ once.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -174,7 +175,7 @@ class PlanePieces:
         shift = np.einsum("pql,pl->pq", self.shift, displacement[self.unknowns])
         moved = -np.einsum("pqk,pq,pqd->pkd", self.slope, shift, forces)
         at = self.unknowns[:, self.turn.shape[2] :]
-        return np.bincount(at.ravel(), moved.ravel(), self.count)
+        return np.asarray(np.bincount(at.ravel(), moved.ravel(), self.count), dtype=np.float64)
 
     @cached_property
     def _met(self) -> tuple[Indices, Indices, Array]:
@@ -292,14 +293,14 @@ def turned_at_nodes(side: PairSurface) -> Array:
     at = (around.turned[:, None] * width + around.places).ravel()
     of_nodes = values.reshape(-1, count, 2)[around.turning].reshape(-1, 2)
     sums = [np.bincount(at, component, facets * count * width) for component in of_nodes.T]
-    return np.stack(sums, axis=1).reshape(facets, count, width, 2)
+    return np.asarray(np.stack(sums, axis=1).reshape(facets, count, width, 2), dtype=np.float64)
 
 
-def turning_at_nodes(sides: tuple[PairSurface, PairSurface]) -> sp.csr_array:
-    """The angles by which displacements of the nodes of both sides turn their normals at the nodes, sparse, shape (m,
-    2 m).
+def turning_at_nodes(sides: Sequence[PairSurface]) -> sp.csr_array:
+    """The angles by which displacements of the nodes of some sides turn their normals at the nodes, sparse, shape (m,
+    2 m), the nodes of the first one first.
     """
-    entries, first = list[tuple[Array, Indices, Indices]](), 0
+    entries, first = list[tuple[Array, ...]](), 0
     for side in sides:
         values, nodes = _turned_by_facets(side), first + side.nodes
         columns = _components(nodes)[:, None]

@@ -172,11 +172,11 @@ class SpacePieces:
         vectors = (self.spread @ displacement).reshape(-1, 3)[self.blocks]
         apart, width = self.share @ vectors, self.points.shape[1]
         moved = np.zeros((len(vectors), self.slope.shape[3] - width - 1, 3))
-        for slope, dual in zip(self.slope, self.dual, strict=True):
-            shift = -np.einsum("pqd,pqd->pq", apart, dual)
-            moved -= np.matmul((slope[..., width:-1] * shift[..., None]).swapaxes(1, 2), forces)
+        for a in range(2):
+            shift = -np.einsum("pqd,pqd->pq", apart, self.dual[a])
+            moved -= np.matmul((self.slope[a][..., width:-1] * shift[..., None]).swapaxes(1, 2), forces)
         at = (3 * self.blocks[:, width:-1, None] + np.arange(3)).ravel()
-        return np.bincount(at, moved.ravel(), displacement.size)
+        return np.asarray(np.bincount(at, moved.ravel(), displacement.size), dtype=np.float64)
 
     def stiffness(self, pressing: Array, *, near: bool) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (3 m, 3 m); for
@@ -416,7 +416,7 @@ def _around(side: PairSurface) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((areas, (rows.ravel(), columns.ravel())), shape=(len(side.x), len(side.x))))
 
 
-def turned_normals(side: PairSurface) -> sp.csr_array:
+def turned_normals_in_space(side: PairSurface) -> sp.csr_array:
     """How displacements of the nodes of a side turn its normals at the nodes, sparse, shape (3 N, 3 N).
 
     The normal of a node is along the integral of x,1 x x,2 of its facets times its function, without what it has across
