@@ -40,7 +40,9 @@ def test_body_that_contact_alone_holds(gap, friction):
     assert np.allclose(forces(timed[1]), forces(still[1]), atol=1e-9)
     rates = [step.displacement.x.array - other.displacement.x.array for step, other in zip(timed, still, strict=True)]
     x = timed[1].displacement.function_space.tabulate_dof_coordinates()[:, :2]
-    motions = np.stack([np.tile([1.0, 0.0], len(x)), np.tile([0.0, 1.0], len(x)), (x[:, ::-1] * [-1, 1]).ravel()], axis=1)
+    motions = np.stack(
+        [np.tile([1.0, 0.0], len(x)), np.tile([0.0, 1.0], len(x)), (x[:, ::-1] * [-1, 1]).ravel()], axis=1
+    )
     along = np.linalg.lstsq(motions, rates[1], rcond=None)[0]
     assert np.linalg.norm(along) > 1e-3
     assert np.allclose(motions @ along, rates[1], atol=1e-4 * np.abs(rates[1]).max())  # but for what the shear changes

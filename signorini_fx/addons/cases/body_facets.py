@@ -138,11 +138,13 @@ class BodyFacets:
         pieces = [_triangles(x) for _, _, x in targets]
         corners = np.concatenate([piece.reshape(-1, *piece.shape[2:]) for piece in pieces if piece.size])
         first = np.cumsum([0, *(len(chosen) for _, chosen, _ in targets)])
-        owner = np.concatenate([
-            start + np.tile(np.arange(piece.shape[1]), piece.shape[0])
-            for start, piece in zip(first, pieces, strict=False)
-            if piece.size
-        ])
+        owner = np.concatenate(
+            [
+                start + np.tile(np.arange(piece.shape[1]), piece.shape[0])
+                for start, piece in zip(first, pieces, strict=False)
+                if piece.size
+            ]
+        )
         for k, (kind, rows) in self._outer():
             x = points[rows[marks[k]][:, : _CORNERS[kind[0]]]]
             for facet, normal in zip(x, _normals(x, kind), strict=True):

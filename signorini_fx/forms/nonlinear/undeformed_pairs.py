@@ -51,7 +51,7 @@ def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[
 def turned_forces(
     state: ContactState, number: int, paired: PairedSides, space: fem.FunctionSpace, displacement: Array
 ) -> JointStiffness:
-    """What displacements change of the contact forces of a pair as its normals turn, which is not symmetric; collective.
+    """What displacements change of the contact forces of a pair as normals turn, which is not symmetric; collective.
 
     Args:
         state: the contact points of this rank, with tractions.

@@ -23,7 +23,7 @@ class JointStiffness:
 
     Attributes:
         nodes: global numbers, shape (m,).
-        matrix: force per length, symmetric, scipy sparse, shape (m d, m d).
+        matrix: force per length, symmetric where it is added to a tangent, scipy sparse, shape (m d, m d).
     """
 
     nodes: npt.NDArray[np.int64]

@@ -300,13 +300,13 @@ def turning_at_nodes(sides: Sequence[PairSurface]) -> sp.csr_array:
     """The angles by which displacements of the nodes of some sides turn their normals at the nodes, sparse, shape (m,
     2 m), the nodes of the first one first.
     """
-    entries, first = list[tuple[Array, ...]](), 0
+    entries, first = list[tuple[Array, Indices, Indices]](), 0
     for side in sides:
         values, nodes = _turned_by_facets(side), first + side.nodes
         columns = _components(nodes)[:, None]
         flat = values.reshape(*nodes.shape, -1)
-        at = (np.broadcast_to(numbers, flat.shape).ravel() for numbers in (nodes[:, :, None], columns))
-        entries.append((flat.ravel(), *at))
+        row, column = (np.broadcast_to(numbers, flat.shape).ravel() for numbers in (nodes[:, :, None], columns))
+        entries.append((flat.ravel(), row, column))
         first += len(side.x)
     angles, *at_both = (np.concatenate(parts) for parts in zip(*entries, strict=True))
     return sp.csr_array(sp.coo_array((angles, tuple(at_both)), shape=(first, 2 * first)))
