@@ -367,10 +367,10 @@ class LinearisedProblem(FormSolver):
 
     def _turned_forces(self, state: ContactState) -> list[JointStiffness]:
         """See ``turned_forces``, for each pair that keeps its partners; collective."""
-        kept = [k for k, entry in enumerate(self.contact) if entry.against is not None and not entry.bonded]
-        space, known = self.space, self.foundations.kept_pairs
+        numbers = [k for k, entry in enumerate(self.contact) if entry.against is not None and not entry.bonded]
+        space, pairs = self.space, self.foundations.kept_pairs
         places = self.places[: space.dofmap.index_map.size_local]
-        return [turned_forces(state, k, known[k], space, places) for k in kept if k in known]
+        return [turned_forces(state, k, pairs[k], space, places) for k in numbers if k in pairs]
 
     # --- what a FormSolver asks for ---
 
@@ -548,7 +548,7 @@ class LinearisedProblem(FormSolver):
     def _ends(self) -> bool:
         """Whether the increment is so small that Newton's method ends with it; collective."""
         comm, values = self.space.mesh.comm, self.u.x.array
-        change, size = (parallel.largest(comm, np.abs(each), 0.0) for each in (values - self._at.x.array, values))
+        change, size = (parallel.largest(comm, np.abs(vector), 0.0) for vector in (values - self._at.x.array, values))
         return bool(change <= SMALL_INCREMENT * size)
 
     def _pass_on(self) -> None:

@@ -78,9 +78,9 @@ def turned_forces(
 def _joint(comm: MPI.Comm, dim: int, entries: tuple[npt.NDArray[Any], ...]) -> JointStiffness:
     """The sum of entries of all ranks, rows, columns and values, by unknowns of the whole body; collective."""
     row, column, value = (np.concatenate(each) for each in zip(*comm.allgather(entries), strict=True))
-    both = np.stack((row, column))
-    reached = np.unique(both // dim)
-    places = np.searchsorted(reached, both // dim) * dim + both % dim
+    unknowns = np.stack((row, column))
+    reached = np.unique(unknowns // dim)
+    places = np.searchsorted(reached, unknowns // dim) * dim + unknowns % dim
     matrix = sp.coo_array((value, (places[0], places[1])), shape=(dim * reached.size, dim * reached.size))
     return JointStiffness(reached, sp.csr_array(matrix))
 

@@ -144,9 +144,9 @@ class PairedBodies:
         low, high = corners.min(axis=1), corners.max(axis=1)
         near = np.zeros(len(corners), dtype=bool)
         for piece in np.unique(self.piece):
-            others = at[self.of_node != piece]
-            if len(others):
-                meets = (high >= others.min(axis=0)) & (low <= others.max(axis=0))
+            points = at[self.of_node != piece]
+            if len(points):
+                meets = (high >= points.min(axis=0)) & (low <= points.max(axis=0))
                 near |= (self.piece == piece) & meets.all(axis=1)
         return np.flatnonzero(near)
 

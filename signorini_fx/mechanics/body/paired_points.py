@@ -286,11 +286,11 @@ class PairedSides:
         present, normal = present / size[:, 0], coupling.normal
         bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1)[:, None, None]
         along, initial_part = (np.sum(vectors * normal, axis=1)[:, None, None] for vectors in (bisector, initial))
-        one = np.eye(normal.shape[1])
-        turned = (2.0 * initial_part - along / share) * one
+        identity = np.eye(normal.shape[1])
+        turned = (2.0 * initial_part - along / share) * identity
         turned = turned - bisector[:, :, None] * normal[:, None] / share
         turned = turned + along / share**2 * bisector[:, :, None] * initial[:, None]
-        turned = turned @ (one - present[:, :, None] * present[:, None]) / size
+        turned = turned @ (identity - present[:, :, None] * present[:, None]) / size
         nodal = of_components(coupling.master, normal.shape[1]) @ turned_normals(master)
         return sp.csr_array(along_vectors(turned.transpose(0, 2, 1)) @ nodal)
 

@@ -265,8 +265,8 @@ class SlidingSides:
         along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
         forces = coupling.passed_on(along, self.gathered(displacement))
         (first, last), at_owned = self.space.dofmap.index_map.local_range, np.zeros_like(displacement)
-        here = (self.nodes >= first) & (self.nodes < last)
-        at_owned[self.nodes[here] - first] = forces[here]
+        is_owned = (self.nodes >= first) & (self.nodes < last)
+        at_owned[self.nodes[is_owned] - first] = forces[is_owned]
         return at_owned
 
     def holding(

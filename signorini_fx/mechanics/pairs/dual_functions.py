@@ -270,19 +270,19 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
     them, ring by ring, shape (N, k); zero where no ring arrives.
     """
-    beside, there = side.tested_together
+    beside, listed = side.tested_together
     done, extension = np.zeros(len(beside), dtype=bool), np.zeros((len(beside), values.shape[1]))
     done[nodes], extension[nodes] = True, values
     ring = nodes
     while True:
         reached = np.zeros_like(done)
-        reached[beside[ring][there[ring]]] = True
+        reached[beside[ring][listed[ring]]] = True
         ring = np.flatnonzero(reached & ~done)
         if not ring.size:
             return extension
-        known = there[ring] & done[beside[ring]]
-        sums = np.einsum("rm,rmk->rk", known.astype(np.float64), extension[beside[ring]])
-        extension[ring] = sums / np.count_nonzero(known, axis=1)[:, None]
+        done_beside = listed[ring] & done[beside[ring]]
+        sums = np.einsum("rm,rmk->rk", done_beside.astype(np.float64), extension[beside[ring]])
+        extension[ring] = sums / np.count_nonzero(done_beside, axis=1)[:, None]
         done[ring] = True
 
 

@@ -16,14 +16,14 @@ class FacetNeighbours:
 
     Attributes:
         around: these nodes, those of the facet among them, filled up by its first one, shape (f, w).
-        own: where the nodes of the facet are among them, shape (f, k).
+        own_places: where the nodes of the facet are among them, shape (f, k).
         turned: nodes of facets, numbered facet by facet, once for each facet that has the node, shape (p,).
         turning: the same node in that facet, numbered likewise, shape (p,).
         places: where the nodes of that facet are in ``around`` of the first one, shape (p, k).
     """
 
     around: Indices
-    own: Indices
+    own_places: Indices
     turned: Indices
     turning: Indices
     places: Indices
@@ -39,13 +39,13 @@ class FacetNeighbours:
         turning = order[begins[turned] + np.arange(turned.size) - np.repeat(np.cumsum(sizes) - sizes, sizes)]
         total = int(flat.max(initial=0)) + 1
         keys = (turned // count)[:, None] * total + nodes[turning // count]
-        each, at = np.unique(keys, return_inverse=True)
-        facet = each // total
-        place = np.arange(each.size) - np.searchsorted(facet, np.arange(facets))[facet]
-        around = np.repeat(nodes[:, :1], int(place.max(initial=0)) + 1, axis=1)
-        around[facet, place] = each % total
-        own = place[np.searchsorted(each, np.arange(facets)[:, None] * total + nodes)]
-        return cls(around, own, turned, turning, place[at.reshape(keys.shape)])
+        distinct, at = np.unique(keys, return_inverse=True)
+        facet = distinct // total
+        slot = np.arange(distinct.size) - np.searchsorted(facet, np.arange(facets))[facet]
+        around = np.repeat(nodes[:, :1], int(slot.max(initial=0)) + 1, axis=1)
+        around[facet, slot] = distinct % total
+        own_places = slot[np.searchsorted(distinct, np.arange(facets)[:, None] * total + nodes)]
+        return cls(around, own_places, turned, turning, slot[at.reshape(keys.shape)])
 
 
 def nodes_beside(facets: Indices, count: int) -> tuple[Indices, npt.NDArray[np.bool_]]:
@@ -58,8 +58,8 @@ def nodes_beside(facets: Indices, count: int) -> tuple[Indices, npt.NDArray[np.b
     """
     keys = np.unique((facets[:, :, None] * count + facets[:, None]).ravel())
     row = keys // count
-    place = np.arange(row.size) - np.searchsorted(row, np.arange(count))[row]
-    beside = np.zeros((count, int(place.max(initial=-1)) + 1), dtype=np.int64)
-    there = np.zeros(beside.shape, dtype=bool)
-    beside[row, place], there[row, place] = keys % count, True
-    return beside, there
+    slot = np.arange(row.size) - np.searchsorted(row, np.arange(count))[row]
+    beside = np.zeros((count, int(slot.max(initial=-1)) + 1), dtype=np.int64)
+    listed = np.zeros(beside.shape, dtype=bool)
+    beside[row, slot], listed[row, slot] = keys % count, True
+    return beside, listed

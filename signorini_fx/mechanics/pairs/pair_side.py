@@ -148,16 +148,16 @@ class PairSurface:
         """Which facets share nodes."""
         if "neighbours" not in self.of_nodes:
             self.of_nodes["neighbours"] = FacetNeighbours.of(self.nodes)
-        found: FacetNeighbours = self.of_nodes["neighbours"]
-        return found
+        neighbours: FacetNeighbours = self.of_nodes["neighbours"]
+        return neighbours
 
     @property
     def tested_together(self) -> tuple[Indices, npt.NDArray[np.bool_]]:
         """The nodes with test functions on the facets around each node, and which of these are any, shapes (N, m)."""
         if "tested_together" not in self.of_nodes:
             self.of_nodes["tested_together"] = nodes_beside(self.points, len(self.x))
-        found: tuple[Indices, npt.NDArray[np.bool_]] = self.of_nodes["tested_together"]
-        return found
+        beside: tuple[Indices, npt.NDArray[np.bool_]] = self.of_nodes["tested_together"]
+        return beside
 
     @property
     def dimension(self) -> int:

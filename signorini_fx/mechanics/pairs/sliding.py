@@ -227,12 +227,12 @@ class _TurningPieces:
                 crossed = along[row, 1] * normal[:, 0] - along[row, 0] * normal[:, 1]
                 parts.append(scaled_entries(matrix, crossed))
             return sp.csr_array(beside(*parts) @ turning_at_nodes(self.sides) - self.pieces.turning_by_shift(along))
-        each = [
+        parts = [
             sp.kron(matrix, sp.eye_array(3)) @ turned_normals_in_space(side)
             for matrix, side in zip((sharing, -opposite), self.sides, strict=True)
         ]
         passing = self.pieces.passing(master.directions[master.nodes[self.pieces.overlap.master]])
-        return sp.csr_array(along_vectors(tangents / size[:, None, None]) @ (sp.hstack(each) - passing))
+        return sp.csr_array(along_vectors(tangents / size[:, None, None]) @ (sp.hstack(parts) - passing))
 
 
 def slide(

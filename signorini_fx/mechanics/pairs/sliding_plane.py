@@ -90,12 +90,12 @@ class PlanePieces:
         facing_over = facing / cosine[..., None]
         distance = np.einsum("pqd,pqd->pq", overlap.distance(slave, master), ways)
 
-        first, own = len(slave.x), _own_functions(slave, overlap.slave)
+        first, own_nodes = len(slave.x), _own_functions(slave, overlap.slave)
         angles = turned_at_nodes(slave)[overlap.slave].reshape(len(seen), seen.shape[1], -1)
         turn = (np.einsum("pkd,pqd->pqk", directions[seen], ways) * shape / length) @ angles  # of N, an angle
         inclined = np.einsum("pqd,pqd->pq", facing_over, across)
         stretched = np.einsum("pqd,pqd->pq", facet, across)
-        shares = np.concatenate((-(shape @ own), shape_over), axis=2)
+        shares = np.concatenate((-(shape @ own_nodes), shape_over), axis=2)
         width = turn.shape[2]
         change, shift = _products(shares, facing_over), -_products(shares, across)
         change[..., :width] -= (distance * inclined)[..., None] * turn
@@ -260,8 +260,8 @@ class _SeenVertices:
         rate = kink / np.einsum("vd,vd->v", stretch, across)
         shares = shape * np.einsum("vkd,vd->vk", directions[nodes], ways) / length
         turn = np.einsum("vk,vkwd->vwd", shares, turned_at_nodes(slave)[facets])
-        own = np.einsum("vk,vkw->vw", shape, _own_functions(slave, facets))
-        moved = np.concatenate((-own, np.ones((len(own), 1))), axis=1)
+        own_shares = np.einsum("vk,vkw->vw", shape, _own_functions(slave, facets))
+        moved = np.concatenate((-own_shares, np.ones((len(own_shares), 1))), axis=1)
         passing = moved[..., None] * across[:, None]
         passing[:, :-1] -= distance[:, None, None] * turn
         functions = np.einsum("vij,vj->vi", tested.coefficients[facets], slave.tests.values(s[:, None]))
@@ -334,8 +334,8 @@ def _turned_by_facets(side: PairSurface) -> Array:
 def _own_functions(side: PairSurface, facets: Indices) -> Array:
     """Which of the nodes around some facets are their own, as ones, shape (p, k, w)."""
     around = side.neighbours
-    ones = np.zeros((*around.own.shape, around.around.shape[1]))
-    np.put_along_axis(ones, around.own[..., None], 1.0, axis=2)
+    ones = np.zeros((*around.own_places.shape, around.around.shape[1]))
+    np.put_along_axis(ones, around.own_places[..., None], 1.0, axis=2)
     return np.asarray(ones[facets])
 
 

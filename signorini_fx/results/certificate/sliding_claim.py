@@ -360,7 +360,7 @@ class SeenSides:
 # What points see, facets of both sides that see each other, and functions at rays: see ``SlidingClaim``.
 LookedAt = tuple[SeenSides, tuple[Numbers, Numbers], Any]
 # At how many displacements this is kept.
-_KNOWN = 3
+_REMEMBERED = 3
 
 
 @dataclass(frozen=True)
@@ -370,12 +370,12 @@ class KnownSides:
     Attributes:
         values: the displacement of the nodes of both sides, shape (m, d).
         measure: of the slave, shape (N,).
-        found: what it has found.
+        looked_at: what it has found.
     """
 
     values: Array
     measure: Array
-    found: LookedAt
+    looked_at: LookedAt
 
 
 @dataclass(frozen=True)
@@ -394,7 +394,7 @@ class SlidingClaim:
         slave: owned facets of the side with the points, local numbers, as the problem names them.
         master: those of the other side.
         ends: values of the displacement at the nodes of both sides, now and at the beginning of the step, shape (m, 2).
-        known: what certificates have found of this pair at the last few displacements: the end of a step is where the
+        memory: what certificates have found of this pair at the last few displacements: the end of a step is where the
             next one begins.
     """
 
@@ -409,7 +409,7 @@ class SlidingClaim:
     slave: npt.NDArray[np.int32]
     master: npt.NDArray[np.int32]
     ends: tuple[Array, Array]
-    known: list[KnownSides] = field(default_factory=list, repr=False)
+    memory: list[KnownSides] = field(default_factory=list, repr=False)
     nominal: bool = False
     followed: None = None
 
@@ -636,13 +636,13 @@ class SlidingClaim:
     def _known_at(self, values: Array) -> LookedAt:
         """See ``_looked``; once for each displacement."""
         measure = self.chains[0].measure
-        for known in self.known:
-            if np.array_equal(known.values, values) and np.array_equal(known.measure, measure):
-                return known.found
-        found = self._looked(values)
-        self.known.append(KnownSides(values.copy(), measure, found))
-        del self.known[:-_KNOWN]
-        return found
+        for sides in self.memory:
+            if np.array_equal(sides.values, values) and np.array_equal(sides.measure, measure):
+                return sides.looked_at
+        looked_at = self._looked(values)
+        self.memory.append(KnownSides(values.copy(), measure, looked_at))
+        del self.memory[:-_REMEMBERED]
+        return looked_at
 
     def _seen(self, values: Array) -> SeenSides:
         """What the points see at a displacement of the nodes of both sides, shape (m, d).
@@ -888,7 +888,7 @@ def sliding_claim(
     facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
     ends: tuple[fem.Function, fem.Function | None],
     factor: Array | None = None,
-    known: list[KnownSides] | None = None,
+    memory: list[KnownSides] | None = None,
 ) -> SlidingClaim:
     """The second opinion on a pair; collective.
 
@@ -900,9 +900,9 @@ def sliding_claim(
         facets: of both sides, owned, local numbers.
         ends: displacements now and at the beginning of the step; None: none.
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
-        known: see ``SlidingClaim``; None: nothing.
+        memory: see ``SlidingClaim``; None: nothing.
     """
     both = Chain.of(space, facets[0], factor), Chain.of(space, facets[1])
     surface = replace(sides[0], measure=None if factor is None else both[0].measure)
-    of_pair = at_ends(space, both, ends), [] if known is None else known
+    of_pair = at_ends(space, both, ends), [] if memory is None else memory
     return SlidingClaim(space, surface, sides[1], both, *points, *facets, *of_pair)

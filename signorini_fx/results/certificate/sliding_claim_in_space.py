@@ -639,7 +639,7 @@ def sliding_claim_in_space(
     facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
     ends: tuple[fem.Function, fem.Function | None],
     factor: Array | None = None,
-    known: list[KnownSides] | None = None,
+    memory: list[KnownSides] | None = None,
 ) -> SpaceSlidingClaim:
     """The second opinion on a pair in space; collective.
 
@@ -651,9 +651,9 @@ def sliding_claim_in_space(
         facets: of both sides, owned, local numbers.
         ends: displacements now and at the beginning of the step; None: none.
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
-        known: see ``SlidingClaim``; None: nothing.
+        memory: see ``SlidingClaim``; None: nothing.
     """
     sheets = Sheet.of(space, facets[0], factor), Sheet.of(space, facets[1])
     surface = replace(sides[0], measure=None if factor is None else sheets[0].measure)
-    of_pair = at_ends(space, sheets, ends), [] if known is None else known
+    of_pair = at_ends(space, sheets, ends), [] if memory is None else memory
     return SpaceSlidingClaim(space, surface, sides[1], sheets, *points, *facets, *of_pair)
