@@ -1955,8 +1955,8 @@ MUTANTS = (
     ),
     Mutant(
         "pairs/mortar_coupling",
-        "blocks = -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))",
-        "blocks = _crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))",
+        "return row, -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))",
+        "return row, _crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))",
         "two bodies: the rotation of the master taken the wrong way round",
         tests=("pairs::test_identities",),
     ),
@@ -2141,6 +2141,20 @@ MUTANTS = (
         "return np.zeros(len(slave), dtype=bool)",
         "two bodies: there is contact where supports hold both of them",
         tests=("held_sides::test_a_region_in_which_both_sides_are_held",),
+    ),
+    Mutant(
+        "pairs/sliding_plane",
+        'moved = -np.einsum("pqk,pq,pqd->pkd", self.slope, shift, forces)',
+        'moved = np.einsum("pqk,pq,pqd->pkd", self.slope, shift, forces)',
+        "two bodies that slide: shears move against their partners",
+        tests=("sliding::test_what_shears_pass_on", "sliding_bodies::test_shears_that_are_passed_on"),
+    ),
+    Mutant(
+        "mechanics/body/paired_points",
+        "turned = turned - bisector[:, :, None] * normal[:, None] / share",
+        "pass",
+        "two bodies that keep partners: normals turn as if they were those of the master",
+        tests=("pairs_that_keep_partners::test_forces_turn_with_the_normals",),
     ),
     Mutant(
         "pairs/sliding",
