@@ -116,7 +116,7 @@ def solve_to_accuracy(
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
         prices = partial(price_list, base_memory=budget.base_memory, rates=rates, uniform=not meshes.adaptive)
         rows = prices(levels) if len(levels) > 1 else []
-        if goal.of == "peak" and rows and (rows[-2].peak or inf) <= ZONE_WORTH * goal.target:
+        if goal.of == "peak" and rows and (rows[-2].peak or inf) <= ZONE_WORTH[level.dimension] * goal.target:
             zone, levels[-1] = _with_finer_zone(meshes, solved, levels[-1], partial(budget.exceeded, rows, last=level))
             levels[-1] = replace(levels[-1], seconds=parallel.clock(comm) - started)
             rows = prices(levels, zone=zone)

@@ -79,9 +79,9 @@ def _on_surface(
 ) -> Floats:
     """See ``smooth_middles``; sides that belong to two facets of one smooth part."""
     facets_at: dict[tuple[int, int], list[int]] = {}  # by part and node
-    for facet, (part, corners) in enumerate(zip(parts.tolist(), facets.tolist(), strict=True)):
-        for node in corners:
-            facets_at.setdefault((part, node), []).append(facet)
+    for facet in range(len(facets)):
+        for node in facets[facet]:
+            facets_at.setdefault((int(parts[facet]), int(node)), []).append(facet)
     part_of = np.empty(len(numbered), dtype=np.int64)
     part_of[of_facet] = parts[:, None]
     fits: dict[tuple[int, int], _Paraboloid] = {}
@@ -89,7 +89,7 @@ def _on_surface(
     def fit(part: int, node: int) -> _Paraboloid:
         if (part, node) not in fits:
             near = np.unique(facets[facets_at[part, node]])
-            around = np.unique(facets[sorted({facet for at in near.tolist() for facet in facets_at[part, at]})])
+            around = np.unique(facets[sorted({facet for at in near for facet in facets_at[part, int(at)]})])
             fits[part, node] = _Paraboloid(x[node], x[around[around != node]])
         return fits[part, node]
 
