@@ -135,9 +135,9 @@ def _on_curves(coarse: MeshArrays, fine: MeshArrays, curved: Collection[str]) ->
         points[boundary_nodes[at[halved_ones]]] = middles[halved_ones]
         if facets.shape[1] == 4:
             far, at = tree.query(x[facets].mean(axis=1))
-            number = {pair: k for k, pair in enumerate(map(tuple, sides.tolist()))}
+            number = {(int(a), int(b)): k for k, (a, b) in enumerate(sides)}
             for facet in np.flatnonzero(far <= length):
-                around = facets[facet].tolist()
+                around = [int(node) for node in facets[facet]]
                 rows = [number[min(a, b), max(a, b)] for a, b in pairwise([*around, around[0]])]
                 # The patch of Coons whose sides are the smooth ones.
                 points[boundary_nodes[at[facet]]] = middles[rows].sum(axis=0) / 2 - x[around].sum(axis=0) / 4
