@@ -38,11 +38,11 @@ def smooth_middles(x: Floats, facets: Ints, sides: Ints) -> Floats:
         return _on_curve(x, facets, sides)
     all_sides = sides_of_facets(facets)
     of_facets = np.sort(np.stack((facets, np.roll(facets, -1, axis=1)), axis=2), axis=2)
-    numbered = {pair: number for number, pair in enumerate(_pairs(all_sides))}
+    numbered = {pair: number for number, pair in enumerate(pairs_of(all_sides))}
     of_facet = np.array([[numbered[int(a), int(b)] for a, b in pairs] for pairs in of_facets])
     sharp = _is_edge(x, facets, all_sides, of_facet)
     middles = np.empty((len(sides), 3))
-    on_edge = np.array([sharp[numbered[min(a, b), max(a, b)]] for a, b in _pairs(sides)], dtype=bool)
+    on_edge = np.array([sharp[numbered[min(a, b), max(a, b)]] for a, b in pairs_of(sides)], dtype=bool)
     middles[on_edge] = _on_curve(x, all_sides[sharp], sides[on_edge])
     middles[~on_edge] = _on_surface(x, facets, sides[~on_edge], _smooth_parts(sharp, of_facet), of_facet, numbered)
     return middles
@@ -94,7 +94,7 @@ def _on_surface(
         return fits[part, node]
 
     middles = np.empty((len(sides), 3))
-    for number, (a, b) in enumerate(_pairs(sides)):
+    for number, (a, b) in enumerate(pairs_of(sides)):
         part, middle = int(part_of[numbered[min(a, b), max(a, b)]]), (x[a] + x[b]) / 2
         middles[number] = (fit(part, a).above(middle) + fit(part, b).above(middle)) / 2
     return middles
@@ -126,11 +126,11 @@ def _on_curve(x: Floats, sides: Ints, wanted: Ints) -> Floats:
     it.
     """
     beside: dict[int, list[int]] = {}
-    for a, b in _pairs(sides):
+    for a, b in pairs_of(sides):
         beside.setdefault(a, []).append(b)
         beside.setdefault(b, []).append(a)
     middles = np.empty((len(wanted), x.shape[1]))
-    for number, (a, b) in enumerate(_pairs(wanted)):
+    for number, (a, b) in enumerate(pairs_of(wanted)):
         nodes = [*_going_on(x, b, a, beside[a]), a, b, *_going_on(x, a, b, beside[b])]
         s = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(x[nodes], axis=0), axis=1))))
         middle = s[nodes.index(a) : nodes.index(b) + 1].mean()
@@ -140,7 +140,8 @@ def _on_curve(x: Floats, sides: Ints, wanted: Ints) -> Floats:
     return middles
 
 
-def _pairs(sides: Ints) -> list[tuple[int, int]]:
+def pairs_of(sides: Ints) -> list[tuple[int, int]]:
+    """The ends of each side as plain numbers."""
     return [(int(a), int(b)) for a, b in sides]
 
 

@@ -23,7 +23,7 @@ from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.mechanics.mesh.halving import edges_of, halved_in_part
-from signorini_fx.mechanics.mesh.smooth_middles import sides_of_facets, smooth_middles
+from signorini_fx.mechanics.mesh.smooth_middles import pairs_of, sides_of_facets, smooth_middles
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, from_arrays
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -135,7 +135,7 @@ def _on_curves(coarse: MeshArrays, fine: MeshArrays, curved: Collection[str]) ->
         points[boundary_nodes[at[halved_ones]]] = middles[halved_ones]
         if facets.shape[1] == 4:
             far, at = tree.query(x[facets].mean(axis=1))
-            number = {(int(a), int(b)): k for k, (a, b) in enumerate(sides)}
+            number = {pair: k for k, pair in enumerate(pairs_of(sides))}
             for facet in np.flatnonzero(far <= length):
                 around = [int(node) for node in facets[facet]]
                 rows = [number[min(a, b), max(a, b)] for a, b in pairwise([*around, around[0]])]
