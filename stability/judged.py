@@ -103,6 +103,7 @@ DATA = {
     "press_capped": ForeignDeck(
         "press", "C3D8I", (3, 1, 1), friction=0.6, stiffness=None, capped=True, earlier=0.6, increments=5
     ),
+    "press_lifted": ForeignDeck("press", "CPE4", (14, 5), friction=0.15, stiffness=5e4, warp=0.2, earlier=-0.5),
     "press_slender": ForeignDeck(
         "press", "C3D20R", (2, 1, 1), friction=0.1, stiffness=1.5e5, shape="slender", increments=10
     ),

@@ -138,8 +138,8 @@ def on_moved_foundations(
 
 def _seen_otherwise(earlier: ContactBoundary, now: ContactBoundary, displacement: fem.Function) -> Nodal | None:
     """What the relative displacement at the points of two bodies is now more than it was for the same displacement,
-    shape (n, d): a support that holds from now on, or does no longer, changes which planes of symmetry there are, across
-    which there is none; None: points see what they have seen; collective.
+    shape (n, d): a support that holds from now on, or does no longer, changes across which planes of symmetry there is
+    none; None: points see what they have seen; collective.
     """
     if earlier.averages is None or now.averages is None:
         return None

@@ -87,3 +87,11 @@ def test_a_rigid_body_that_is_not_printed(tmp_path):
     for name in ("wrong_way", "slip_below_bound"):
         found = judgement.figures[name]["value"]
         assert found == pytest.approx(verdict(DATA / "press.dat").figures[name]["value"], abs=1e-4)
+
+
+def test_sides_that_were_apart_before():
+    """A press that the step before has lifted and moved back: what it slides before it touches is no slip."""
+    judgement = judge(DATA / "press_lifted.inp", DATA / "press_lifted.dat", compare=False)
+    assert judgement.word == "agrees"
+    assert judgement.figures["wrong_way"]["value"] == judgement.figures["slip_below_bound"]["value"] == 0.0
+    assert "since the sides touch" in judgement.figures["coefficient_to"]["reason"]

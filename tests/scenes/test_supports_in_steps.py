@@ -158,8 +158,8 @@ def test_what_is_wrong(holds, more, said):
 @pytest.mark.parametrize("friction", [None, {"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.5}])
 @pytest.mark.parametrize("order", [(True, False), (False, True)])
 def test_planes_of_symmetry_that_come_and_go(tmp_path, order, friction):
-    """A support of the side below along the contact: with that of the body above, the corner lies in a plane of symmetry
-    while both hold, across which there is neither slip nor shear, nor any from the step before.
+    """A support of the side below along the contact: with that of the body above, the corner lies in a plane of
+    symmetry while both hold, across which there is neither slip nor shear, nor any from the step before.
     """
     lines = [*squares(4, 2, name="LOW"), *squares(4, 2, 101, (0.0, 1.0), name="UP")]
     (tmp_path / "two.inp").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -198,10 +198,10 @@ def _friction(s: TouchingSurface, push: Floats, force: float, energy: float, lea
     # Of friction that has acted before, sides spring back by what it had bent.
     spring = size + s.bound if s.rubbed else size
     elastic = spring / (stick * s.area) if stick else np.zeros_like(size)
-    along = np.einsum("cd,cd->c", shear, s.slip).clip(min=0.0)
+    along = np.where(s.touched, np.einsum("cd,cd->c", shear, s.slip), 0.0).clip(min=0.0)
     if s.rubbed:
         along = np.where(slip > JUDGED_ELASTIC_SLIP * elastic, along, 0.0)
-    beyond = (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0) * (carries & _same_way(s, slip))
+    beyond = (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0) * (carries & s.touched & _same_way(s, slip))
     missing = (s.straight * s.bound - size).clip(min=0.0) * beyond
     rubbing = carries & (s.bound > 0) if s.contact.rubs else np.zeros_like(carries)
     work = float((s.bound * slip)[carries].sum())

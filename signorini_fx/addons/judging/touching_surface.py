@@ -20,7 +20,7 @@ from signorini_fx.addons.judging.projection import closest_points, rotated_by
 from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss, reference_element
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.expressions import in_space, sample
-from signorini_fx.tuned import JUDGED_FACET_POINTS
+from signorini_fx.tuned import JUDGED_APART, JUDGED_FACET_POINTS
 
 _LINEAR = {"line": "line", "line3": "line", "triangle": "triangle", "triangle6": "triangle"}
 
@@ -40,6 +40,8 @@ class TouchingSurface:
         slip: across the normal, of this side against the other one, in the last load step, length, shape (c, d).
         slip_known: whether it is that; else it counts from the beginning, as the displacement before is not known.
         rubbed: whether friction may have acted before the last load step.
+        touched: where the sides touched, or nearly, when slip began to count, shape (c,).  Elsewhere they have slipped
+            less than that: only since they touch.
         straight: of the direction of slip the length of its mean over the hat, weighted by what enters: 1 where all of
             it slips the same way, shape (c,).
         normal: to the other side, shape (c, d).
@@ -61,6 +63,7 @@ class TouchingSurface:
     slip: Floats
     slip_known: bool
     rubbed: bool
+    touched: npt.NDArray[np.bool_]
     straight: Floats
     normal: Floats
     judged: npt.NDArray[np.bool_]
@@ -108,6 +111,15 @@ def touching_surface(
     moved, changed = (np.einsum("qk,fkd->fqd", at.shape, u[facets]).reshape(flat.shape) for u in (v, change))
     gap, normal, slip = _opposite(problem, contact, (v, change), flat, (moved, changed), at.normal.reshape(flat.shape))
     gap, normal, slip = gap.reshape(at.weight.shape), normal.reshape(at.x.shape), slip.reshape(at.x.shape)
+    touched = np.ones(len(corners), dtype=bool)
+    if step_start is not None:
+        began = np.einsum("qk,fkd->fqd", at.shape, step_start[facets]).reshape(flat.shape)
+        open_then = _opposite(
+            problem, contact, (step_start, change), flat, (began, changed), at.normal.reshape(flat.shape)
+        )
+        near = JUDGED_APART * float(np.linalg.norm(v, axis=1).max())
+        touched[:] = False
+        touched[local[open_then[0].reshape(at.weight.shape).min(axis=1) <= near]] = True
     penetration, mean_slip = mean((-gap).clip(min=0.0)), mean(slip)
     clearance = np.full(len(corners), np.inf)
     np.minimum.at(clearance, local, np.repeat(_least(mesh.facet, at.shape, gap)[:, None], width, axis=1))
@@ -168,6 +180,7 @@ def touching_surface(
         mean_slip,
         step_start is not None or not problem.several_steps,
         problem.several_steps,
+        touched,
         straight,
         toward,
         judged,

@@ -267,8 +267,8 @@ def _with_supports(model: Model, statement: Statement) -> Model:
 
 
 def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
-    """``boundary``, ``data``, ``law`` and ``pairs`` of another statement that differs in its contact, or has the supports
-    of the model, which may lie in other planes of symmetry and hold other nodes of the pairs; collective.
+    """``boundary``, ``data``, ``law`` and ``pairs`` of another statement that differs in its contact, or whose supports
+    are those of the model, with other planes of symmetry and other held nodes of the pairs; collective.
     """
     foundations = _foundations_on(model, statement)
     shapes = foundations.shapes()
