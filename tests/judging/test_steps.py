@@ -91,7 +91,7 @@ def test_a_rigid_body_that_is_not_printed(tmp_path):
 
 def test_sides_that_were_apart_before():
     """A press that the step before has lifted and moved back: what it slides before it touches is no slip."""
-    judgement = judge(DATA / "press_lifted.inp", DATA / "press_lifted.dat", compare=False)
+    judgement = judge(DATA.parent / "press_lifted.inp", DATA.parent / "press_lifted.dat", compare=False)
     assert judgement.word == "agrees"
     assert judgement.figures["wrong_way"]["value"] == judgement.figures["slip_below_bound"]["value"] == 0.0
     assert "since the sides touch" in judgement.figures["coefficient_to"]["reason"]
