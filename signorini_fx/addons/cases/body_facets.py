@@ -148,7 +148,7 @@ class BodyFacets:
         for k, (kind, rows) in self._outer():
             x = points[rows[marks[k]][:, : _CORNERS[kind[0]]]]
             for facet, normal in zip(x, _normals(x, kind), strict=True):
-                hit = _met(_places(facet), normal / np.linalg.norm(normal), corners)
+                hit = _met(_places(facet), np.asarray(normal / np.linalg.norm(normal)), corners)
                 for number in np.unique(owner[hit[hit >= 0]]):
                     block, row = rows_of_targets[int(number)]
                     found[block][row] = True

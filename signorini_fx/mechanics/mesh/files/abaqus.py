@@ -249,8 +249,8 @@ class _Reader:
                 self.element_sets.setdefault(self._name(parameters["ELSET"]), np.empty(0, dtype=np.int64))
             return
         kind, count = _kind(parameters["TYPE"].upper())
-        words = (
-            rows.values
+        words: Ints = (
+            np.asarray(rows.values, dtype=np.int64)
             if isinstance(rows, NumberTable)
             else np.array([int(word) for row in rows for word in row], dtype=np.int64)
         )
@@ -459,7 +459,7 @@ class _Reader:
             ValueError: an element has no such face.
         """
         elements = self.elements
-        listed = np.array(faces, dtype=np.int64).reshape(-1, 2)
+        listed: Ints = np.array(faces, dtype=np.int64).reshape(-1, 2)
         rows = elements.rows.rows(listed[:, 0])
         on_body = rows >= 0
         on_body[on_body] = elements.solid[rows[on_body]]

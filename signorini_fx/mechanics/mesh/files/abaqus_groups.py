@@ -192,7 +192,7 @@ def bodies(
 
     dim = max((dimension(kind) for kind, _ in blocks), default=0)
     solid = [number for number, (kind, _) in enumerate(blocks) if dimension(kind) == dim]
-    links = [np.empty((2, 0), dtype=np.int64)]
+    links: list[Ints] = [np.empty((2, 0), dtype=np.int64)]
     for number in solid:
         nodes = blocks[number][1]
         links.append(np.stack((np.repeat(nodes[:, 0], nodes.shape[1] - 1), nodes[:, 1:].ravel())))

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -97,9 +97,10 @@ def _parsed(lines: str, kind: type[np.float64 | np.int64]) -> Floats | Ints | No
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)  # what numpy does with a word that is no number
         try:
-            values = np.fromstring(lines.replace("\n", ","), dtype=kind, sep=" ,")
+            numbers: Any = np.fromstring(lines.replace("\n", ","), dtype=kind, sep=" ,")
         except (DeprecationWarning, ValueError):
             return None
+    values: Floats | Ints = numbers
     return values if np.isfinite(values).all() else None
 
 
