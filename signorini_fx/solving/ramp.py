@@ -166,8 +166,9 @@ class Increments:
         of the linear solves that attempts without a solution may take.
         """
         at = self.at
-        small = self.next - at.reached <= self._enclosed
-        return self._divisible and not (at.hard or small or self._ramp // 2 - at.wasted < EASY_STEP)
+        return self._divisible and not (
+            at.hard or self.next - at.reached <= self._enclosed or self._ramp // 2 - at.wasted < EASY_STEP
+        )
 
     @property
     def _step(self) -> int:
