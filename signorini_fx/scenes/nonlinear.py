@@ -25,7 +25,7 @@ from signorini_fx.forms.nonlinear.outcomes import advice_on
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
-from signorini_fx.mechanics.body.discretisation import boundary_facets, prepare
+from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
 from signorini_fx.mechanics.body.scene_contact import foundations_of
 from signorini_fx.mechanics.body.supports import prescribed
@@ -217,6 +217,10 @@ class ProblemOfScene(NonlinearContactProblem):
     def go_to(self, path_step: float) -> None:
         """Loads, supports and foundations of a place in the lists of factors; collective."""
         self.path_step = path_step
+        held = held_at(self.model, path_step)
+        if held is not self.model:
+            self.model = held
+            self._held, self.linear.bcs = _conditions(held)
         forces, values = np.zeros(self.model.fixed.size), np.zeros_like(self.u.x.array)
         for factor, load in self.model.applied_at(path_step):
             forces += factor * load.forces

@@ -183,3 +183,51 @@ def test_planes_of_symmetry_that_come_and_go(tmp_path, order, friction):
         for step, holds in zip(solution.steps, order, strict=True):
             alone = solved([*fixed, *([changing_support] if holds else [])]).displacement.x.array
             np.testing.assert_allclose(step.displacement.x.array, alone, atol=1e-8 * np.abs(alone).max())
+
+
+PLANE = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+FEW = [
+    {"boundary": "top", "x": 0.0, "y": -1e-5},
+    {"boundary": "left", "x": 0.0, "holds": [True, False, True]},
+    {"boundary": "right", "x": 5e-6, "holds": [False, True, False]},
+]
+
+
+def few(material, **more):
+    """A square on a plane with friction, which other sides hold in each of three load steps, and strains of 1e-5."""
+    contact = {"boundary": "bottom", "foundation": PLANE, "friction": {"law": "coulomb", "coefficient": 0.3}}
+    scene = block(FEW, **{"material": material, "contact": [contact]} | more)
+    return scene.model_copy(update={"traction": ()})
+
+
+@pytest.mark.parametrize("law", ["neo-hooke", "saint-venant-kirchhoff"])
+def test_supports_of_nonlinear_bodies(law):
+    """Each step has its supports, and at small strains it is that of the linear body."""
+    linear, solution = (solve(few({"young": 1000.0, "poisson": 0.3} | named)) for named in ({}, {"law": law}))
+    for number, (step, other) in enumerate(zip(solution.steps, linear.steps, strict=True)):
+        forces, expected = (np.concatenate(one.contact.forces) for one in (step, other))
+        assert np.allclose(forces, expected, atol=1e-3 * np.abs(expected).max())
+        u, y = step.displacement.x.array, other.displacement.x.array
+        assert np.allclose(u, y, atol=1e-3 * np.abs(y).max())
+        x, moved = step.displacement.function_space.tabulate_dof_coordinates(), u[::2]
+        at = {"left": np.isclose(x[:, 0], 0.0), "right": np.isclose(x[:, 0], 1.0)}
+        for entry in FEW[1:]:
+            inside = at[entry["boundary"]] & (x[:, 1] < 0.9)
+            assert np.allclose(moved[inside], entry["x"], atol=1e-15) == entry["holds"][number]
+        rows = solution.at(step).resultants.every()
+        assert np.allclose(sum(row.force for row in rows), 0.0, atol=1e-9 * np.abs(forces).max())
+        for entry in FEW[1:]:
+            if not entry["holds"][number]:
+                assert all(row.boundary != entry["boundary"] or "support" not in row.acts for row in rows)
+
+
+def test_supports_of_nonlinear_pairs_stay():
+    """In contact of two nonlinear bodies supports that hold in some steps only are refused."""
+    square = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 2, "ny": 2}}
+    bodies = [{"name": "lower", "mesh": square}, {"name": "upper", "mesh": square, "shift": [0.0, 1.0]}]
+    supports = [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}, {"boundary": "upper.top", "y": -0.01}]
+    supports.append({"boundary": "upper.left", "x": 0.0, "holds": [True, False]})
+    rubber = {"law": "neo-hooke", "young": 1000.0, "poisson": 0.3}
+    contact = {"boundary": "upper.bottom", "against": "lower.top"}
+    with pytest.raises(SceneError, match=r"holds: is not possible yet"):
+        solve(as_scene({"body": bodies, "material": rubber, "displacement": supports, "contact": contact}))

@@ -245,6 +245,16 @@ def placed(model: Model, step: float) -> Model:
     return replace(model, statement=statement, of_body=of_body, **contact_of(model, statement))
 
 
+def held_at(model: Model, step: float) -> Model:
+    """The same with the supports that hold at a place, and foundations and friction as they are; itself if all supports
+    are as they were; collective.
+    """
+    supports = model.statement.placed(step).displacement
+    if supports is model.statement.displacement:
+        return model
+    return _with_supports(model, model.statement.changed(displacement=supports))
+
+
 def _with_supports(model: Model, statement: Statement) -> Model:
     """The same body with other supports, and contact as another statement has it; collective."""
     assert model.coefficients is not None

@@ -111,6 +111,10 @@ class NonlinearMaterial(Material):
         for other, beside in enumerate(statement.material):
             if beside.linear and (beside.varies or not beside.isotropic):
                 yield ("material", other), "is not possible yet beside a nonlinear one: give regions of isotropic ones"
+        if any(contact.against is not None for contact in statement.contact):
+            for row, support in enumerate(statement.displacement):
+                if support.holds is not None:
+                    yield ("displacement", row, "holds"), f"{_NOT_YET} in contact of two bodies"
         for row, contact in enumerate(statement.contact):
             if contact.gap_timed and contact.foundation is not None:
                 yield ("contact", row, "gap"), f"that depends on the time, beside a foundation with a shape, {_NOT_YET}"
