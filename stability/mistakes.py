@@ -494,17 +494,10 @@ MUTANTS = (
         tests=("quantities::test_cells_for_pictures",),
     ),
     Mutant(
-        "forms/resultants",
-        "-action((integral.form,), self.displacement, nodes)",
-        "action((integral.form,), self.displacement, nodes)",
+        "forms/mechanics_of_forms",
+        "-action((compiled,), y, nodes)",
+        "action((compiled,), y, nodes)",
         "forces of springs of forms with the other sign",
-        tests=("results_of_forms::test_forces_of_springs",),
-    ),
-    Mutant(
-        "forms/resultants",
-        "self.balance.internal - self.balance.external",
-        "self.balance.internal",
-        "reactions of forms without their loads",
         tests=("results_of_forms::test_forces_of_springs",),
     ),
     Mutant(
@@ -683,9 +676,9 @@ MUTANTS = (
         tests=("springs",),
     ),
     Mutant(
-        "results/resultants",
-        "nodal.external(self.place, some=forces) - nodal.resisted(displacements, resisting)",
-        "nodal.external(self.place, some=forces) + nodal.resisted(displacements, resisting)",
+        "results/mechanics",
+        "forces.external(step, some=pushing) - forces.resisted(displacements, resisting)",
+        "forces.external(step, some=pushing) + forces.resisted(displacements, resisting)",
         "resultants: springs push",
         tests=("springs",),
     ),
@@ -3690,8 +3683,8 @@ MUTANTS = (
     # --- values ------------------------------------------------------------------------------------------------------
     Mutant(
         "results/resultants",
-        "nodal.internal(self.displacement) + nodal.resisted(displacements) - nodal.external(self.place)",
-        "nodal.internal(self.displacement) + nodal.resisted(displacements)",
+        "balance.internal + balance.resisted - balance.external - balance.initial",
+        "balance.internal + balance.resisted - balance.initial",
         "values: reactions without the loads at their nodes",
         tests=("resultants",),
     ),

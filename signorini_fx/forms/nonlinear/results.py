@@ -8,7 +8,7 @@ from typing import Any
 
 from dolfinx import fem
 
-from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.named_parts import named_parts
@@ -26,7 +26,7 @@ from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.solving.check.pushed_nodes import pushed_nodes
-from signorini_fx.solving.solve_on_mesh import algorithm_name, used_parameters
+from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.stepped_body import step_result
 
 
@@ -39,7 +39,7 @@ class SolvedBody:
         elastic: the body of the last tangent.
         outcome: how its contact problem has ended.
         law: its friction; None: no law can act.
-        linear_algebra: which kind of system was used, and why.
+        task: this problem.
         mechanics: the forces and contact sides.
         step: the solution as a load step.
     """
@@ -48,7 +48,7 @@ class SolvedBody:
     elastic: ElasticBody
     outcome: Outcome
     law: PointFriction | None
-    linear_algebra: str
+    task: Task
     mechanics: ResidualMechanics
     step: StepResult
 
@@ -82,8 +82,8 @@ class SolvedBody:
         deformation = deformation_of(linear.elastic, u, linear.scales.size)
         reached = status, y, linear.state if linear.contact else None, certificate, deformation, solves
         step = replace(step_result(counted_path(number), number, number, *reached), tools=linear.moving_tools.motions)
-        forms, algebra = replace(linear.forms, contact=tuple(placed)), linear.task.linear_algebra
-        return cls(forms, linear.elastic, linear.outcome, linear.begun.law, algebra, mechanics, step)
+        forms = replace(linear.forms, contact=tuple(placed))
+        return cls(forms, linear.elastic, linear.outcome, linear.begun.law, linear.task, mechanics, step)
 
     def solution(
         self,
@@ -106,23 +106,18 @@ class SolvedBody:
         path = LoadPath(tuple(step.time for step in steps), names) if steps else counted_path(self.step.step - 1)
         parts = named_parts(self.forms, self.elastic.settings, ("F",)).along(path, title)
         model = parts.model(self.elastic, self.law, {}, rigid)
-        parameters = used_parameters(self.outcome, self.outcome.problem.data, 0.0)
+        (status, found), (history, timings) = ended, spent
+        outcome = self.outcome, self.outcome.problem.data
+        solution = contact_solution(model, tuple(steps) or (self.step,), self.task, outcome, timings, lambda: found)
+        parameters = dict(solution.parameters)
         parameters.pop("regularisation_error", None)  # it is relative to a strain energy, which nobody knows
-        (status, found), (history, timings), shown = ended, spent, self.step
-        return Solution(
+        return replace(
+            solution,
             status=status,
-            algorithm=f"newton, {algorithm_name(model.statement, self.outcome)}",
-            model=model,
-            displacement=shown.displacement,
-            contact=shown.contact,
+            algorithm=f"newton, {solution.algorithm}",
             functionals=None,
-            certificate=shown.certificate,
-            steps=tuple(steps) or (shown,),
             history=history,
             parameters=parameters,
-            timings=timings,
-            linear_algebra=self.linear_algebra,
-            found=lambda: found,
             mechanics=self.mechanics,
         )
 
