@@ -1,12 +1,13 @@
 """Random scenes with thermal strain, and true errors of their displacements against solutions on finer meshes.
 
-    ./env python3 tests/support/heated_scenes.py plane | space | pair | shape | pressed [SEEDS] [FIRST]
+    ./env python3 tests/support/heated_scenes.py plane | space | pair | spatial-pair | shape | pressed [SEEDS] [FIRST]
 
 prints guaranteed bounds over true errors, and what the finer solutions say against other bounds.
 """
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ import bounds_of_pairs
 import bounds_on_shapes
 import error_bounds
 import error_bounds_in_space
+import pairs_in_space
 from scenes import alone
 
 from signorini_fx.addons.bounds.error_bound import error_bound
@@ -26,6 +28,12 @@ from signorini_fx.scenes.reading import parse_scene
 
 STUDIES = {"plane": error_bounds, "space": error_bounds_in_space, "pair": bounds_of_pairs} | dict.fromkeys(
     ("shape", "pressed"), error_bounds
+)
+STUDIES["spatial-pair"] = SimpleNamespace(
+    drawn=pairs_in_space.drawn,
+    on_finer_mesh=pairs_in_space.on_finer_mesh,
+    problem=error_bounds_in_space.problem,
+    energy_of_difference=error_bounds_in_space.energy_of_difference,
 )
 
 

@@ -1,9 +1,9 @@
 """Random scenes with loads of other kinds than tractions and body forces, or with springs, and their true errors.
 
-    ./env python3 tests/support/loaded_scenes.py KIND plane | pressed | pair | space [SEEDS] [FIRST]
+    ./env python3 tests/support/loaded_scenes.py KIND STUDY [SEEDS] [FIRST]
 
-KIND is gravity, force, rotation, fluid, springs, or 'pressed springs'.  Prints guaranteed bounds over true errors, and what finer
-solutions say against other bounds.
+KIND is gravity, force, rotation, fluid, springs, or 'pressed springs', STUDY one of ``heated_scenes``.  Prints
+guaranteed bounds over true errors, and what finer solutions say against other bounds.
 """
 
 import sys
