@@ -93,7 +93,9 @@ def test_what_sums_lose(monkeypatch, allowed):
     """The dual displacement is a translation without any strain, as prescribed, so that nothing but the work of loads
     is summed up: without the round-off of this some intervals exclude their force."""
     original = quantity_bounds.smallest_energy
-    monkeypatch.setattr(quantity_bounds, "smallest_energy", lambda *given: (original(*given)[0].round(9), 0.0))
+    monkeypatch.setattr(
+        quantity_bounds, "smallest_energy", lambda *given, **more: (original(*given, **more)[0].round(9), 0.0)
+    )
     monkeypatch.setattr(quantity_bounds, "of_boundary_values", lambda *given: 0.0)
     monkeypatch.setattr(quantity_bounds, "ROUND_OFF", 0.0)
     if not allowed:
@@ -115,8 +117,8 @@ def test_boundary_values_that_are_missed(monkeypatch, counted):
     scene, per_area = pushed_from_both_sides(2)
     solution, original, longer = alone(scene), quantity_bounds.smallest_energy, 5e-10
 
-    def disturbed(t, constraints, load=None):
-        z, missed = original(t, constraints, load)
+    def disturbed(*given, **more):
+        z, missed = original(*given, **more)
         return (1 + longer) * z, longer if counted else missed
 
     monkeypatch.setattr(quantity_bounds, "smallest_energy", disturbed)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.addons.bounds.bounded_scene import BoundPoints, LoadPoints, profile_of
+from signorini_fx.addons.bounds.bounded_scene import BoundPoints, DensityPoints, profile_of
 from signorini_fx.addons.bounds.equilibrated_stress import Loads
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein, coefficients
 from signorini_fx.addons.bounds.integrated_loads import in_triangles, integral, on_edges
@@ -67,7 +67,7 @@ class Acting:
             rows: the cells, shape (m,).
             points: where.
         """
-        asked = LoadPoints(points.x, points.normal, self.mass[rows], self.whole)
+        asked = DensityPoints(points.x, points.normal, self.mass[rows], self.whole)
         return np.asarray(self.factor * np.broadcast_to(self.load.density_at(asked), points.x.shape))
 
 

@@ -158,7 +158,7 @@ class BoundPoints:
 
 
 @dataclass(frozen=True)
-class LoadPoints(BoundPoints):
+class DensityPoints(BoundPoints):
     """Points at which a load is asked for its density.
 
     Attributes:
