@@ -1,5 +1,6 @@
 """The further solve with halved cells in contact, which tells the error of the largest pressure."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -76,6 +77,11 @@ def test_halved_cells_have_most_of_the_error_no_more(cells):
 
 def test_its_solves_count():
     """In the history of all meshes, and in the row of the mesh, whose numbers go on without a gap."""
+    problem, solved = solved_mesh(layer(0.25))
+    before = problem.history.linear_solves
+    assert peak_of_finer_zone(problem, solved) is not None
+    own = int(re.search(r"(\d+) linear solves", problem.history.events[-1])[1])
+    assert problem.history.linear_solves - before == own > 0
     scene = layer(0.125).model_copy(update={"accuracy": Accuracy(target=0.02, of="peak")})
     solution = alone(scene)
     told = [event for event in solution.history.events if event.startswith("largest pressure:")]
