@@ -1947,7 +1947,7 @@ MUTANTS = (
         tests=("curved_pairs",),
     ),
     Mutant(
-        "pairs/mortar_coupling",
+        "pairs/mean_rotation",
         "return row, -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))",
         "return row, _crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))",
         "two bodies: the rotation of the master taken the wrong way round",
@@ -2148,6 +2148,27 @@ MUTANTS = (
         "pass",
         "two bodies that keep partners: normals turn as if they were those of the master",
         tests=("pairs_that_keep_partners::test_forces_turn_with_the_normals",),
+    ),
+    Mutant(
+        "pairs/fixed_distances",
+        "theta = sums[0] * sums[1]",
+        "theta = 1.0 * (sums[0] * sums[1] > 1.0 - SAME_PLACE_IN_CELL)",
+        "two bodies: a place between a held node and a free one is held by none",
+        tests=("held_sides::test_last_clamped_nodes",),
+    ),
+    Mutant(
+        "pairs/dual_functions",
+        "portion *= movable**2 * (3.0 - 2.0 * movable)",
+        "portion *= movable >= MOSTLY_HELD",
+        "two bodies that slide: a held node carries a point or none, by what it sees more of",
+        tests=("held_sides::test_last_clamped_nodes_that_pass_each_other",),
+    ),
+    Mutant(
+        "results/certificate/paired_sides",
+        "parallel.global_max(claim.comm, error_of_uncounted(claim, (next(loose), next(loose))))",
+        "0.0",
+        "two bodies: the certificate believes the solver what supports fix",
+        tests=("held_sides::test_the_certificate_of_linear_bodies_misses",),
     ),
     Mutant(
         "pairs/sliding",

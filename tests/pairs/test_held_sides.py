@@ -11,15 +11,18 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.sliding_bodies import SlidingBodies, as_linear_bodies
+from scipy import sparse
+from support.sliding_bodies import SlidingBodies, as_linear_bodies, turn_of
 from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
 from signorini_fx.mechanics.body import sliding_sides
 from signorini_fx.mechanics.body.paired_points import FacingSides
+from signorini_fx.mechanics.pairs import mortar_coupling
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
-from signorini_fx.mechanics.pairs.sliding import slide
+from signorini_fx.mechanics.pairs.sliding import fixed_by_supports, slide
+from signorini_fx.results.certificate.held_distances import DisplacedSide
 
 DEPTH = 0.02
 KINDS = {2: "quadrilateral", 3: "hexahedron"}
@@ -183,7 +186,7 @@ def test_where_both_sides_are_held(dim, slave):
     assert len(set(MPI.COMM_WORLD.allgather(message))) == 1
 
 
-def clamped(dim, slave, part, *, end=False, cells=(8, 8), plate_held=False, comm=MPI.COMM_SELF, **settings):
+def clamped(dim, slave, part, *, end=False, cells=(8, 8), plate_held=False, shift=0.0, comm=MPI.COMM_SELF, **settings):
     """A plate on a block, both held where x[0] is at most ``part``.
 
     Args:
@@ -193,19 +196,27 @@ def clamped(dim, slave, part, *, end=False, cells=(8, 8), plate_held=False, comm
         end: whether the sides end there.
         cells: of block and plate along x[0].
         plate_held: whether the plate is held everywhere.
+        shift: of the plate along x[0].
         comm: the ranks.
         settings: see ``SlidingBodies``.
     """
     up, away, first = dim - 1, 1e-6, part if end else 0.0
     low, high = [0.0] * up, [1.0] * up
+
+    def moved(x):
+        return x + shift * np.eye(dim)[0]
+
     bodies = (
         grid(KINDS[dim], (cells[0], *[2] * (dim - 2), 2), [*low, -1.0], [*high, 0.0]),
-        grid(KINDS[dim], (cells[1], *[2] * (dim - 2), 2), [*low, away], [*high, 0.3]),
+        grid(KINDS[dim], (cells[1], *[2] * (dim - 2), 2), [*low, away], [*high, 0.3], moved),
     )
-    touching = [lambda x, y=y: np.isclose(x[up], y, atol=1e-9) & (x[0] >= first - 1e-9) for y in (0.0, away)]
+    touching = [
+        lambda x, y=y, s=s: np.isclose(x[up], y, atol=1e-9) & (x[0] >= first + s - 1e-9)
+        for y, s in ((0.0, 0.0), (away, shift))
+    ]
     held = [
         lambda x: (x[up] <= away / 2) & (np.isclose(x[up], -1.0) | (x[0] <= part + 1e-9)),
-        lambda x: (x[up] >= away / 2) & ((x[0] <= part + 1e-9) | plate_held),
+        lambda x: (x[up] >= away / 2) & ((x[0] <= part + shift + 1e-9) | plate_held),
     ]
     return SlidingBodies(KINDS[dim], bodies, touching, held, slave=slave, reach=0.5, comm=comm, **settings)
 
@@ -350,10 +361,10 @@ def test_the_certificate_misses_a_wrong_share(monkeypatch, dim, fault):
     """Who takes over the functions of held nodes is no word of the solver: another choice is refused."""
     right = EvenCarriers.of
 
-    def wrong(side, covered, weight, unable):
+    def wrong(side, covered, weight, unable, movable=None):
         if fault == "a point of its own":
-            return right(side, covered, weight, np.zeros_like(unable))
-        carriers = right(side, covered, weight, unable)
+            return right(side, covered, weight, unable)
+        carriers = right(side, covered, weight, unable, movable)
         shares = carriers.shares.tolil()
         for node in np.setdiff1d(np.flatnonzero(shares.sum(axis=0)), carriers.nodes):
             shares[:, node] = 0.0
@@ -368,20 +379,144 @@ def test_the_certificate_misses_a_wrong_share(monkeypatch, dim, fault):
     assert scene.problem.status is Status.NOT_CERTIFIED
 
 
-@pytest.mark.parametrize("factor", [0.5, -3.0])
-def test_the_certificate_of_linear_bodies_misses_overlap_beside_such_a_region(monkeypatch, factor):
-    """A solver that leaves out less or more of what supports fix than the functions have of it is refused."""
+def _scaled(factor):
+    """Distances of which the points leave out so many times as much."""
+    return lambda found: replace(found, met=factor * found.met)
+
+
+def _moved(found):
+    """Each distance counts where the one before it does."""
+    return replace(found, met=found.met[:, np.roll(np.arange(found.met.shape[1]), 1)])
+
+
+def _of_one_side(found):
+    """Distances of the nodes of the slave alone."""
+    count = np.count_nonzero(np.diff(found.slave.indptr) == 1)
+    keep = sparse.diags_array((np.arange(found.met.shape[1]) < count // 2).astype(float))
+    return replace(found, met=(found.met @ keep).tocsr())
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [lambda _: None, _scaled(0.5), _scaled(-1.0), _scaled(-3.0), _scaled(1.001), _moved, _of_one_side],
+    ids=["left out", "half", "wrong sign", "three times the wrong sign", "a thousandth more", "moved", "one side"],
+)
+@pytest.mark.parametrize(
+    ("dim", "cells", "slave"), [(2, (8, 12), 0), (2, (12, 8), 1), pytest.param(3, (8, 12), 0, marks=pytest.mark.slow)]
+)
+def test_the_certificate_of_linear_bodies_misses_overlap_beside_such_a_region(monkeypatch, dim, cells, slave, fault):
+    """A solver that leaves out less or more of what supports fix than functions have of it, or nothing, is refused."""
     whole = FixedDistances.of
 
     def wrong(*given):
         found = whole(*given)
-        return None if found is None else replace(found, met=factor * found.met)
+        return None if found is None else fault(found)
 
-    scene = clamped(2, 0, 0.5)
+    scene = clamped(dim, slave, 0.5, cells=cells)
     scene.drive.value[-1] = -DEPTH
+    assert as_linear_bodies(scene).certificate.coupling < 1e-9
     monkeypatch.setattr(FixedDistances, "of", wrong)
-    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+    with pytest.raises(ConvergenceError, match="certificate does not hold") as raised:
         as_linear_bodies(scene)
+    assert raised.value.solution.certificate.coupling > 1e-4
+
+
+@pytest.mark.parametrize("fault", ["given to another point", "given to nobody", "a point of its own", "all share"])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_the_certificate_of_linear_bodies_misses_a_wrong_share(monkeypatch, dim, fault):
+    """Who takes over the functions of held nodes is evaluated for linear bodies, too."""
+    right = mortar_coupling.carried
+
+    def wrong(side, covered, weight, unable):
+        if fault == "a point of its own":
+            return right(side, covered, weight, np.zeros_like(unable))
+        nodes, shares = right(side, covered, weight, unable)
+        shares = shares.tolil()
+        for node in np.setdiff1d(np.flatnonzero(shares.sum(axis=0)), nodes):
+            shares[:, node] = 1.0 / nodes.size if fault == "all share" else 0.0
+            if fault == "given to another point":
+                shares[[nodes.size - 1], node] = 1.0
+        return nodes, shares.tocsr()
+
+    scene = clamped(dim, 0, 0.5)
+    scene.drive.value[-1] = -DEPTH
+    monkeypatch.setattr(mortar_coupling, "carried", wrong)
+    with pytest.raises(ConvergenceError, match="certificate does not hold") as raised:
+        as_linear_bodies(scene)
+    assert raised.value.solution.certificate.coupling > 1e-4
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("cells", "slave", "at"),
+    [
+        ((8, 8), 0, 0.0),
+        ((16, 8), 0, 0.0),
+        ((8, 16), 1, 0.0),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                ((8, 8), 1, 0.0),
+                ((16, 8), 1, 0.0),
+                ((8, 16), 0, 0.0),
+                ((8, 8), 0, 0.0625),
+                ((8, 8), 1, 0.0625),
+                ((16, 8), 0, 0.0625),
+                ((8, 16), 1, 0.0625),
+            )
+        ),
+    ],
+)
+def test_last_clamped_nodes_that_pass_each_other(cells, slave, at, sign):
+    """The force of sides that slide is continuous in the place of one of them: where clamped nodes, or their middles,
+    lie over each other it is that of a little before and after.
+    """
+    places = at * sign + np.array([-2e-5, -1e-5, 1e-5, 2e-5])
+    before, last, first, behind = (
+        np.abs(clamped(2, slave, 0.5, cells=cells, shift=place).move(0.0, -DEPTH)[-1]) for place in places
+    )
+    assert first == pytest.approx(last, rel=2e-3)
+    # As smooth as to either side: two steps of this size are twice one.
+    assert abs(first - last) <= 2.5 * max(abs(last - before), abs(behind - first)) + 1e-4 * last
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize("cells", [(16, 8), (8, 16)])
+def test_last_clamped_nodes_of_linear_bodies_that_pass_each_other(cells, slave):
+    """So is that of linear bodies where clamped nodes lie over each other."""
+    forces = []
+    for place in (-1e-3, -1e-7, 0.0, 1e-7, 1e-3):
+        scene = clamped(2, slave, 0.5, cells=cells, shift=place)
+        scene.drive.value[-1] = -DEPTH
+        forces.append(np.abs(sum(as_linear_bodies(scene).state.forces)[-1]))
+    assert forces[1:4] == pytest.approx([forces[2]] * 3, rel=1e-5)
+    assert forces[::4] == pytest.approx([forces[2]] * 2, rel=0.03)
+
+
+@pytest.mark.parametrize("part", [0.5, 0.0])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_fixed_distances_turn_with_both_sides(dim, part):
+    """Those of places between held nodes and others, too: by the held nodes, or by the normal of a single one; the
+    rotation is also that of the certificate.
+    """
+    scene = clamped(dim, 0, part, shift=-0.03)
+    scene.move(*[0.0] * dim)
+    (pair,) = scene.problem.linear.pairs.values()
+    # Planes of symmetry do not turn.
+    sides = [replace(side.surface, across=None) for side in (pair.sides.slave, pair.sides.master)]
+    found, held, turn = [], pair.sides.held, turn_of(0.7, dim)
+    for rotation in (np.eye(dim), turn):
+        moved = [side.displaced(side.x @ rotation.T - side.x) for side in sides]
+        found.append(fixed_by_supports(*moved, held, 0.5))
+        distances = found[-1].distance(*(side.x for side in moved))
+        assert distances == pytest.approx(1e-6 * found[0].counted, abs=1e-10)
+    assert found[1].counted == pytest.approx(found[0].counted, abs=1e-6)
+    assert found[1].counted.min() < 0.9
+    assert found[1].direction == pytest.approx(found[0].direction @ turn.T, abs=1e-9)
+    for side, flags in zip(sides, (held.slave, held.master), strict=True):
+        normals = side.directions, side.directions @ turn.T
+        seen = DisplacedSide(side.nodes, side.x @ turn.T, side.x, normals, flags, None, side.functions.values)
+        assert seen.turn == pytest.approx(turn, abs=1e-6)
 
 
 @pytest.mark.parametrize("loose", [True, False])

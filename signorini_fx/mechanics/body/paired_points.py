@@ -186,6 +186,7 @@ class PairedSides:
         master: the other one.
         coupling: of both.
         by_geometry: whether the gap is the distance of both sides.
+        unable: nodes of the slave that cannot carry a point, as another contact owns them, shape (N,).
         axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
         held: where supports hold both sides, on this rank; None: nowhere.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
@@ -196,6 +197,7 @@ class PairedSides:
     master: PairedSide
     coupling: Coupling
     by_geometry: bool
+    unable: npt.NDArray[np.bool_]
     axes: Array | None = None
     held: HeldPairs | None = None
     followed: bool = False
@@ -252,7 +254,7 @@ class PairedSides:
             sides, names = (slave.surface, master.surface), (slave.nodes, master.nodes)
             axes, reached = facing.frames[1], facing.entries[1][:, : slave.surface.dimension]
             held = HeldPairs.of(sides, names, alone, (axes, reached), coupling, pair.adjust)
-        return cls(slave, master, coupling, pair.by_geometry, turns, held)
+        return cls(slave, master, coupling, pair.by_geometry, facing.unable, turns, held)
 
     def deformed(self, space: fem.FunctionSpace, displacement: Array) -> PairedSides:
         """The same points and partners, with normals that turn as those of the master do at the partners; collective.

@@ -64,7 +64,20 @@ class HeldSides:
         """
         of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
         # On a part of a facet a quadratic function may have a negative weight, which says nothing.
-        return np.asarray(self.slave & (weight > 0.0) & (of_held > MOSTLY_HELD * weight))
+        return np.asarray(self.slave & (weight > 0.0) & (of_held > (MOSTLY_HELD + SAME_NUMBER) * weight))
+
+    def movable(self, met: Any, held: Array | None) -> Array:
+        """By which share nodes of the slave are what can move, or see that there and around, shape (N,).
+
+        Args:
+            met: see ``helpless``.
+            held: by which share their places on the other side are held, zero where they have none, shape (N,); None:
+                they have none.
+        """
+        of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
+        seen = np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
+        seen = np.clip(seen if held is None else np.maximum(seen, held), 0.0, 1.0)
+        return np.where(self.slave, 1.0 - seen, 1.0)
 
 
 def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
@@ -136,7 +149,8 @@ class EvenCarriers:
     """Which nodes of a side that slides carry a point, and how these take over functions: evenly as weights change.
 
     Between two shares of its area the function of a node at the rim turns into a mean of those beside it, so that what
-    it adds to their conditions vanishes before it is no point any more.
+    it adds to their conditions vanishes before it is no point any more.  So does that of a node that supports hold, by
+    how much of the other side is held there, too.
 
     Attributes:
         nodes: ascending, shape (n,).
@@ -154,24 +168,28 @@ class EvenCarriers:
     idle: Flags
 
     @classmethod
-    def of(cls, side: PairSurface, covered: Indices, weight: Array, unable: Flags) -> EvenCarriers:
-        """Those of a side, for the arguments see ``carried``."""
+    def of(
+        cls, side: PairSurface, covered: Indices, weight: Array, unable: Flags, movable: Array | None = None
+    ) -> EvenCarriers:
+        """Those of a side, for the arguments see ``carried`` and ``HeldSides``; nothing is held where None is given."""
         tested_nodes, beside = _beside(side, covered)
         able = tested_nodes & ~unable & ~side.without_area & (side.area > 0)
         share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
         part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
         portion = np.where(able, part**2 * (3.0 - 2.0 * part), 0.0)
+        movable = np.ones(weight.size) if movable is None else movable
+        portion *= movable**2 * (3.0 - 2.0 * movable)
         portion[portion <= SAME_NUMBER] = 0.0  # what keeps nothing but round-off passes all on
         while portion.any():
             nodes = np.flatnonzero(portion)
             taken = sp.csr_array(_absorbed(beside, tested_nodes, portion)[nodes])
-            mixed = _mixed(taken, nodes, weight, portion[nodes])
+            mixed = _mixed(taken, nodes, (weight, movable[nodes] * weight[nodes]), portion[nodes])
             # What a point takes over may have a negative weight.
             weak = mixed @ weight <= 0.0
             if not weak.any():
                 return cls(nodes, mixed, portion[nodes], taken, tested_nodes & (portion == 0.0))
             portion[nodes[weak]] = 0.0
-        nodes, shares = carried(side, covered, weight, unable)
+        nodes, shares = carried(side, covered, weight, unable | (movable < 1.0 - MOSTLY_HELD - SAME_NUMBER))
         return cls(nodes, shares, np.ones(nodes.size), shares, ~np.isin(np.arange(weight.size), nodes))
 
     def directions(self, side: PairSurface, of_slave: Array, of_master: Array) -> Array:
@@ -243,8 +261,15 @@ def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.c
     return scaled_columns(keeps, np.divide(1.0, columns, out=np.zeros(count), where=columns > 0))
 
 
-def _mixed(shares: sp.csr_array, nodes: Indices, weight: Array, portion: Array) -> sp.csr_array:
-    """The shares of points that are not all their own with those of the points that took over the rest of them."""
+def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], portion: Array) -> sp.csr_array:
+    """The shares of points that are not all their own with those of the points that took over the rest of them.
+
+    Args:
+        shares: of the points in the functions of all nodes, sparse, shape (n, N).
+        nodes: of the points, shape (n,).
+        weights: of the functions of all nodes, shape (N,), and of those of the points what can move, shape (n,).
+        portion: by how much points are their own, shape (n,).
+    """
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
         return shares
@@ -258,8 +283,8 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weight: Array, portion: Array) 
     remainder = np.maximum(1.0 - to[at], 0.0)
     to[at] = 0.0
     mean = to * np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER)[:, None]
-    sizes = shares @ weight
-    added = ((1.0 - portion[weak]) * weight[nodes[weak]])[:, None] * mean
+    sizes = shares @ weights[0]
+    added = ((1.0 - portion[weak]) * weights[1][weak])[:, None] * mean
     added *= np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
     added /= np.maximum(1.0, 2.0 * added.sum(axis=0))
     further = placed_rows(sp.csr_array(sp.csr_array(added) @ shares), weak, nodes.size)

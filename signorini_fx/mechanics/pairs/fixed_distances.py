@@ -3,16 +3,26 @@
 Where supports hold both sides, no pressure changes their distance.  The functions of finite elements carry that of the
 last held nodes on to the facets beside them, where it is no distance of anything that moves: points there test
 
-    g - e,   e = sum_b g_b N_b of that side whose functions of held nodes sum up to less in both facets over each other,
+    g - e,   e = v_s sum_b theta_b g_b N_b + v_m sum_l theta_l g_l N_l,   v_s + v_m = 1,
 
-with g_b the distance at node b of one side whose place on the other is held, too.  Of matching meshes a point so has
-the distance of its own node.  The sum e is zero where held nodes touch, and at points that no such function reaches.
+with the held nodes b of the slave and l of the master.  The place of a node on the other side is held by the share
+theta that functions of held nodes have there, and theta g is what these nodes have of the distance g.  Of meshes that
+match a point so has the distance of its own node.  Of two facets over each other that which is held less has more of v,
+
+    v_s : v_m = (r_m / (1 - r_m))^4 : (r_s / (1 - r_s))^4,
+
+with the mean square r of the sum of the functions of held nodes: if all nodes of one facet are held, e is that of the
+other side.  From held nodes to a place between them and others it is as far as in the undeformed body, which turns with
+all held nodes of its side: where linear sides have too few of these to tell how they turn, such places do not count.
+But for that e is continuous in the places of nodes.  It is zero where held nodes touch, and at points that no such
+function reaches.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -21,9 +31,11 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
+from signorini_fx.mechanics.pairs.mean_rotation import turning_of
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.tuned import LAST_STEP_BUT_ONE, SAME_DIRECTION, SAME_PLACE_IN_CELL
+from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
+from signorini_fx.tuned import HELD_LESS, LAST_STEP_BUT_ONE, SAME_DIRECTION, SAME_PLACE_IN_CELL, SINGULAR
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -38,9 +50,13 @@ class FixedDistances:
     """Places at which supports fix the distance of both sides: nodes of the slave first, then nodes of the master, k.
 
     Attributes:
-        slave: shares of the nodes of the slave in its place, sparse, shape (k, N).
-        master: those of the master, sparse, shape (k, M).
+        slave: shares of the held nodes of the slave in its place, with the sum theta, sparse, shape (k, N).
+        master: those of the master, likewise, shape (k, M).
         direction: from the slave to the master, of length one, shape (k, d).
+        offset: what the distance of the place has more than that of held nodes, length, shape (k,).
+        turning: what of the distance changes as the held nodes turn, of undeformed sides, from displacements of the
+            nodes of both, slave first, sparse, shape (k, d m); None: it is in ``offset``.
+        held: theta of the places of the nodes of the slave, zero where these are none, shape (N,).
         met: integrals of the functions of the nodes of the slave times what e has of each distance, of all ranks,
             sparse, shape (N, k).
     """
@@ -48,6 +64,9 @@ class FixedDistances:
     slave: sp.csr_array
     master: sp.csr_array
     direction: Array
+    offset: Array
+    turning: sp.csr_array | None
+    held: Array
     met: sp.csr_array
 
     @classmethod
@@ -60,7 +79,7 @@ class FixedDistances:
         directions: Array | None,
         comm: MPI.Comm = MPI.COMM_SELF,
     ) -> FixedDistances | None:
-        """Those of two sides; None: there are none that a function meets; collective.
+        """Those of two sides; None: there are none; collective.
 
         Args:
             sides: slave and master.
@@ -81,32 +100,36 @@ class FixedDistances:
             return None
         directions = slave.nodal_normals if directions is None else directions
         seen = _seen_by_slave(sides, held, pairs, directions), _seen_by_master(sides, held, pairs, directions)
-        kept_places = [_kept(sides, held, numbers, shares, ways) for numbers, shares, ways in seen]
-        nodes = [numbers for numbers, _, _ in kept_places]
-        if not sum(part.size for part in nodes):
+        places = [_held_places(sides, held, *part, of_master=bool(k)) for k, part in enumerate(seen)]
+        if slave.undeformed is None:
+            places = [part.chosen(part.turning_with(sides)) for part in places]
+        nodes = places[0].nodes, places[1].nodes
+        if not nodes[0].size + nodes[1].size:
             return None
-        slave_shares, master_shares = (
-            sp.csr_array(sp.vstack([part[side] for _, part, _ in kept_places])) for side in range(2)
+        shares = [sp.csr_array(sp.vstack([part.shares[side] for part in places])) for side in range(2)]
+        met = over_ranks(comm, _met(sides, held, overlaps[1], weighted, nodes))
+        direction, offset = (
+            np.concatenate([getattr(part, name) for part in places]) for name in ("direction", "offset")
         )
-        met = over_ranks(comm, _met(sides, held, overlaps[1], weighted, (nodes[0], nodes[1])))
-        return (
-            cls(slave_shares, master_shares, np.concatenate([ways for _, _, ways in kept_places]), met)
-            if met.nnz
-            else None
-        )
+        turning = sp.csr_array(sp.vstack([part.turning for part in places])) if slave.undeformed is None else None
+        held_share = np.zeros(len(slave.x))
+        held_share[nodes[0]] = np.asarray(places[0].shares[0].sum(axis=1)).ravel()
+        return cls(shares[0], shares[1], direction, offset, turning, held_share, met)
 
     def distance(self, slave: Array, master: Array) -> Array:
-        """Of both sides along the directions, from positions of their nodes, length, shape (k,)."""
-        return np.einsum("kd,kd->k", self.direction, self.master @ master - self.slave @ slave)
+        """Of both sides along the directions, times theta, from positions of their nodes, length, shape (k,)."""
+        return self.offset + np.einsum("kd,kd->k", self.direction, self.master @ master - self.slave @ slave)
+
+    @property
+    def counted(self) -> Array:
+        """Theta: what has of it a distance that is the same all over, shape (k,)."""
+        return np.asarray(self.slave.sum(axis=1)).ravel()
 
     @property
     def rows(self) -> sp.csr_array:
-        """The distance from displacements of the nodes of both sides, slave first, sparse, shape (k, d m)."""
-        dim, both = self.direction.shape[1], sp.csr_array(sp.hstack((-self.slave, self.master)))
-        entries = both.tocoo()
-        values = entries.data[:, None] * self.direction[entries.row]
-        places = np.repeat(entries.row, dim), (dim * entries.col[:, None] + np.arange(dim)).ravel()
-        return sp.csr_array(sp.coo_array((values.ravel(), places), shape=(both.shape[0], dim * both.shape[1])))
+        """The distance from displacements of the nodes of undeformed sides, slave first, sparse, shape (k, d m)."""
+        assert self.turning is not None
+        return sp.csr_array(_along(self.direction, self.slave, self.master) + self.turning)
 
 
 _Missed = Callable[[Array, Array], tuple[Array, Array]]
@@ -170,25 +193,123 @@ def _seen_by_master(
     return nodes[chosen], shares, _unit(ways_at(at)[0][chosen])
 
 
-def _kept(
+@dataclass(frozen=True)
+class _HeldPlaces:
+    """Nodes of one side with a place each, m of them, see ``FixedDistances``.
+
+    Attributes:
+        nodes: shape (m,).
+        shares: of the held nodes of slave and master, sparse, shapes (m, N) and (m, M).
+        direction: shape (m, d).
+        offset: length, shape (m,).
+        turning: see ``FixedDistances``.
+    """
+
+    nodes: Indices
+    shares: tuple[sp.csr_array, sp.csr_array]
+    direction: Array
+    offset: Array
+    turning: sp.csr_array
+
+    def turning_with(self, sides: tuple[PairSurface, PairSurface]) -> Flags:
+        """Of which places a joint rotation leaves the distances, shape (m,)."""
+        x = np.concatenate([side.x for side in sides])
+        arm, rows = x - x.mean(axis=0), _along(self.direction, *self.shares) + self.turning
+        turns = np.ones(self.nodes.size, dtype=bool)
+        for first, second in combinations(range(x.shape[1]), 2):
+            turned = np.zeros_like(arm)
+            turned[:, first], turned[:, second] = -arm[:, second], arm[:, first]
+            turns &= np.abs(rows @ turned.ravel()) <= SINGULAR * np.ptp(x, axis=0).max()
+        return turns
+
+    def chosen(self, flags: Flags) -> _HeldPlaces:
+        """Some of them."""
+        shares = sp.csr_array(self.shares[0][flags]), sp.csr_array(self.shares[1][flags])
+        return _HeldPlaces(
+            self.nodes[flags], shares, self.direction[flags], self.offset[flags], sp.csr_array(self.turning[flags])
+        )
+
+
+def _held_places(
     sides: tuple[PairSurface, PairSurface],
     held: HeldSides,
     nodes: Indices,
     shares: tuple[sp.csr_array, sp.csr_array],
     ways: Array,
-) -> _Seen:
-    """Those of them of which all nodes are held along the direction, one place for each node."""
-    free: Array = np.zeros(nodes.size)
+    *,
+    of_master: bool,
+) -> _HeldPlaces:
+    """Those of them of which some nodes on both sides are held along the direction: of each node the first place of
+    those that are held most.
+    """
+    still, dim = [], ways.shape[1]
     for part, flags, loose in zip(shares, (held.slave, held.master), held.loose or (None, None), strict=True):
         entries = part.tocoo()
-        moves = ~flags[entries.col]
+        holds = flags[entries.col]
         if loose is not None:
             along = np.einsum("mij,mj->mi", loose[entries.col], ways[entries.row])
-            moves |= np.linalg.norm(along, axis=1) > SAME_DIRECTION
-        np.maximum.at(free, entries.row, moves.astype(np.float64))
-    fixed = np.flatnonzero(free == 0.0)
-    chosen = fixed[np.unique(nodes[fixed], return_index=True)[1]]
-    return nodes[chosen], (sp.csr_array(shares[0][chosen]), sp.csr_array(shares[1][chosen])), ways[chosen]
+            holds = holds & (np.linalg.norm(along, axis=1) <= SAME_DIRECTION)
+        places = entries.row, entries.col
+        still.append(sp.csr_array(sp.coo_array((np.where(holds, entries.data, 0.0), places), shape=part.shape)))
+    sums = [np.clip(np.asarray(part.sum(axis=1)).ravel(), 0.0, 1.0) for part in still]
+    theta = sums[0] * sums[1]  # of the node itself the sum is zero or one
+    most = np.zeros(max(len(side.x) for side in sides))
+    np.maximum.at(most, nodes, theta)
+    most_held = np.flatnonzero((theta > SAME_PLACE_IN_CELL) & (theta >= most[nodes] - SAME_PLACE_IN_CELL))
+    chosen = most_held[np.unique(nodes[most_held], return_index=True)[1]]
+    nodes, ways, theta, other = nodes[chosen], ways[chosen], theta[chosen], int(not of_master)
+    of_held = sp.csr_array(still[other][chosen])
+    of_held = scaled_rows(theta / np.asarray(of_held.sum(axis=1)).ravel(), of_held)
+    itself = scaled_rows(theta, sp.csr_array(shares[1 - other][chosen]))
+    # From the held nodes to the place it is as far as in the undeformed body.
+    side, flags = sides[other], (held.slave, held.master)[other]
+    start = side.x if side.undeformed is None else side.undeformed
+    ahead = theta[:, None] * (shares[other][chosen] @ start) - of_held @ start
+    ahead[np.abs(ahead).max(axis=1, initial=0.0) <= SINGULAR * np.ptp(start, axis=0).max()] = 0.0
+    signed = ways if other else -ways
+    offset = np.einsum("md,md->m", signed, ahead @ _turn(side, flags).T)
+    turning = sp.csr_array((nodes.size, dim * sum(len(part.x) for part in sides)))
+    between = np.flatnonzero(ahead.any(axis=1))
+    if side.undeformed is None and flags.sum() > 1 and between.size:
+        entries = np.repeat(np.arange(between.size), flags.sum()), np.tile(np.flatnonzero(flags), between.size)
+        arms = sp.csr_array(sp.coo_array((np.ones(entries[0].size), entries), shape=(between.size, flags.size)))
+        turned = _inward(signed[between]) @ turning_of(arms, side.x, ahead[between])
+        places = between, np.arange(between.size)
+        placing = sp.coo_array((np.ones(between.size), places), shape=(nodes.size, between.size))
+        turned = sp.csr_array(sp.csr_array(placing) @ turned)
+        zero_columns = sp.csr_array((nodes.size, turning.shape[1] - turned.shape[1]))
+        turning = sp.csr_array(sp.hstack((zero_columns, turned) if other else (turned, zero_columns)))
+    both = (itself, of_held) if other else (of_held, itself)
+    return _HeldPlaces(nodes, both, ways, offset, turning)
+
+
+def _inward(vectors: Array) -> sp.csr_array:
+    """Products with vectors, from components, sparse, shape (m, d m)."""
+    count, dim = vectors.shape
+    return sp.csr_array((vectors.ravel(), np.arange(count * dim), dim * np.arange(count + 1)))
+
+
+def _along(direction: Array, slave: sp.csr_array, master: sp.csr_array) -> sp.csr_array:
+    """Differences of displacements of both sides along directions, from shares of nodes, sparse, shape (k, d m)."""
+    both = sp.csr_array(sp.hstack((-slave, master)))
+    return sp.csr_array(_inward(direction) @ sp.kron(both, sp.eye_array(direction.shape[1])))
+
+
+def _turn(side: PairSurface, held: Flags) -> Array:
+    """The rotation of the held nodes of a displaced side, where they leave it open that of their normals, and nearest
+    to none where these do, shape (d, d).
+    """
+    dim = side.dimension
+    if side.undeformed is None or not held.any():
+        return np.eye(dim)
+    undeformed_side = replace(side, x=side.undeformed, undeformed=None)
+    start_arms, arms = (part.x[held] - part.x[held].mean(axis=0) for part in (undeformed_side, side))
+    normals = side.directions[held].T @ undeformed_side.directions[held]
+    size = np.ptp(undeformed_side.x, axis=0).max()
+    turned_axes, _, axes = np.linalg.svd(arms.T @ start_arms / size**2 + SINGULAR * (normals + SINGULAR * np.eye(dim)))
+    signs = np.ones(dim)
+    signs[-1] = np.sign(np.linalg.det(turned_axes @ axes))
+    return np.asarray((turned_axes * signs) @ axes)
 
 
 def _at(side: PairSurface, x: Array, facets: Indices, at: Array) -> tuple[Array, Array]:
@@ -227,12 +348,9 @@ def _places(
 
 
 def _shares(nodes: Indices, values: Array, count: int) -> sp.csr_array:
-    """Shares of the nodes of facets in places, without what is round-off there, sparse, shape (m, count)."""
+    """Shares of the nodes of facets in places, sparse, shape (m, count)."""
     rows = np.broadcast_to(np.arange(len(nodes))[:, None], values.shape)
-    large = np.abs(values) > SAME_PLACE_IN_CELL
-    entries = values[large], (rows[large], nodes[large])
-    shares = sp.csr_array(sp.coo_array(entries, shape=(len(nodes), count)))
-    return sp.csr_array(sp.diags_array(1.0 / np.asarray(shares.sum(axis=1)).ravel()) @ shares)
+    return sp.csr_array(sp.coo_array((values.ravel(), (rows.ravel(), nodes.ravel())), shape=(len(nodes), count)))
 
 
 def _unit(vectors: Array) -> Array:
@@ -259,14 +377,24 @@ def _met(
         np.bincount(pair, np.sum(overlap.weight * np.einsum("pqk,pk->pq", values, flags[nodes] * 1.0) ** 2, axis=1))
         for values, flags, nodes in ((shape, held.slave, slave_nodes), (over, held.master, master_nodes))
     ]
-    less = (squares[0] <= squares[1])[pair]
+    of_slave = _part_of_slave(*(square / np.bincount(pair, overlap.weight.sum(axis=1)) for square in squares))[pair]
     parts = []
-    for side, nodes, values, chosen, numbers in (
-        (slave, slave_nodes, shape, less, places[0]),
-        (master, master_nodes, over, ~less, places[1]),
+    for side, nodes, values, part, numbers in (
+        (slave, slave_nodes, shape, of_slave, places[0]),
+        (master, master_nodes, over, 1.0 - of_slave, places[1]),
     ):
-        products = np.einsum("pqi,pqj->pij", weighted * chosen[:, None, None], values)
+        products = np.einsum("pqi,pqj->pij", weighted * part[:, None, None], values)
         at = tuple(np.broadcast_to(rows, products.shape).ravel() for rows in (points[:, :, None], nodes[:, None]))
         integrals = sp.csr_array(sp.coo_array((products.ravel(), at), shape=(len(slave.x), len(side.x))))
         parts.append(sp.csr_array(integrals[:, numbers]))
     return sp.csr_array(sp.hstack(parts))
+
+
+def _part_of_slave(slave: Array, master: Array) -> Array:
+    """v_s from the mean squares of the functions of the held nodes of both sides, of each pair of facets."""
+    slave_part, master_part = (
+        (r * np.maximum(1.0 - q, 0.0)) ** HELD_LESS for r, q in ((master, slave), (slave, master))
+    )
+    return np.divide(
+        slave_part, slave_part + master_part, out=np.full_like(slave_part, 0.5), where=slave_part + master_part > 0.0
+    )

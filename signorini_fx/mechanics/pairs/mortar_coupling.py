@@ -41,13 +41,14 @@ from signorini_fx.mechanics.pairs.dual_functions import (
     hats,
 )
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
+from signorini_fx.mechanics.pairs.mean_rotation import turning_of, without_round_off
 from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
-from signorini_fx.tuned import COVERED_TWICE, DEEPEST_OVERLAP, NO_ARM, PARALLEL, SAME_PLACE_IN_CELL, ZERO_COMPONENT
+from signorini_fx.tuned import COVERED_TWICE, DEEPEST_OVERLAP, PARALLEL, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -134,7 +135,7 @@ class Coupling:
         if self.fixed is None or self.fixed_shares is None:
             return closed_within(self.gap, limit)
         gap = self.gap - self.fixed_shares @ self.fixed.distance(*(side.x for side in sides))
-        counted = 1.0 - np.asarray(self.fixed_shares.sum(axis=1)).ravel()
+        counted = 1.0 - self.fixed_shares @ self.fixed.counted
         return closed_within(gap, None if limit is None else counted * limit)
 
 
@@ -288,6 +289,8 @@ def couple(
     if held is not None:
         overlaps = whole.overlap, overlap
         fixed = FixedDistances.of((slave, master), held, overlaps, tested.weighted, directions, comm)
+    if fixed is not None and not fixed.met.nnz:
+        fixed = None
     if fixed is not None:
         fixed_shares = scaled_rows(1.0 / (shares @ weight), shares @ fixed.met)
     if mine is not None:
@@ -296,7 +299,7 @@ def couple(
     weight = shares @ weight
     scale = sp.diags_array(1.0 / weight)
     distance = (shares @ distance) / weight[:, None]
-    slave_shares, master_shares = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in sums)
+    slave_shares, master_shares = (without_round_off(sp.csr_array(scale @ shares @ matrix)) for matrix in sums)
     half = 0.0 if nominal else 0.5
     turnings = [
         turning_of(sp.csr_array(shares @ matrix), side.x, part * distance)
@@ -454,50 +457,3 @@ def sparse_sums(points: Indices, nodes: Indices, values: Array, rows: int, colum
     return sp.csr_array(
         sp.coo_array((values.ravel(), (row_numbers.ravel(), column_numbers.ravel())), shape=(rows, columns))
     )
-
-
-def _clean(matrix: sp.csr_array) -> sp.csr_array:
-    """Without the round-off of what is zero; entries have no unit."""
-    matrix.data[np.abs(matrix.data) < ZERO_COMPONENT] = 0.0
-    matrix.eliminate_zeros()
-    return matrix
-
-
-def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
-    """Omega_i(u) x d_i as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, nodes), ``distance``: d_i."""
-    row, blocks = turning_blocks(arms, x, distance)
-    count, dim = distance.shape
-    of_rows = row[:, None, None] * dim + np.arange(dim)[:, None]
-    of_columns = arms.indices[:, None, None] * dim + np.arange(dim)
-    at = tuple(np.broadcast_to(places, blocks.shape).ravel() for places in (of_rows, of_columns))
-    return _clean(sp.csr_array(sp.coo_array((blocks.ravel(), at), shape=(count * dim, len(x) * dim))))
-
-
-def turning_blocks(arms: sp.csr_array, x: Array, distance: Array) -> tuple[Indices, Array]:
-    """The point of each entry of ``arms``, in whose order they are, and what a displacement of its node adds to
-    omega_i(u) x d_i, shapes (e,) and (e, d, d); for the arguments see ``turning_of``.
-    """
-    arms.sort_indices()
-    count, dim = distance.shape
-    row = np.repeat(np.arange(count), np.diff(arms.indptr))
-    a, seen = arms.data, x[arms.indices]
-    sums = np.stack([np.bincount(row, a * component, count) for component in seen.T], axis=1)
-    middle = sums / np.bincount(row, a, minlength=count)[:, None]
-    r, d = seen - middle[row], distance[row]
-    if dim == 2:
-        polar = np.bincount(row, a * np.einsum("ld,ld->l", r, r), minlength=count)[row]
-        omega = (a / polar)[:, None] * np.stack((-r[:, 1], r[:, 0]), axis=1)
-        return row, np.stack((-d[:, 1], d[:, 0]), axis=1)[:, :, None] * omega[:, None, :]
-    inertia: Array = np.zeros((count, 3, 3))
-    squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
-    np.add.at(inertia, row, a[:, None, None] * squares)
-    inverse = np.asarray(np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True), dtype=np.float64)
-    return row, -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
-
-
-def _crossing(vectors: Array) -> Array:
-    """The matrices of v x ., shape (n, 3, 3)."""
-    matrices = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
-    return matrices - matrices.transpose(0, 2, 1)

@@ -36,7 +36,8 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
-from signorini_fx.mechanics.pairs.mortar_coupling import projected, turning_blocks
+from signorini_fx.mechanics.pairs.mean_rotation import turning_blocks
+from signorini_fx.mechanics.pairs.mortar_coupling import projected
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_plane import PlanePieces, turning_at_nodes
 from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals_in_space
@@ -264,7 +265,8 @@ def slide(
     weight, arms = tested.areas(slave, MPI.COMM_SELF), tested.arms(slave, master)
     sharing, opposite = tested.products(slave, master)
     helpless = np.zeros(len(slave.x), dtype=bool) if held is None else held.helpless(opposite)
-    carriers = EvenCarriers.of(slave, tested.covered, weight, unable | helpless)
+    movable = None if held is None else held.movable(opposite, None if fixed is None else fixed.held)
+    carriers = EvenCarriers.of(slave, tested.covered, weight, unable, movable)
     nodes, shares = carriers.nodes, carriers.shares
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)

@@ -27,7 +27,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from signorini_fx.mechanics.pairs.mortar_coupling import Tested, turning_of
+from signorini_fx.mechanics.pairs.mean_rotation import turning_of
+from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.overlap_space import axes_across
 from signorini_fx.mechanics.pairs.pair_side import PairSurface

@@ -69,6 +69,11 @@ class Claim:
         return comm
 
     @property
+    def unable(self) -> npt.NDArray[np.bool_]:
+        """Nodes of the slave that cannot carry a point, as other contacts own them, shape (N,)."""
+        return self.pair.unable
+
+    @property
     def weight(self) -> Array:
         """Area (in the plane: length) of each point times the measure, shape (n,)."""
         return self.pair.coupling.weight
@@ -117,14 +122,14 @@ class Claim:
         if fixed is None:
             return np.asarray(apart)
         slave, master = self.pair.slave.surface.x, self.pair.master.surface.x
-        uncounted = np.sum(fixed.direction * (fixed.master @ master - fixed.slave @ slave), axis=1)
+        uncounted = fixed.offset + np.sum(fixed.direction * (fixed.master @ master - fixed.slave @ slave), axis=1)
         return np.asarray(apart - self.pair.coupling.fixed_shares @ uncounted)
 
     @property
     def counted(self) -> Array:
         """What share the points count of a distance that is the same all over, shape (n,)."""
-        shares = self.pair.coupling.fixed_shares
-        return np.ones(self.points.size) if shares is None else 1.0 - shares @ np.ones(shares.shape[1])
+        shares, fixed = self.pair.coupling.fixed_shares, self.pair.coupling.fixed
+        return np.ones(self.points.size) if fixed is None else 1.0 - shares @ fixed.slave.sum(axis=1)
 
     def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
         """What the points do not count, as supports fix it, of a gap that the problem gives at nodes by their local

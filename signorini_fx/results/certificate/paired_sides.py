@@ -8,8 +8,8 @@ and forces and moments balance because of the latter.  Where normals are those o
 B R = - R d, as the distance turns with the sides.  Where areas are multiplied by a measure, as 2 pi r, those of the
 pieces that weights are made of are tried, too, by how far the points of a piece spread.  Both sides consist of
 the facets that the problem names, no fewer and no others.  The integrals that D and M are made of are not computed
-again here; tests do that.  What points do not count of distances that supports fix has no such identity at each point:
-there the sum of all points is compared with an integral, and that no such distance is left out is what tests say.
+again here; tests do that.  What points do not count of distances that supports fix has no such identity: it is
+evaluated anew (``uncounted_distances``).
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from signorini_fx.mechanics.body.assembly import node_positions
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.sliding_claim import SlidingClaim
-from signorini_fx.tuned import DIGITS_OF_FILES, PARTNERS_REACH, SAME_DIRECTION
+from signorini_fx.results.certificate.uncounted_distances import error_of_uncounted
+from signorini_fx.tuned import DIGITS_OF_FILES, PARTNERS_REACH
 
 Array = npt.NDArray[np.float64]
 
@@ -83,63 +84,11 @@ def not_held(claim: Claim, held: Array, y: Array) -> float:
 
 
 def not_fixed(claim: Claim, held: Array) -> float:
-    """How far distances that the points do not count are from being those that supports fix, relative to one, or to
-    sizes of sides; collective.
-
-    No node of their places may move along them, both ends are the places that are said, and points leave out no more or
-    less than functions of held nodes have of them; ``held``: see ``not_held``.
+    """How far what the points do not count of distances is from what supports fix there and functions of held nodes
+    have of it, relative to one; ``held``: see ``not_held``; collective.
     """
-    fixed = claim.pair.coupling.fixed
-    if fixed is None:
-        return 0.0
-    worst, ends, still = 0.0, [], []
-    for side, shares in ((claim.pair.slave, fixed.slave), (claim.pair.master, fixed.master)):
-        loose = _loose(held, side.nodes, claim.comm)
-        still.append(np.linalg.norm(np.einsum("nij,nj->ni", loose, side.surface.directions), axis=1) <= SAME_DIRECTION)
-        entries = shares.tocoo()
-        worst = max(worst, largest(np.einsum("eij,ej->ei", loose[entries.col], fixed.direction[entries.row])))
-        worst = max(worst, largest(shares.sum(axis=1) - 1.0), largest(entries.data) - 1.0)
-        ends.append(shares @ side.surface.x)
-    apart = ends[1] - ends[0]
-    across = apart - np.sum(apart * fixed.direction, axis=1, keepdims=True) * fixed.direction
-    worst = max(worst, largest(across) / float(np.ptp(claim.pair.slave.surface.x, axis=0).max()))
-    return max(worst, _error_of_amounts(claim, (still[0], still[1])))
-
-
-def _error_of_amounts(claim: Claim, still: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]) -> float:
-    """How far what all points together leave out of fixed distances is from the integral of the functions of the held
-    nodes with such a distance, of two facets over each other of that side whose functions of held nodes have less
-    squares, relative to the covered area, of distances that are the same all over, or linear; ``still``: held nodes of
-    both sides; collective.
-    """
-    coupling, surfaces = claim.pair.coupling, (claim.pair.slave.surface, claim.pair.master.surface)
-    fixed, overlap = coupling.fixed, coupling.overlap
-    assert fixed is not None
-    low, size = surfaces[0].x.min(axis=0), float(np.ptp(surfaces[0].x, axis=0).max())
-    ones = np.ones((len(surfaces[0].x), 1))
-    tried = fixed.slave @ np.column_stack((ones, (surfaces[0].x - low) / size))
-    seen = (overlap.slave, overlap.at), (overlap.master, overlap.over)
-    values = [surface.functions.values(at) for surface, (_, at) in zip(surfaces, seen, strict=True)]
-    numbers = [surface.nodes[facets] for surface, (facets, _) in zip(surfaces, seen, strict=True)]
-    flags = [at_nodes[seen_nodes].astype(np.float64) for at_nodes, seen_nodes in zip(still, numbers, strict=True)]
-    _, pairs = np.unique(np.column_stack((overlap.slave, overlap.master)), axis=0, return_inverse=True)
-    pairs = pairs.ravel()  # whose shape differs between versions of NumPy
-    squares = [
-        np.bincount(pairs, np.sum(overlap.weight * np.einsum("pqk,pk->pq", *of_side) ** 2, axis=1))
-        for of_side in zip(values, flags, strict=True)
-    ]
-    of_slave = (squares[0] <= squares[1])[pairs, None]
-    claimed = (claim.weight @ (coupling.fixed_shares @ tried)) / coupling.covered
-    expected = np.zeros(tried.shape[1])
-    for shares, part, nodes, chosen in zip(
-        (fixed.slave, fixed.master), values, numbers, (of_slave, ~of_slave), strict=True
-    ):
-        single = np.flatnonzero(np.diff(shares.indptr) == 1)
-        fields = np.zeros((shares.shape[1], tried.shape[1]))
-        fields[shares.indices[shares.indptr[single]]] = tried[single]
-        expected += np.einsum("pq,pqk,pkf->f", overlap.weight * chosen, part, fields[nodes]) / coupling.covered
-    sums_of_ranks = parallel.global_sum(claim.comm, np.stack((claimed, expected)))
-    return largest(sums_of_ranks[0] - sums_of_ranks[1])
+    loose = (_loose(held, side.nodes, claim.comm) for side in (claim.pair.slave, claim.pair.master))
+    return parallel.global_max(claim.comm, error_of_uncounted(claim, (next(loose), next(loose))))
 
 
 def not_loose(claim: SlidingClaim, held: Array) -> float:

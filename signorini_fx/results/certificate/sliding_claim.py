@@ -34,7 +34,7 @@ from signorini_fx.results.certificate.paired_claim import nodal_allowance
 from signorini_fx.results.certificate.taken_functions import (
     TakenFunctions,
     TestedNodes,
-    helpless,
+    movable,
     taken_functions,
 )
 from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION, SAME_PLACE_IN_CELL
@@ -595,9 +595,10 @@ class SlidingClaim:
 
     # --- at one displacement ---
 
-    def _looked(self, values: Array) -> LookedAt:
+    def _looked(self, values: Array, of_places: Array | None = None) -> LookedAt:
         """What the points see at a displacement, with what supports fix in the gap; facets of both sides that see each
-        other, also where both are held; and the functions of the nodes at the rays, see ``_functions``.
+        other, also where both are held; and the functions of the nodes at the rays, see ``_functions``; ``of_places``:
+        see ``movable``.
         """
         (slave, master), surface = self.chains, self.surface
         count = slave.nodes.size
@@ -615,7 +616,7 @@ class SlidingClaim:
                 partners, rays = (rays.facet, rays.over), self._moving(rays)
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
-            carriers, nodes = self._carriers(rays, psi, sums, moving=turn > 0)
+            carriers, nodes = self._carriers(rays, psi, sums, of_places, moving=turn > 0)
             able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break
@@ -650,21 +651,33 @@ class SlidingClaim:
         Which distances supports fix, and what functions have of them, is known from the displacement of the beginning
         of the step, with each side moved by as much as its held nodes on average.
         """
-        (slave, master), held = self.chains, (self.held.slave, self.held.master)
-        seen, _, _ = self._known_at(values)
+        held = self.held.slave, self.held.master
         if not all(flags.any() for flags in held):
-            return seen
-        along, count = self.ends[1].copy(), slave.nodes.size
+            return self._known_at(values)[0]
+        along, count = self.ends[1].copy(), self.chains[0].nodes.size
         for part, flags in ((slice(count), held[0]), (slice(count, None), held[1])):
             along[part] += (values - self.ends[1])[part][flags].mean(axis=0)
         there, partners, psi = self._known_at(along)
         loose, rays = self.held.loose or (None, None), there.rays
-        sides = (
-            DisplacedSide(slave.facets, there.x, held[0], loose[0], partial(self._hats, chain=slave)),
-            DisplacedSide(master.facets, there.y, held[1], loose[1], partial(self._hats, chain=master)),
-        )
+        sides = [
+            DisplacedSide(
+                chain.facets,
+                x,
+                chain.x,
+                (surface.in_planes(chain.normals(chain.x), every), surface.in_planes(chain.normals(x), every)),
+                flags,
+                projectors,
+                partial(self._hats, chain=chain),
+            )
+            for chain, surface, x, flags, projectors in zip(
+                self.chains, (self.surface, self.other_surface), (there.x, there.y), held, loose, strict=True
+            )
+            for every in [np.arange(chain.nodes.size)]
+        ]
         places = rays.facet, rays.at, rays.over, rays.place, rays.area
-        fixed = held_distances(sides, there.ways, partners, places, (self._place_over, self._place_under))
+        seeing = self._place_over, self._place_under
+        fixed = held_distances((sides[0], sides[1]), there.ways, partners, places, seeing)
+        seen, _, _ = self._looked(values, fixed.of_nodes)
         of_points = sp.diags_array(1.0 / seen.weight) @ seen.shares @ (psi @ fixed.at_rays)
         gap = seen.gap - of_points @ fixed.distance(seen.x, seen.y)
         return replace(seen, gap=gap, uncounted=sp.csr_array(of_points @ fixed.slave))
@@ -822,22 +835,27 @@ class SlidingClaim:
             rays.area[moving],
         )
 
-    def _carriers(self, rays: Rays, functions: Any, sums: Array, *, moving: bool) -> tuple[TakenFunctions, TestedNodes]:
+    def _carriers(
+        self, rays: Rays, functions: Any, sums: Array, of_places: Array | None, *, moving: bool
+    ) -> tuple[TakenFunctions, TestedNodes]:
         """Which nodes carry points, and how these take over functions.
 
         Args:
             rays: where something can move.
             functions: of the nodes of the slave at rays times areas, scipy sparse, shape (N, r).
             sums: areas of these, shape (N,).
+            of_places: see ``movable``.
             moving: whether nodes that nothing can move, and those of other contacts, carry none.
         """
         slave, master = self.chains
         unable = np.array(self.surface.without_area)
+        shares: Array = np.ones(slave.nodes.size)
         if moving:
             met = sp.csr_array(functions @ self._at_nodes(master, rays.over, rays.place))
-            unable |= self.unable | helpless((self.held.slave, self.held.master), met)
+            unable |= self.unable
+            shares = movable((self.held.slave, self.held.master), met, of_places)
         facets = slave.facets[np.unique(rays.facet)]
-        nodes = TestedNodes(facets, slave.facets, self.surface.area, sums, unable)
+        nodes = TestedNodes(facets, slave.facets, self.surface.area, sums, unable, shares)
         return taken_functions(nodes), nodes
 
     def _at_nodes(self, chain: Chain, facets: Numbers, places: Array) -> Any:

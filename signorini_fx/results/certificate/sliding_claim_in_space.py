@@ -460,7 +460,7 @@ class SpaceSlidingClaim(SlidingClaim):
 
     # --- at one displacement ---
 
-    def _looked(self, values: Array) -> LookedAt:
+    def _looked(self, values: Array, of_places: Array | None = None) -> LookedAt:
         """See ``SlidingClaim``."""
         slave, master = self._sheets
         count = slave.nodes.size
@@ -477,7 +477,7 @@ class SpaceSlidingClaim(SlidingClaim):
                 partners, rays = (rays.facet, rays.over), self._moving(rays)
             psi = self._functions(rays)
             sums = np.asarray(psi.sum(axis=1)).ravel()
-            carriers, nodes = self._carriers(rays, psi, sums, moving=turn > 0)
+            carriers, nodes = self._carriers(rays, psi, sums, of_places, moving=turn > 0)
             able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break

@@ -33,6 +33,7 @@ class TestedNodes(NamedTuple):
         area: undeformed, of the function of each node, shape (N,).
         seen: of it what sees the other side, shape (N,).
         unable: nodes that carry no point, shape (N,).
+        movable: by which share the nodes that supports hold see what can move, of others one, shape (N,).
     """
 
     facets: Numbers
@@ -40,6 +41,7 @@ class TestedNodes(NamedTuple):
     area: Array
     seen: Array
     unable: Flags
+    movable: Array
 
 
 class TakenFunctions(NamedTuple):
@@ -86,7 +88,8 @@ def taken_functions(side: TestedNodes) -> TakenFunctions:
     portion = np.zeros(count)
     for node in np.flatnonzero(tested & ~side.unable & (side.area > 0.0)):
         part = min(max((side.seen[node] / side.area[node] - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0), 1.0)
-        smooth = 3.0 * part**2 - 2.0 * part**3
+        share = side.movable[node]
+        smooth = (3.0 * part**2 - 2.0 * part**3) * (3.0 * share**2 - 2.0 * share**3)
         portion[node] = smooth if smooth > SAME_NUMBER else 0.0
     while portion.any():
         shares_of_all = _shares_of_all(portion, tested, neighbours)
@@ -97,7 +100,7 @@ def taken_functions(side: TestedNodes) -> TakenFunctions:
             int(node): (np.searchsorted(nodes, columns[:, [node]].indices), columns[:, [node]].data)
             for node in np.flatnonzero(tested & (portion == 0.0))
         }
-        mixed = _mixed(shares, nodes, portion, side.seen)
+        mixed = _mixed(shares, nodes, portion, side.seen, side.movable)
         empty = mixed @ side.seen <= 0.0
         if not empty.any():
             return TakenFunctions(nodes, mixed, portion[nodes], {k: v for k, v in means.items() if v[0].size})
@@ -105,14 +108,31 @@ def taken_functions(side: TestedNodes) -> TakenFunctions:
     return _by_rings(side, tested, neighbours)
 
 
-def helpless(held: tuple[Flags, Flags], met: Any) -> Flags:
-    """Held nodes of the slave that see more held than free of the master, shape (N,); ``met``: integrals of their
-    functions times those of the master, scipy sparse, shape (N, M).
+def carried_by_rings(side: TestedNodes) -> TakenFunctions:
+    """Those of a side that does not slide: all nodes with enough area, or with any, take equal shares of those beside
+    them, ring by ring.
+    """
+    tested = np.zeros(side.area.size, dtype=bool)
+    tested[side.facets] = True
+    return _by_rings(side, tested, _neighbours(side.facets, side.area.size))
+
+
+def movable(held: tuple[Flags, Flags], met: Any, of_places: Array | None = None) -> Array:
+    """By which share held nodes of the slave see free nodes of the master, there and around, and 1 at its others, shape
+    (N,).
+
+    Args:
+        held: nodes of both sides.
+        met: integrals of the functions of the slave times those of the master, scipy sparse, shape (N, M).
+        of_places: shares by which the places of nodes of the slave are held, zero where there are none, shape (N,);
+            None: they do not count.
     """
     entries = met.tocoo()
     total = np.bincount(entries.row, entries.data, minlength=met.shape[0])
-    of_held = np.bincount(entries.row, entries.data * held[1][entries.col], minlength=met.shape[0])
-    return np.asarray(held[0] & (total > 0.0) & (of_held > MOSTLY_HELD * total))
+    of_free = np.bincount(entries.row, entries.data * ~held[1][entries.col], minlength=met.shape[0])
+    share = np.where(total > 0.0, of_free / np.where(total > 0.0, total, 1.0), 1.0)
+    share = share if of_places is None else np.minimum(share, 1.0 - of_places)
+    return np.where(held[0], np.clip(share, 0.0, 1.0), 1.0)
 
 
 def _neighbours(facets: Numbers, count: int) -> Any:
@@ -163,7 +183,7 @@ def _shares_of_all(portion: Array, tested: Flags, neighbours: Any) -> Any:
     return sp.csr_array(shares @ sp.diags_array(inverse))
 
 
-def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array) -> Any:
+def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array, movable: Array) -> Any:
     """The shares with those of points that are not all their own mixed with those that took over the rest of them."""
     rows = np.flatnonzero(portion[nodes] < 1.0)
     if not rows.size:
@@ -176,7 +196,7 @@ def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array) -> Any:
         column[row] = 0.0
         if rest > SAME_NUMBER:
             takers = np.flatnonzero((column != 0.0) & (sizes > 0.0))
-            lacking = (1.0 - portion[nodes[row]]) * seen[nodes[row]]
+            lacking = (1.0 - portion[nodes[row]]) * movable[nodes[row]] * seen[nodes[row]]
             taken[row, takers] = lacking * column[takers] / rest / sizes[takers]
     matrix = sp.csr_array(taken)
     matrix = matrix @ sp.diags_array(1.0 / np.maximum(1.0, 2.0 * np.asarray(matrix.sum(axis=0)).ravel()))
@@ -187,8 +207,9 @@ def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array) -> Any:
 def _by_rings(side: TestedNodes, tested: Flags, neighbours: Any) -> TakenFunctions:
     """Equal shares, where no node keeps a portion."""
     count = side.area.size
+    movable = side.movable >= 1.0 - MOSTLY_HELD - SAME_NUMBER  # a half may be more or less by round-off
     for least in (KEPT_WEIGHT, 0.0):
-        able = tested & ~side.unable & (side.seen > least * side.area)
+        able = tested & ~side.unable & movable & (side.seen > least * side.area)
         while able.any():
             nodes = np.flatnonzero(able)
             shares: Array = np.zeros((nodes.size, count))
