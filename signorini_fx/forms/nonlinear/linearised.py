@@ -558,7 +558,7 @@ class LinearisedProblem(FormSolver):
         increment = fem.Function(self.space)
         increment.x.array[:] = self.u.x.array - self._at.x.array
         along = increment.x.array[:owned].reshape(-1, dim)
-        moved = [pair.passed_on(state, along).ravel() for pair in self.pairs.values() if pair.near]
+        moved: list[Array] = [pair.passed_on(state, along).ravel() for pair in self.pairs.values() if pair.near]
         moved += [part.times(increment) for part in self._backward]
         forces = np.where(self.elastic.fixed, 0.0, sum(moved))
         if not parallel.any_rank(self.space.mesh.comm, bool(forces.any())):
