@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, components, real
+from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import dimension
 from signorini_fx.mechanics.mesh.files.shape import Ints
 
@@ -39,8 +40,8 @@ class Group:
 
 def single(word: str) -> int | None:
     """The number of a node or element, perhaps with the name of its instance before it."""
-    plain = word.rpartition(".")[2]
-    return int(plain) if plain.isdigit() else None
+    own = word.rpartition(".")[2]
+    return int(own) if own.isdigit() else None
 
 
 def agreeing(
@@ -151,10 +152,10 @@ class Groups:
         names = {
             label: filter(None, map(free, map(f"{label}_{{}}".format, itertools.count(1)))) for label in labels.values()
         }
-        set_names: dict[frozenset[Any], str] = {frozenset(nodes.tolist()): name for name, nodes in node_sets.items()}
+        set_names: dict[frozenset[Any], str] = {frozenset(plain(nodes)): name for name, nodes in node_sets.items()}
         set_names |= {frozenset(faces): name for name, faces in surfaces.items()}
         forces = [members for block, _, members in self.said if block.keyword == "CLOAD" and len(members) > 1]
-        tables = [nodes.tolist() for nodes in elements] if forces else []
+        tables = [plain(nodes) for nodes in elements] if forces else []
         joined = Neighbours.of(itertools.chain.from_iterable(forces), tables)
         groups: dict[int, list[Group]] = {}
         for block, words, all_members in self.said:

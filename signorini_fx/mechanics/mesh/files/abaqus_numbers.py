@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError
+from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 Truths = npt.NDArray[np.bool_]
@@ -61,7 +62,7 @@ class Numbering(Mapping[int, int]):
         return row
 
     def __iter__(self) -> Iterator[int]:
-        return iter(self.numbers.tolist())
+        return iter(plain(self.numbers))
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -187,9 +188,7 @@ class NumberedElements:
 
     def nodes_of(self, rows: Ints) -> dict[int, list[int]]:
         """The numbers of some, by their rows, and of their nodes."""
-        return {
-            int(self.rows.numbers[k]): self.nodes[self.kinds[int(self.kind[k])]][self.row[k]].tolist() for k in rows
-        }
+        return {int(self.rows.numbers[k]): plain(self.nodes[self.kinds[int(self.kind[k])]][self.row[k]]) for k in rows}
 
 
 def _counted(kind: Ints, count: int) -> Ints:
