@@ -172,8 +172,7 @@ def test_archimedes(cells, degree):
     held = {"boundary": "bottom", "x": 0.0, "y": 0.0, **({} if cells in PLANE else {"z": 0.0})}
     water = [{"boundary": side, "level": level, "weight": weight} for side in sides if side in tagged.boundaries]
     solution = solve(scene(tagged, degree, displacement=held, fluid=water), COMM, check=False)
-    nodal = solution.resultants._nodal
-    total = COMM.allreduce(nodal.external(0).sum(axis=0))
+    total = COMM.allreduce(solution.resultants.acting.balance.external.sum(axis=0))
     expected = np.zeros(up + 1)
     expected[up] = weight * 2.0
     assert total == pytest.approx(expected, abs=1e-12)

@@ -28,11 +28,12 @@ from signorini_fx import (
 )
 from signorini_fx.algebra.algorithms import strategy
 from signorini_fx.algebra.linalg import condensed, multigrid
-from signorini_fx.forms import mechanics_of_forms, solver
+from signorini_fx.forms import solver
 from signorini_fx.forms.stress import exterior_facets
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.records import Status
+from signorini_fx.results import mechanics
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.scenes.reading import parse_scene
 
@@ -423,7 +424,7 @@ def test_path_following_reaches_the_error_asked_for():
 
 def test_what_is_not_certified_is_no_solution(monkeypatch):
     block = Block()
-    monkeypatch.setattr(mechanics_of_forms, "judged", lambda *given, **law: Certificate(equilibrium=1e-3))
+    monkeypatch.setattr(mechanics, "judged", lambda *given, **law: Certificate(equilibrium=1e-3))
     with pytest.raises(ConvergenceError, match="certificate does not hold"):
         block.problem.solve()
     assert block.problem.status is Status.NOT_CERTIFIED
@@ -445,7 +446,7 @@ def test_after_a_solve_without_a_solution_the_next_one_begins_where_it_began(mon
                 return Certificate(equilibrium=1e-3)
 
             with monkeypatch.context() as patch:
-                patch.setattr(mechanics_of_forms, "judged", refused)
+                patch.setattr(mechanics, "judged", refused)
                 with pytest.raises(ConvergenceError):
                     block.problem.solve()
             assert np.abs(block.problem.u.x.array - exact).max() > 1e-3

@@ -317,18 +317,18 @@ def test_files_of_a_draft_that_has_no_solution(tmp_path, monkeypatch, fails):
     """Where finite strains are tried in vain, the files are those of the solution that there is."""
     first = draft(case_of(tmp_path, "shelf_CPE4"), file := tmp_path / "scene.toml")
     other = replace(first, files={file: "title = 'other'\n", tmp_path / "links.csv": "link\n"})
-    tried = []
+    tried, kept = [], solved_drafts.SolvedDraft(None, None, [])
 
     def solved(case, drafted, path, plainly):
         solved_drafts._write(drafted)
         tried.append(drafted)
-        return case if fails and drafted is other else (None, None, [])
+        return case if fails and drafted is other else kept
 
     monkeypatch.setattr(solved_drafts, "_solved", solved)
     monkeypatch.setattr(solved_drafts, "lacks_finite_strains", lambda solution: True)
     monkeypatch.setattr(solved_drafts, "finite_draft", lambda deck, path: other)
     case = GauntletCase("shelf", "case", REFUSED)
-    assert solved_drafts.solved_draft(case, first, file, str, tmp_path / "shelf_CPE4.inp") == (None, None, [])
+    assert solved_drafts.solved_draft(case, first, file, str, tmp_path / "shelf_CPE4.inp") == kept
     assert tried == [first, other]
     assert (file.read_text() == first.text) is fails
     assert (tmp_path / "links.csv").exists() is not fails

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from two_bodies import KINDS, assembled, facets, facets_of_cells, facets_of_piece, forms, grid, held, on, per_cell
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Pair, Status, Tresca
-from signorini_fx.forms import mechanics_of_forms
+from signorini_fx.results import mechanics
 
 ELEMENTS = [(kind, degree) for kind in KINDS for degree in (1, 2)]
 COUNTS = {2: ((5, 2), (3, 2)), 3: ((3, 1, 2), (2, 1, 2))}
@@ -313,13 +313,13 @@ def test_bodies_carried_away_together(kind, friction, monkeypatch):
     problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*both, gap=0.0, friction=friction))
     problem.solve()
     np.testing.assert_allclose(problem.u.x.array.reshape(-1, dim), np.tile(carried, (problem.u.x.array.size // dim, 1)))
-    judged = mechanics_of_forms.judged
+    judged = mechanics.judged
 
     def spoiled(u, balance, sides, tractions, *, law, **others):
         raised = replace(tractions, pressure=tractions.pressure + 1e-13 * law.gamma_n)
         return judged(u, balance, sides, raised, law=law, **others)
 
-    monkeypatch.setattr(mechanics_of_forms, "judged", spoiled)
+    monkeypatch.setattr(mechanics, "judged", spoiled)
     with pytest.raises(ConvergenceError):
         problem.solve()
     assert problem.certificate.equilibrium > 1e-6

@@ -286,7 +286,8 @@ def _held_places(
 def _inward(vectors: Array) -> sp.csr_array:
     """Products with vectors, from components, sparse, shape (m, d m)."""
     count, dim = vectors.shape
-    return sp.csr_array((vectors.ravel(), np.arange(count * dim), dim * np.arange(count + 1)))
+    entries = vectors.ravel(), np.arange(count * dim), dim * np.arange(count + 1)
+    return sp.csr_array(entries, shape=(count, count * dim))
 
 
 def _along(direction: Array, slave: sp.csr_array, master: sp.csr_array) -> sp.csr_array:
