@@ -5046,14 +5046,14 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/spring_facets",
-        "every[facets, :, k] += np.broadcast_to(entry.reaction_at(at), x.shape)[:, 0]",
-        "every[facets, :, k] = np.broadcast_to(entry.reaction_at(at), x.shape)[:, 0]",
+        "stiffnesses[facets, :, k] += np.broadcast_to(entry.reaction_at(at), x.shape)[:, 0]",
+        "stiffnesses[facets, :, k] = np.broadcast_to(entry.reaction_at(at), x.shape)[:, 0]",
         "bounds: of springs on one boundary the last ones count",
         tests=("bounds_of_springs::test_a_bar_that_springs_hold",),
     ),
     Mutant(
         "bounds/error_bound",
-        "(np.sqrt(between) + lifted) ** 2 + self._left(stress, self.y, self.middle)",
+        "(np.sqrt(between) + lifted) ** 2 + self._misfit(stress, self.y, self.middle)",
         "(np.sqrt(between) + lifted) ** 2",
         "bounds: what the stress leaves of springs is not counted",
         tests=("bounds_of_springs::test_a_displacement_that_the_springs_alone_know_to_be_wrong",),

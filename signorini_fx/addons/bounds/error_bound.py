@@ -103,7 +103,7 @@ class Enclosure:
         inside: the cells of the pieces that are looked at, each of which is a body of its own, shape (n,).
         lifted: bounds of the norms of the stresses that ``stress`` lacks of one in equilibrium, shape (n,), see
             ``Bounded._lifted``.
-        left: what tau leaves of the forces of springs that v exerts, (B11) of docs/bounds.md, energies, shape (n,).
+        misfit: what tau leaves of the forces of springs that v exerts, (B11) of docs/bounds.md, energies, shape (n,).
         initial: the stress that initial strains take from the body; None: there are none.
         grading: how moduli vary inside the cells; None: they do not.
     """
@@ -118,7 +118,7 @@ class Enclosure:
     t: Simplices
     inside: npt.NDArray[np.bool_]
     lifted: Array
-    left: Array
+    misfit: Array
     initial: InitialStress | None = None
     grading: GradedModuli | None = None
 
@@ -159,7 +159,7 @@ class Enclosure:
         else:
             between = square(self.t, self.difference)
         between = (np.sqrt(between.clip(min=0.0)) + self.lifted) ** 2
-        return float((self.v.contact + between + self.left)[self.inside].sum())
+        return float((self.v.contact + between + self.misfit)[self.inside].sum())
 
     @property
     def missed(self) -> float:
@@ -236,7 +236,7 @@ class Bounded(PlainProblem):
         between = self._between(computed, stress)
         # Where the displacement is nearly exact, what is round-off need not be known better.
         lifted = self._lifted(float(np.sqrt(max(between.sum(), LITTLE_LIFTED**2 * size.sum()))))
-        between = (np.sqrt(between) + lifted) ** 2 + self._left(stress, self.y, self.middle)
+        between = (np.sqrt(between) + lifted) ** 2 + self._misfit(stress, self.y, self.middle)
         v = self._outside(computed, float(between.sum()))
         # Another stress is worth its cost where pressures work on what is open, or say more than the displacement does.
         doubtful = v.contact.sum() > LITTLE_OF_BOUND * between.sum() or between.sum() > size.sum()
@@ -264,7 +264,7 @@ class Bounded(PlainProblem):
             t,
             inside,
             lifted,
-            self._left(stress, v.y, v.middle),
+            self._misfit(stress, v.y, v.middle),
             self.initial,
             self.grading,
         )
@@ -276,18 +276,18 @@ class Bounded(PlainProblem):
         reaction = self.springs.reaction(self.on_facets(y, middle, self.springs.facets))
         return self.springs.by_cell(self.springs.product(reaction, reaction), len(self.t.corners))
 
-    def left_of_springs(self, stress: EquilibratedStress, y: Array, middle: Array) -> Array:
+    def misfit_of_springs(self, stress: EquilibratedStress, y: Array, middle: Array) -> Array:
         """K v + t of a displacement v and the springs of a stress at ``POINTS``, stress, shape (m, q, d)."""
         assert self.springs is not None
-        left = self.springs.reaction(self.on_facets(y, middle, self.springs.facets))
-        return left if stress.of_springs is None else left + self.springs.at_points(stress.of_springs)
+        misfit = self.springs.reaction(self.on_facets(y, middle, self.springs.facets))
+        return misfit if stress.of_springs is None else misfit + self.springs.at_points(stress.of_springs)
 
-    def _left(self, stress: EquilibratedStress, y: Array, middle: Array) -> Array:
+    def _misfit(self, stress: EquilibratedStress, y: Array, middle: Array) -> Array:
         """What a stress leaves of the forces of springs, see ``Enclosure``, shape (n,)."""
         if self.springs is None:
             return np.zeros(len(self.t.corners))
-        left = self.left_of_springs(stress, y, middle)
-        return self.springs.by_cell(self.springs.product(left, left), len(self.t.corners))
+        misfit = self.misfit_of_springs(stress, y, middle)
+        return self.springs.by_cell(self.springs.product(misfit, misfit), len(self.t.corners))
 
     def _between(self, computed: Array, stress: EquilibratedStress) -> Array:
         """Squares of the distance of a stress from that of the computed displacement, energies, shape (n,)."""

@@ -245,8 +245,8 @@ class _Quantity(Bounded):
             products, squares = product(t, difference, enclosure.difference), square(t, difference)
             around = np.zeros_like(squares) if self.initial is None else self.initial.unknown_work(difference)
         if self.springs is not None:
-            of_w = self.left_of_springs(dual.stress, dual.w, self._middles(dual.w))
-            of_v = self.left_of_springs(enclosure.stress, enclosure.v.y, enclosure.v.middle)
+            of_w = self.misfit_of_springs(dual.stress, dual.w, self._middles(dual.w))
+            of_v = self.misfit_of_springs(enclosure.stress, enclosure.v.y, enclosure.v.middle)
             products = products + self.springs.by_cell(self.springs.product(of_w, of_v), len(t.corners))
             squares = squares + self.springs.by_cell(self.springs.product(of_w, of_w), len(t.corners))
         size = float(np.sqrt(squares.sum()))

@@ -76,22 +76,22 @@ class SpringFacets:
         Raises:
             Refused: supports hold a boundary across its springs.
         """
-        d, every = t.dimension, np.zeros((len(t.facets), t.dimension, t.dimension))
+        d, stiffnesses = t.dimension, np.zeros((len(t.facets), t.dimension, t.dimension))
         for entry, facets in springs:
             x = t.x[t.facets[facets]].mean(axis=1)[:, None]
             for k in range(d):
                 at = SpringPoints(x, t.normal[facets][:, None], np.broadcast_to(np.eye(d)[k], x.shape))
-                every[facets, :, k] += np.broadcast_to(entry.reaction_at(at), x.shape)[:, 0]
-        facets = np.flatnonzero(every.any(axis=(1, 2)))
+                stiffnesses[facets, :, k] += np.broadcast_to(entry.reaction_at(at), x.shape)[:, 0]
+        facets = np.flatnonzero(stiffnesses.any(axis=(1, 2)))
         loose = np.eye(d) - held[facets]
-        across = np.abs(loose @ every[facets] @ held[facets]).max(axis=(1, 2))
-        if (across > SAME_LENGTH * np.abs(every[facets]).max(axis=(1, 2))).any():
+        across = np.abs(loose @ stiffnesses[facets] @ held[facets]).max(axis=(1, 2))
+        if (across > SAME_LENGTH * np.abs(stiffnesses[facets]).max(axis=(1, 2))).any():
             raise Refused(
                 "springs have a guaranteed bound where supports hold the boundary along or across them so far"
             )
-        stiffness = loose @ every[facets] @ loose
+        stiffness = loose @ stiffnesses[facets] @ loose
         sizes, vectors = np.linalg.eigh(stiffness)
-        acts = sizes > SAME_LENGTH * np.abs(every[facets]).max(axis=(1, 2))[:, None]
+        acts = sizes > SAME_LENGTH * np.abs(stiffnesses[facets]).max(axis=(1, 2))[:, None]
         rows = np.flatnonzero(acts.any(axis=1))
         if not rows.size:
             return None

@@ -208,21 +208,21 @@ class _Reader:
     @property
     def elements(self) -> NumberedElements:
         """The same without those that the first step removes."""
-        return self._rest if self._without is not None else self._defined_elements
+        return self._remaining_elements if self._without is not None else self._defined_elements
 
     @cached_property
-    def _rest(self) -> NumberedElements:
+    def _remaining_elements(self) -> NumberedElements:
         return self._defined_elements.without(np.asarray(self._without))
 
     def _resolve_sections(self) -> None:
         """Of an element in several sections the last one holds: what is left of the others is a set of its own."""
-        none = np.empty(0, dtype=np.int64)
+        no_numbers = np.empty(0, dtype=np.int64)
         members: list[Ints] = []
         for block in self._sections:
             if "ELSET" not in block.parameters:
                 raise DeckError(block, "ELSET is missing")
-            members.append(self.element_sets.get(self._name(block.parameters["ELSET"]), none))
-        numbering = Numbering(np.unique(np.concatenate([none, *members])))
+            members.append(self.element_sets.get(self._name(block.parameters["ELSET"]), no_numbers))
+        numbering = Numbering(np.unique(np.concatenate([no_numbers, *members])))
         owner = np.full(len(numbering), -1)
         for position, elements in enumerate(members):
             owner[numbering.rows(elements)] = position

@@ -148,8 +148,8 @@ class NumberedElements:
         kinds = list(dict.fromkeys(kind for _, kind, _ in parts))
         sizes = [len(table) for _, _, table in parts]
         blocks = [block for block, _, _ in parts]
-        none = np.empty(0, dtype=np.int64)
-        numbers = np.concatenate([none, *(table[:, 0] for _, _, table in parts)])
+        no_numbers = np.empty(0, dtype=np.int64)
+        numbers = np.concatenate([no_numbers, *(table[:, 0] for _, _, table in parts)])
         kind = np.repeat(np.array([kinds.index(kind) for _, kind, _ in parts], dtype=np.int64), sizes)
         defined = np.repeat(np.arange(len(parts)), sizes)
         _check_once(numbers, lambda row: blocks[int(defined[row])], "element")
@@ -166,16 +166,16 @@ class NumberedElements:
 
     def without(self, removed: Ints) -> NumberedElements:
         """The others."""
-        kept = ~np.isin(self.rows.numbers, removed)
-        nodes = {name: listed[kept[self.kind == k]] for k, (name, listed) in enumerate(self.nodes.items())}
-        kind = self.kind[kept]
+        remaining = ~np.isin(self.rows.numbers, removed)
+        nodes = {name: listed[remaining[self.kind == k]] for k, (name, listed) in enumerate(self.nodes.items())}
+        kind = self.kind[remaining]
         return replace(
             self,
-            rows=Numbering(self.rows.numbers[kept]),
+            rows=Numbering(self.rows.numbers[remaining]),
             kind=kind,
             row=_counted(kind, len(self.kinds)),
             nodes=nodes,
-            defined=self.defined[kept],
+            defined=self.defined[remaining],
         )
 
     def defining(self, number: int) -> DeckBlock:

@@ -19,9 +19,9 @@ from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 # Keywords with such lines; one that is continued on the next line is none of them.
 _HEADING = re.compile(r"[ \t]*\*[ \t]*(NODE|ELEMENT)[ \t]*(?:,[^\n]*[^,\s][ \t]*)?", re.IGNORECASE)
-_WHOLE, _REAL = b"0123456789, \t\n", b"0123456789+-.eE, \t\n"
+_INTEGERS, _DECIMALS = b"0123456789, \t\n", b"0123456789+-.eE, \t\n"
 # Larger whole numbers are not exact as floating point numbers.
-_LARGEST_WHOLE = 2**53
+_LARGEST_INTEGER = 2**53
 # A longer first word is no number of a node.
 _LONGEST_WORD = 40
 
@@ -106,21 +106,21 @@ def _parsed(lines: str, kind: type[np.float64 | np.int64]) -> Floats | Ints | No
 
 def _elements(lines: str) -> NumberTable | None:
     """Whole numbers; a line that ends in a comma is continued, which makes no difference here."""
-    if _plain(lines, _WHOLE) is None:
+    if _plain(lines, _INTEGERS) is None:
         return None
     values = _parsed(lines.replace(",\n", "\n"), np.int64)
-    return None if values is None or values.max(initial=0) >= _LARGEST_WHOLE else NumberTable(lines, values)
+    return None if values is None or values.max(initial=0) >= _LARGEST_INTEGER else NumberTable(lines, values)
 
 
 def _nodes(lines: str) -> NumberTable | None:
     """Lines with as many numbers each, of which the first one is whole."""
-    if (plain := _plain(lines, _REAL)) is None:
+    if (plain := _plain(lines, _DECIMALS)) is None:
         return None
     characters = np.frombuffer(plain, dtype=np.uint8)
     ends = np.flatnonzero((characters == ord(",")) | (characters == ord("\n")))
     count = lines.count("\n") + 1
-    width, rest = divmod(len(ends) + 1, count)
-    if rest or (characters[ends[width - 1 :: width]] != ord("\n")).any():
+    width, remainder = divmod(len(ends) + 1, count)
+    if remainder or (characters[ends[width - 1 :: width]] != ord("\n")).any():
         return None  # they differ
     first = np.concatenate(([0], ends[width - 1 :: width] + 1))
     last = np.append(ends, len(plain) - 1)[::width]
@@ -131,6 +131,6 @@ def _nodes(lines: str) -> NumberTable | None:
         if not ((words <= ord(",")) | (words == ord("-")) | ((words >= ord("0")) & (words <= ord("9")))).all():
             return None
     values = _parsed(lines, np.float64)
-    if values is None or values.size != width * count or np.abs(values[::width]).max() >= _LARGEST_WHOLE:
+    if values is None or values.size != width * count or np.abs(values[::width]).max() >= _LARGEST_INTEGER:
         return None
     return NumberTable(lines, values.reshape(count, width))
