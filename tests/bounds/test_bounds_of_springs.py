@@ -160,7 +160,7 @@ def test_a_displacement_that_the_springs_alone_know_to_be_wrong(monkeypatch, cou
     displaced = solution.displacement.copy()
     displaced.x.array[1::2] += 0.05
     if not counted:
-        monkeypatch.setattr(Bounded, "_left", lambda self, *_: np.zeros(len(self.t.corners)))
+        monkeypatch.setattr(Bounded, "_misfit", lambda self, *_: np.zeros(len(self.t.corners)))
     # Nothing is in contact: the true error is at least that of the lift in springs less that of the solution.
     lifted, own = 0.05 * np.sqrt(30.0), error_of(solution, solution.displacement).error
     assert (error_of(solution, displaced).error > lifted - own) == counted
