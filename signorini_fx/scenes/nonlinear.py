@@ -38,6 +38,7 @@ from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
+from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.nonlinear_stresses import NonlinearStresses, StatesOnPath
 from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
@@ -299,6 +300,10 @@ class OpinionOfScene(SecondOpinion):
         internal = self.anew.of_body(problem.u, states)
         followers = self.anew.of_followers(problem.u, problem.path_step)
         return np.asarray(internal - (self.anew.external(problem.path_step) + followers)).ravel()
+
+    def supports(self, given: PrescribedNodes) -> PrescribedNodes:
+        """See ``SecondOpinion``: those that the scene says to hold in this load step, whatever the problem holds."""
+        return PrescribedNodes.of(self.anew, self.problem.path_step, 1.0)
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         """See ``SecondOpinion``."""

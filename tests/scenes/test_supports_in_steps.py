@@ -5,6 +5,9 @@ import pytest
 from deck_lines import squares
 
 from signorini_fx.errors import SceneError
+from signorini_fx.records import Status
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.scenes import nonlinear
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.solver import solve
 
@@ -219,6 +222,19 @@ def test_supports_of_nonlinear_bodies(law):
         for entry in FEW[1:]:
             if not entry["holds"][number]:
                 assert all(row.boundary != entry["boundary"] or "support" not in row.acts for row in rows)
+
+
+def test_a_nonlinear_body_with_supports_of_another_step_is_refused(monkeypatch):
+    """A solver that keeps those of the first step converges in each step, and the certificate of the second one, which
+    asks the scene, does not hold.
+    """
+    monkeypatch.setattr(nonlinear, "held_at", lambda model, step: model)
+    with pytest.raises(ConvergenceError, match="supports") as refused:
+        solve(few({"young": 1000.0, "poisson": 0.3, "law": "neo-hooke"}))
+    solution = refused.value.solution
+    assert solution.status is Status.NOT_CERTIFIED
+    assert len(solution.steps) == 1
+    assert solution.steps[0].certificate.holds
 
 
 def test_supports_of_nonlinear_pairs_stay():

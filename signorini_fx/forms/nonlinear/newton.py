@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -37,6 +37,7 @@ from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import CYCLING_INCREMENT, LEAST_INCREMENT, SMALL_INCREMENT
 
@@ -57,6 +58,10 @@ class SecondOpinion:
     def forces(self, residual: Array) -> Array:
         """The residual as the certificate takes it, forces of shape (owned dofs,); collective."""
         return residual
+
+    def supports(self, given: PrescribedNodes) -> PrescribedNodes:
+        """The supports as the certificate takes them; ``given``: those of the problem; collective."""
+        return given
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         """The same with the loads that are not in F."""
@@ -382,5 +387,7 @@ class EquilibriumSolver:
         """
         linear, tractions = self.linear, Tractions.of(self.linear.state)
         mechanics = mechanics_at(self.u, self.opinion.forces(residual), linear, lost)
+        balance = mechanics.forces
+        mechanics = replace(mechanics, forces=replace(balance, supports=self.opinion.supports(balance.supports)))
         conditions = tractions, linear.law, linear.previous_step, linear.driven_tools
         return certified(self.u, mechanics, linear.shapes, *conditions), self.opinion.loaded(mechanics)
