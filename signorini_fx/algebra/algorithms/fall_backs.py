@@ -37,10 +37,12 @@ class FallBacks:
 
     Attributes:
         exhausted: whether all of them have failed for one of its problems; then none is tried for the others.
+        needless: asked before the first of them whether another solution ends the iteration, so that none is tried.
     """
 
     def __init__(self) -> None:
         self.exhausted = False
+        self.needless: Callable[[], bool] = lambda: False
 
     def __call__(
         self,
@@ -51,7 +53,7 @@ class FallBacks:
         measure: Callable[[], float | None],
     ) -> Status:
         """The status of the first that solves the problem, else the original one, with the iterate that it left."""
-        if self.exhausted:
+        if self.exhausted or self.needless():
             return failed
         start = newton.checkpoint()
         ways = _ways(newton, data, first_sets, failed, measure)

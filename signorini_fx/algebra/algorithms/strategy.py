@@ -248,15 +248,15 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     system, data, status = newton.problem.system, replace(failed.data, bound=nothing), Status.CONVERGED
     newton.begin_at(system.start)
     if system.load.norm() > 0 or system.start.norm() > 0:  # else exactly zero
-        limit, history.limit = history.limit, max(history.limit, history.linear_solves + 1)  # whatever failed has taken
+        # Whatever has failed has taken; the second solve takes away what a factor leaves of what pressed before.
+        limit, history.limit = history.limit, max(history.limit, history.linear_solves + 2)
         try:
-            status = newton.attempt(data, opened, max_iterations=1)
+            status = newton.attempt(data, opened, max_iterations=2)
         finally:
             history.limit = limit
     change, largest = newton.x.copy(), max(moved, newton.x.norm(PETSc.NormType.NORM_INFINITY))
     change.axpy(-1.0, reached[0])
-    depths = (system.contact.traces(x)[0] - data.gap for x in (newton.x, reached[0]))
-    entered, before = (max(parallel.largest(points.comm, depth), 0.0) for depth in depths)
+    entered = parallel.largest(points.comm, system.contact.traces(newton.x)[0] - data.gap)
     if (
         status not in (Status.CONVERGED, Status.CYCLING, Status.MAX_ITERATIONS)
         or change.norm(PETSc.NormType.NORM_INFINITY) > NO_FORCE * largest
@@ -264,8 +264,6 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     ):
         newton.restore(reached)
         return None
-    if before < entered:  # by what a penalty has put right of the last digits
-        newton.restore(reached)
     newton.pose(data, opened)
     history.add("nothing presses the body onto its foundation: the solution is that without contact")
     return replace(failed, status=Status.CONVERGED, data=data, monolithic=False)
@@ -391,7 +389,7 @@ def _either_way(
         monolithic: the monolithic Newton method.
         monolithic_first: whether Newton's method comes first.
     """
-    s, newton = task.settings, begun.newton
+    s, newton, fall_backs = task.settings, begun.newton, task.iterate.fall_backs
     checkpoint = newton.checkpoint()
 
     def raised() -> Status:
@@ -422,12 +420,25 @@ def _either_way(
             data, coupled = softened(task, start, begun), name is AUGMENTED_NEWTON
             return by_augmentation(task, start, begun, data, monolithic=coupled)
         nonlocal slid
-        status = proved(task, newton.problem, law, ways[name]())
+        moved = checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)
+        released: Outcome | None = None
+
+        def needless() -> bool:
+            nonlocal released
+            released = _released(task, begun, law, moved)
+            return released is not None
+
+        fall_backs.needless = needless  # one linear solve, where fall-backs take hundreds
+        try:
+            status = ways[name]()
+        finally:
+            fall_backs.needless = lambda: False
+        if released is not None:
+            return released
+        status = proved(task, newton.problem, law, status)
         slid = slid if name is MONOLITHIC else status is Status.SLIDES_AT_PRESSURES
         outcome = replace(begun, status=status, monolithic=name is MONOLITHIC)
-        if status is Status.CONVERGED or slid:
-            return outcome
-        return _released(task, outcome, law, checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)) or outcome
+        return outcome if status is Status.CONVERGED or slid else _released(task, outcome, law, moved) or outcome
 
     def settled(outcome: Outcome) -> bool:
         if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
@@ -461,6 +472,12 @@ def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
     if law is None or not task.has_coulomb:
         problem = replace(limit, bound=None if law is None else law.bound(pressure))
         return replace(begun, status=newton.solve(problem, sets))
+    if not parallel.any_rank(task.motions.points.comm, bool(sets.contact.any())):  # round-off would close some of them
+        newton.begin_at(regularised.newton.x)
+        moved = newton.x.norm(PETSc.NormType.NORM_INFINITY)
+        if (released := _released(task, begun, law, moved)) is not None:
+            return released
+        newton.begin_at(newton.problem.system.start)
 
     def fixed(damping: float, carried: Carried | None = None) -> Status:
         data = replace(limit, bound=law.bound(pressure))

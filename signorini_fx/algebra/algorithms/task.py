@@ -269,6 +269,7 @@ class Iterate:
 
     Attributes:
         x: the iterate of the regularised problem.
+        fall_backs: what is tried if a problem with a given friction bound is not solved by full steps.
     """
 
     def __init__(
@@ -282,7 +283,7 @@ class Iterate:
         self._settings, self._history = settings, history
         self._system, self._motions = system, motions
         self.x: PETSc.Vec = system.start.copy()
-        self._fall_backs = FallBacks()
+        self.fall_backs = FallBacks()
 
     def _newton(self, problem: Problem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
         settings = self._settings
@@ -292,7 +293,7 @@ class Iterate:
             settings.max_iterations,
             self._history,
             symmetric=symmetric,
-            try_fall_backs=self._fall_backs if settings.fallbacks else None,
+            try_fall_backs=self.fall_backs if settings.fallbacks else None,
             propose_sets=proposed_sets,
             limited=settings.limited("max_iterations"),
         )
@@ -330,7 +331,7 @@ class Iterate:
 
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
-        self._fall_backs.exhausted = start.without_fall_backs
+        self.fall_backs.exhausted = start.without_fall_backs
         if start.factors is not None:
             self._system.set_load(start.factors)
         fixed = self._system.contact.fixed
