@@ -165,7 +165,7 @@ def scales_of(
     """Size of a body, and its modulus, the scale of gamma; collective.
 
     Where the modulus is not known it is that of the stiffness near the contact points; without contact that of the
-    whole body, from a mean of what nodes meet that move alone, about E h^(d - 2).
+    whole body, from a geometric mean of what nodes meet that move alone, about E h^(d - 2).
 
     A point that moves alone strains the cells around it, which are of the size l along the boundary and h across it:
     per area it meets about E (1 / h + h / l^2).
@@ -184,10 +184,12 @@ def scales_of(
         diagonal.getArray()[body.fixed.size :] = 0.0
     mesh, dim = space.mesh, space.mesh.topology.dim
     if body.boundary is None:
-        free = diagonal.getArray(readonly=True)[~body.prescribed]
+        # Of logarithms: a few entries of a penalty would make an arithmetic mean that of the penalty.
+        free = np.abs(diagonal.getArray(readonly=True)[~body.prescribed])
         units = mesh.h(dim, np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)) ** (dim - 2)
-        totals = parallel.global_sum(boundary.comm, np.array([free.sum(), free.size, units.sum(), units.size]))
-        return Scales(dim, float(totals[0] * totals[3] / (totals[1] * totals[2])), size)
+        logarithms = [np.log(values[values > 0]) for values in (free, units)]
+        totals = parallel.global_sum(boundary.comm, np.array([(each.sum(), each.size) for each in logarithms]).ravel())
+        return Scales(dim, float(np.exp(totals[0] / max(totals[1], 1.0) - totals[2] / totals[3])), size)
     stiffness, listed = body.contact.stiffness(diagonal), np.concatenate(list(facets))
     across = 2 * (
         dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, listed)[:, 0])
