@@ -396,10 +396,17 @@ def _of_one_side(found):
     return replace(found, met=(found.met @ keep).tocsr())
 
 
+def _farther(found):
+    """Distances that supports fix in the undeformed body, larger than they are by a twentieth of the way; what changes
+    of them is right.
+    """
+    return replace(found, offset=found.offset + DEPTH / 20)
+
+
 @pytest.mark.parametrize(
     "fault",
-    [lambda _: None, _scaled(0.5), _scaled(-1.0), _scaled(-3.0), _scaled(1.001), _moved, _of_one_side],
-    ids=["left out", "half", "wrong sign", "three times the wrong sign", "a thousandth more", "moved", "one side"],
+    [lambda _: None, _scaled(0.5), _scaled(-1.0), _scaled(-3.0), _scaled(1.001), _moved, _of_one_side, _farther],
+    ids=["none", "half", "wrong sign", "three times the wrong sign", "a thousandth more", "moved", "one side", "farther"],
 )
 @pytest.mark.parametrize(
     ("dim", "cells", "slave"), [(2, (8, 12), 0), (2, (12, 8), 1), pytest.param(3, (8, 12), 0, marks=pytest.mark.slow)]

@@ -118,12 +118,17 @@ class Claim:
 
     def gap(self, normal: Array) -> Array:
         """The distance of both sides along normals at the points, without what supports fix, length, shape (n,)."""
-        apart, fixed = np.sum(normal * self.distance, axis=1), self.pair.coupling.fixed
+        return np.asarray(np.sum(normal * self.distance, axis=1) - self.uncounted)
+
+    @property
+    def uncounted(self) -> Array:
+        """What the points do not count of the distance of both sides, as supports fix it, length, shape (n,)."""
+        fixed = self.pair.coupling.fixed
         if fixed is None:
-            return np.asarray(apart)
+            return np.zeros(self.points.size)
         slave, master = self.pair.slave.surface.x, self.pair.master.surface.x
         uncounted = fixed.offset + np.sum(fixed.direction * (fixed.master @ master - fixed.slave @ slave), axis=1)
-        return np.asarray(apart - self.pair.coupling.fixed_shares @ uncounted)
+        return np.asarray(self.pair.coupling.fixed_shares @ uncounted)
 
     @property
     def counted(self) -> Array:

@@ -21,7 +21,7 @@ from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.held_distances import DisplacedSide, HeldDistances, held_distances
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.taken_functions import TestedNodes, carried_by_rings, movable
-from signorini_fx.tuned import SAME_DIRECTION, SAME_PLACE_IN_CELL
+from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -63,8 +63,8 @@ class _Places(NamedTuple):
 
 
 def error_of_uncounted(claim: Claim, loose: tuple[Array, Array]) -> float:
-    """How far what the solver says that points do not count is from what they should not, of distances and of the
-    relative displacement, relative to one; collective.
+    """How far what the solver says that points do not count is from what they should not, of the relative displacement
+    relative to one, of distances relative to the largest of them; collective.
 
     Args:
         claim: what is claimed.
@@ -80,18 +80,24 @@ def error_of_uncounted(claim: Claim, loose: tuple[Array, Array]) -> float:
         expected = _expected(claim, loose, held, seen) if both.any() else None
     coupling, dim = pair.coupling, surfaces[0].dimension
     rows = sp.csr_array((len(coupling.normal), dim * count))
+    distances = np.zeros(len(coupling.normal))
     if expected is None:
         right = rows
     else:
-        nodes, right = expected
+        nodes, right, of_all = expected
         names = pair.slave.nodes[coupling.nodes]
         at = np.searchsorted(pair.slave.nodes[nodes], names)
         carriers = parallel.gather_rows(claim.comm, names)
         if not np.array_equal(np.sort(carriers), pair.slave.nodes[nodes]):
             return 1.0
-        right = sp.csr_array(right[at])
+        right, distances = sp.csr_array(right[at]), of_all[at]
     claimed = rows if coupling.fixed is None else sp.csr_array(coupling.fixed_shares @ coupling.fixed.rows)
     worst = _largest(claimed - right)
+    # Round-off of coordinates is no distance.
+    least = NO_FORCE * max(float(np.abs(surface.x).max(initial=0.0)) for surface in surfaces)
+    sizes = float(np.abs([claim.uncounted, distances]).max(initial=0.0))
+    sizes = parallel.global_max(claim.comm, max(sizes, least))
+    worst = max(worst, float(np.abs(claim.uncounted - distances).max(initial=0.0)) / sizes)
     columns = sp.vstack((pair.slave.columns(claim.reached), pair.master.columns(claim.reached)))
     inward = _along(coupling.normal) @ right @ sp.kron(columns, sp.eye_array(dim))
     moved = sp.csr_array(inward.shape) if claim.fixed_part is None else claim.fixed_part
@@ -100,9 +106,9 @@ def error_of_uncounted(claim: Claim, loose: tuple[Array, Array]) -> float:
 
 def _expected(
     claim: Claim, loose: tuple[Array, Array], held: tuple[Flags, Flags], seen: _Places
-) -> tuple[Numbers, Any]:
-    """Nodes of the slave that carry points, ascending, shape (p,), and what these do not count of displacements of the
-    nodes of both sides, slave first, scipy sparse, shape (p, d (N + M)).
+) -> tuple[Numbers, Any, Array]:
+    """Nodes of the slave that carry points, ascending, shape (p,), what these do not count of displacements of the
+    nodes of both sides, slave first, scipy sparse, shape (p, d (N + M)), and of the distance, length, shape (p,).
     """
     slave, master = claim.pair.slave.surface, claim.pair.master.surface
     still = held[0][slave.nodes[seen.facet]].all(axis=1) & held[1][master.nodes[seen.over]].all(axis=1)
@@ -121,7 +127,7 @@ def _expected(
     rays = moving.facet, moving.at, moving.over, moving.place, moving.area
     fixed = held_distances((sides[0], sides[1]), ways, partners, rays, _seeing(slave, master))
     of_points = sp.diags_array(1.0 / (taken.shares @ areas)) @ taken.shares @ (psi @ fixed.at_rays)
-    return taken.nodes, sp.csr_array(of_points @ _from_positions(fixed))
+    return taken.nodes, sp.csr_array(of_points @ _from_positions(fixed)), of_points @ fixed.distance(slave.x, master.x)
 
 
 def _functions(claim: Claim, seen: _Places) -> tuple[Any, Array]:
