@@ -228,8 +228,8 @@ def _distances(
     """Of places on the master, or on the slave: the first attributes of ``HeldDistances``, in this order."""
     node_side, place_side = sides if master else sides[::-1]
     theta = places.held.sum(axis=1)
-    itself = _shares(places.nodes[:, None], theta[:, None], len(node_side.x))
-    of_held = _shares(places.facets, places.held, len(place_side.x))
+    itself = at_nodes(places.nodes[:, None], theta[:, None], len(node_side.x))
+    of_held = at_nodes(places.facets, places.held, len(place_side.x))
     undeformed_x = place_side.x if place_side.undeformed is None else place_side.undeformed
     corners = undeformed_x[places.facets]
     ahead = np.einsum("mk,mkd->md", theta[:, None] * places.shares - places.held, corners)
@@ -290,8 +290,8 @@ def _turning_with(sides: tuple[DisplacedSide, DisplacedSide], distances: HeldDis
     )
 
 
-def _shares(nodes: Numbers, values: Array, count: int) -> Any:
-    """Values of nodes, shape (m, k), scipy sparse, shape (m, count)."""
+def at_nodes(nodes: Numbers, values: Array, count: int) -> Any:
+    """Values of nodes at points, shape (m, k), scipy sparse, shape (m, count)."""
     rows = np.broadcast_to(np.arange(len(nodes))[:, None], values.shape)
     entries = values.ravel(), (rows.ravel(), nodes.ravel())
     return sp.csr_array(sp.coo_array(entries, shape=(len(nodes), count)))

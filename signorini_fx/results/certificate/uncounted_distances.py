@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.results.certificate.held_distances import DisplacedSide, HeldDistances, held_distances
+from signorini_fx.results.certificate.held_distances import DisplacedSide, HeldDistances, at_nodes, held_distances
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.taken_functions import TestedNodes, carried_by_rings, movable
 from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, SAME_PLACE_IN_CELL
@@ -115,7 +115,7 @@ def _expected(
     partners = seen.facet, seen.over
     moving = seen.chosen(np.asarray(~still))
     psi, areas = _functions(claim, moving)
-    over = _at_nodes(master.nodes[moving.over], master.functions.values(moving.place), len(master.x))
+    over = at_nodes(master.nodes[moving.over], master.functions.values(moving.place), len(master.x))
     unable, facets = claim.unable | slave.without_area, slave.points[np.unique(moving.facet)]
     nodes = TestedNodes(facets, slave.points, slave.area, areas, unable, movable(held, sp.csr_array(psi @ over)))
     taken = carried_by_rings(nodes)
@@ -145,7 +145,7 @@ def _functions(claim: Claim, seen: _Places) -> tuple[Any, Array]:
         inverse = np.linalg.pinv(mass[covered], rcond=1e-10, hermitian=True)
         duals[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
         values = np.einsum("rij,rj->ri", duals[seen.facet], values)
-    psi = _at_nodes(slave.points[seen.facet], values * seen.area[:, None], len(slave.x)).T
+    psi = at_nodes(slave.points[seen.facet], values * seen.area[:, None], len(slave.x)).T
     return sp.csr_array(psi), np.asarray(psi.sum(axis=1)).ravel()
 
 
@@ -227,12 +227,6 @@ def _along_normals(surface: PairSurface, loose: Array) -> Flags:
     normals = surface.directions
     moving = np.linalg.norm(np.einsum("nij,nj->ni", loose, normals), axis=1)
     return np.asarray((moving <= SAME_DIRECTION) & normals.any(axis=1))
-
-
-def _at_nodes(nodes: Numbers, values: Array, count: int) -> Any:
-    """Values of nodes at points, shape (r, k), scipy sparse, shape (r, count)."""
-    rows = np.broadcast_to(np.arange(len(nodes))[:, None], values.shape)
-    return sp.csr_array(sp.coo_array((values.ravel(), (rows.ravel(), nodes.ravel())), shape=(len(nodes), count)))
 
 
 def _rows(overlap: Overlap, along: int) -> Array:
