@@ -3563,7 +3563,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/finer_zone",
-        "history.recall(own.iterations[history.linear_solves :], own.outer[len(history.outer) :], ())",
+        "history.recall(of_zone.iterations[history.linear_solves :], of_zone.outer[len(history.outer) :], ())",
         "history.recall((), (), ())",
         "largest pressure: solves with halved cells cost nothing",
         tests=("finer_zone::test_its_solves_count",),

@@ -188,7 +188,9 @@ def scales_of(
         free = np.abs(diagonal.getArray(readonly=True)[~body.prescribed])
         units = mesh.h(dim, np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)) ** (dim - 2)
         logarithms = [np.log(values[values > 0]) for values in (free, units)]
-        totals = parallel.global_sum(boundary.comm, np.array([(each.sum(), each.size) for each in logarithms]).ravel())
+        totals = parallel.global_sum(
+            boundary.comm, np.array([(values.sum(), values.size) for values in logarithms]).ravel()
+        )
         return Scales(dim, float(np.exp(totals[0] / max(totals[1], 1.0) - totals[2] / totals[3])), size)
     stiffness, listed = body.contact.stiffness(diagonal), np.concatenate(list(facets))
     across = 2 * (

@@ -301,7 +301,7 @@ class OpinionOfScene(SecondOpinion):
         followers = self.anew.of_followers(problem.u, problem.path_step)
         return np.asarray(internal - (self.anew.external(problem.path_step) + followers)).ravel()
 
-    def supports(self, given: PrescribedNodes) -> PrescribedNodes:
+    def supports(self, claimed_supports: PrescribedNodes) -> PrescribedNodes:
         """See ``SecondOpinion``: those that the scene says to hold in this load step, whatever the problem holds."""
         return PrescribedNodes.of(self.anew, self.problem.path_step, 1.0)
 

@@ -119,7 +119,7 @@ def on_moved_foundations(
     if not parallel.any_rank(moved.boundary.comm, bool(across.any())):
         return replace(begun, data=data), before
 
-    def kept(vectors: Nodal | None) -> Any:  # of shears along the tangents, or in space
+    def without_across(vectors: Nodal | None) -> Any:  # of shears along the tangents, or in space
         if vectors is None:
             return None
         inner = across if vectors.shape[1] == across.shape[1] else tangents.swapaxes(1, 2) @ across @ tangents
@@ -128,12 +128,12 @@ def on_moved_foundations(
     pressure, shear = begun.multipliers
     begun = replace(
         begun,
-        data=replace(data, mu_hat=kept(data.mu_hat)),
-        multipliers=(pressure, kept(shear)),
-        elastic_slip=kept(begun.elastic_slip),
+        data=replace(data, mu_hat=without_across(data.mu_hat)),
+        multipliers=(pressure, without_across(shear)),
+        elastic_slip=without_across(begun.elastic_slip),
     )
-    tractions = replace(before.tractions, shear=kept(before.tractions.shear))
-    return begun, replace(before, tractions=tractions, elastic_slip=kept(before.elastic_slip))
+    tractions = replace(before.tractions, shear=without_across(before.tractions.shear))
+    return begun, replace(before, tractions=tractions, elastic_slip=without_across(before.elastic_slip))
 
 
 def _seen_otherwise(earlier: ContactBoundary, now: ContactBoundary, displacement: fem.Function) -> Nodal | None:

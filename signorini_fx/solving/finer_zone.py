@@ -55,7 +55,7 @@ def peak_of_finer_zone(
     if not curved <= set(solved.tagged.boundaries):
         return None
     # What it records goes on from what there is, and is not shown.
-    own = History([*history.iterations], [*history.outer], limit=history.limit, is_late=history.is_late)
+    of_zone = History([*history.iterations], [*history.outer], limit=history.limit, is_late=history.is_late)
     cells = solved.tagged.mesh.topology.index_map(solved.tagged.dimension)
     reach = ZONE_REACH[level.dimension] * peak.spacing
     times = 1 if everywhere else ZONE_HALVINGS.get(solved.tagged.mesh.topology.cell_name(), 1)
@@ -64,7 +64,7 @@ def peak_of_finer_zone(
         growth = tagged.mesh.topology.index_map(tagged.dimension).size_global / cells.size_global
         if not (growth <= LARGEST_ZONE[level.dimension] and allowed(growth)):
             return None
-        finer = replace(problem, history=own, stored=None).on(tagged).solved(0, solved.state, None)
+        finer = replace(problem, history=of_zone, stored=None).on(tagged).solved(0, solved.state, None)
     except SignoriniError:
         return None
     except Exception as failure:  # the solution stands; of several ranks that lack memory the others wait
@@ -72,8 +72,8 @@ def peak_of_finer_zone(
             raise
         return None
     finally:
-        solves = own.linear_solves - history.linear_solves
-        history.recall(own.iterations[history.linear_solves :], own.outer[len(history.outer) :], ())
+        solves = of_zone.linear_solves - history.linear_solves
+        history.recall(of_zone.iterations[history.linear_solves :], of_zone.outer[len(history.outer) :], ())
     if finer.level is None:
         return None
     history.add(

@@ -59,9 +59,9 @@ class SecondOpinion:
         """The residual as the certificate takes it, forces of shape (owned dofs,); collective."""
         return residual
 
-    def supports(self, given: PrescribedNodes) -> PrescribedNodes:
-        """The supports as the certificate takes them; ``given``: those of the problem; collective."""
-        return given
+    def supports(self, claimed_supports: PrescribedNodes) -> PrescribedNodes:
+        """The supports as the certificate takes them; ``claimed_supports``: those of the problem; collective."""
+        return claimed_supports
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         """The same with the loads that are not in F."""

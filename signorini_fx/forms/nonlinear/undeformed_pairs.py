@@ -77,7 +77,7 @@ def turned_forces(
 
 def _joint(comm: MPI.Comm, dim: int, entries: tuple[npt.NDArray[Any], ...]) -> JointStiffness:
     """The sum of entries of all ranks, rows, columns and values, by unknowns of the whole body; collective."""
-    row, column, value = (np.concatenate(each) for each in zip(*comm.allgather(entries), strict=True))
+    row, column, value = (np.concatenate(part) for part in zip(*comm.allgather(entries), strict=True))
     unknowns = np.stack((row, column))
     reached = np.unique(unknowns // dim)
     places = np.searchsorted(reached, unknowns // dim) * dim + unknowns % dim

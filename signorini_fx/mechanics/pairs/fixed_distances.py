@@ -253,20 +253,20 @@ def _held_places(
         still.append(sp.csr_array(sp.coo_array((np.where(holds, entries.data, 0.0), places), shape=part.shape)))
     sums = [np.clip(np.asarray(part.sum(axis=1)).ravel(), 0.0, 1.0) for part in still]
     theta = sums[0] * sums[1]  # of the node itself the sum is zero or one
-    most = np.zeros(max(len(side.x) for side in sides))
-    np.maximum.at(most, nodes, theta)
-    most_held = np.flatnonzero((theta > SAME_PLACE_IN_CELL) & (theta >= most[nodes] - SAME_PLACE_IN_CELL))
+    largest_theta = np.zeros(max(len(side.x) for side in sides))
+    np.maximum.at(largest_theta, nodes, theta)
+    most_held = np.flatnonzero((theta > SAME_PLACE_IN_CELL) & (theta >= largest_theta[nodes] - SAME_PLACE_IN_CELL))
     chosen = most_held[np.unique(nodes[most_held], return_index=True)[1]]
-    nodes, ways, theta, other = nodes[chosen], ways[chosen], theta[chosen], int(not of_master)
-    of_held = sp.csr_array(still[other][chosen])
+    nodes, ways, theta, place_side = nodes[chosen], ways[chosen], theta[chosen], int(not of_master)
+    of_held = sp.csr_array(still[place_side][chosen])
     of_held = scaled_rows(theta / np.asarray(of_held.sum(axis=1)).ravel(), of_held)
-    itself = scaled_rows(theta, sp.csr_array(shares[1 - other][chosen]))
+    itself = scaled_rows(theta, sp.csr_array(shares[1 - place_side][chosen]))
     # From the held nodes to the place it is as far as in the undeformed body.
-    side, flags = sides[other], (held.slave, held.master)[other]
+    side, flags = sides[place_side], (held.slave, held.master)[place_side]
     start = side.x if side.undeformed is None else side.undeformed
-    ahead = theta[:, None] * (shares[other][chosen] @ start) - of_held @ start
+    ahead = theta[:, None] * (shares[place_side][chosen] @ start) - of_held @ start
     ahead[np.abs(ahead).max(axis=1, initial=0.0) <= SINGULAR * np.ptp(start, axis=0).max()] = 0.0
-    signed = ways if other else -ways
+    signed = ways if place_side else -ways
     offset = np.einsum("md,md->m", signed, ahead @ _turn(side, flags).T)
     turning = sp.csr_array((nodes.size, dim * sum(len(part.x) for part in sides)))
     between = np.flatnonzero(ahead.any(axis=1))
@@ -278,9 +278,9 @@ def _held_places(
         placing = sp.coo_array((np.ones(between.size), places), shape=(nodes.size, between.size))
         turned = sp.csr_array(sp.csr_array(placing) @ turned)
         zero_columns = sp.csr_array((nodes.size, turning.shape[1] - turned.shape[1]))
-        turning = sp.csr_array(sp.hstack((zero_columns, turned) if other else (turned, zero_columns)))
-    both = (itself, of_held) if other else (of_held, itself)
-    return _HeldPlaces(nodes, both, ways, offset, turning)
+        turning = sp.csr_array(sp.hstack((zero_columns, turned) if place_side else (turned, zero_columns)))
+    of_sides = (itself, of_held) if place_side else (of_held, itself)
+    return _HeldPlaces(nodes, of_sides, ways, offset, turning)
 
 
 def _inward(vectors: Array) -> sp.csr_array:
@@ -292,8 +292,8 @@ def _inward(vectors: Array) -> sp.csr_array:
 
 def _along(direction: Array, slave: sp.csr_array, master: sp.csr_array) -> sp.csr_array:
     """Differences of displacements of both sides along directions, from shares of nodes, sparse, shape (k, d m)."""
-    both = sp.csr_array(sp.hstack((-slave, master)))
-    return sp.csr_array(_inward(direction) @ sp.kron(both, sp.eye_array(direction.shape[1])))
+    differences = sp.csr_array(sp.hstack((-slave, master)))
+    return sp.csr_array(_inward(direction) @ sp.kron(differences, sp.eye_array(direction.shape[1])))
 
 
 def _turn(side: PairSurface, held: Flags) -> Array:

@@ -162,13 +162,13 @@ def held_distances(
         columns = np.searchsorted(listed, numbers[at_ray, local])
         entries = factor[at_ray] * part[at_ray, local], (at_ray, columns)
         parts.append(sp.csr_array(sp.coo_array(entries, shape=(len(facet), listed.size))))
-    both = [sp.csr_array(sp.vstack([distances[side] for distances in both_distances])) for side in range(2)]
+    side_shares = [sp.csr_array(sp.vstack([distances[side] for distances in both_distances])) for side in range(2)]
     ways, offset = (np.concatenate([distances[k] for distances in both_distances]) for k in (2, 3))
     turning = sp.csr_array(sp.vstack([distances[4] for distances in both_distances]))
     of_nodes = np.zeros(len(slave.x))
     of_nodes[of_slave.nodes] = of_slave.held.sum(axis=1)
     at_rays = sp.csr_array(sp.hstack(parts))
-    all_distances = HeldDistances(both[0], both[1], ways, offset, turning, of_nodes, at_rays)
+    all_distances = HeldDistances(side_shares[0], side_shares[1], ways, offset, turning, of_nodes, at_rays)
     return all_distances if slave.undeformed is not None else _turning_with(sides, all_distances)
 
 
@@ -242,8 +242,8 @@ def _distances(
     nothing = sp.csr_array((places.nodes.size, node_side.x.size))
     turning = sp.hstack((nothing, turned) if master else (turned, nothing))
     ways = places.ways if master else -places.ways
-    both = (itself, of_held) if master else (of_held, itself)
-    return (*both, ways, offset, turning)
+    of_sides = (itself, of_held) if master else (of_held, itself)
+    return (*of_sides, ways, offset, turning)
 
 
 def _turned(side: DisplacedSide, ahead: Array, ways: Array) -> Any:

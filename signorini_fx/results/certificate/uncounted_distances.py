@@ -76,8 +76,9 @@ def error_of_uncounted(claim: Claim, loose: tuple[Array, Array]) -> float:
     expected, count = None, sum(len(surface.x) for surface in surfaces)
     if held[0].any() and held[1].any():
         seen = _Places.of(claim)
-        both = held[0][surfaces[0].nodes[seen.facet]].any(axis=1) & held[1][surfaces[1].nodes[seen.over]].any(axis=1)
-        expected = _expected(claim, loose, held, seen) if both.any() else None
+        nodes_there = surfaces[0].nodes[seen.facet], surfaces[1].nodes[seen.over]
+        both_held = held[0][nodes_there[0]].any(axis=1) & held[1][nodes_there[1]].any(axis=1)
+        expected = _expected(claim, loose, held, seen) if both_held.any() else None
     coupling, dim = pair.coupling, surfaces[0].dimension
     rows = sp.csr_array((len(coupling.normal), dim * count))
     distances = np.zeros(len(coupling.normal))
