@@ -317,10 +317,13 @@ class OpinionOfScene(SecondOpinion):
             acting = [load for load in anew.statement.of(Force) if load.acts]
             return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting] + followers
 
+        def supports(path_step: float) -> tuple[PrescribedNodes, list[str]]:
+            return PrescribedNodes.of(anew, path_step, 1.0), [entry.place for entry in anew.statement.displacement]
+
         def stresses(model: Model, path: Sequence[fem.Function]) -> NonlinearStresses:
             return NonlinearStresses.of(model, self.states, path)
 
-        return replace(mechanics, loads=loads, displaced=self._finite, stresses=stresses)
+        return replace(mechanics, loads=loads, supports=supports, displaced=self._finite, stresses=stresses)
 
 
 def _with_sides_of(statement: Statement, body: Statement) -> Statement:

@@ -75,6 +75,25 @@ def test_a_bar_of_rubber():
     assert solution.stress.largest("xx").value == pytest.approx(PULL / across, rel=1e-9)
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("contact", [(), {"boundary": "left", "gap": 9.0}], ids=["without contact", "apart"])
+def test_forces_at_points_balance(contact):
+    """Supports at points take what the loads do to a strongly deformed body."""
+    scene = Scene(
+        mesh={"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 4, "ny": 1}},
+        material={"young": YOUNG, "poisson": POISSON, "law": "neo-hooke"},
+        displacement=[{"at": [0.0, 0.0], "x": 0.0, "y": 0.0}, {"at": [1.0, 0.0], "y": 0.0}],
+        traction={"boundary": "top", "x": 0.1, "y": -0.5},
+        contact=contact,
+    )
+    rows = {row.boundary: row for row in solve(scene, MPI.COMM_WORLD).resultants.every()}
+    assert {name for name, row in rows.items() if "support" in row.acts} == {"(0, 0)", "(1, 0)"}
+    np.testing.assert_allclose(rows["(1, 0)"].force[0], 0.0, atol=1e-9)
+    assert rows["(1, 0)"].force[1] > 0.25
+    np.testing.assert_allclose(rows["(0, 0)"].force + rows["(1, 0)"].force, (-0.1, 0.5), atol=1e-9)
+    assert sum(row.moment for row in rows.values()) == pytest.approx(0.0, abs=1e-9)
+
+
 def forms(mesh):
     """The linear bar as forms: a, L, its stress, conditions, parts of its boundary, and the pull."""
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))

@@ -30,6 +30,7 @@ from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.sliding_claim import SlidingClaim, sliding_claim
 from signorini_fx.results.certificate.sliding_claim_in_space import sliding_claim_in_space
+from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.results.resultants import ActingForces, NamedForces
@@ -48,6 +49,8 @@ class ResidualMechanics(Mechanics):
         boundaries: the facets of each part of the boundary that was given a name.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
         loads: gives the loads beside the residual at a place in the lists of factors, see ``ActingForces``.
+        supports: gives what holds each node there, and the names of its supports, see ``ActingForces``; None: supports
+            are the parts of the boundary all of whose nodes are held.
         steps: the same of each load step, by its displacement; none: there is this one alone.
         stresses: gives the stress at the end of a load step from the displacements of those up to it; None: the
             residual alone knows it.
@@ -59,6 +62,7 @@ class ResidualMechanics(Mechanics):
     boundaries: Mapping[str, Facets]
     fixed: npt.NDArray[np.bool_]
     loads: Callable[[float], Sequence[NamedForces]] = lambda step: ()
+    supports: Callable[[float], tuple[PrescribedNodes, Sequence[str]]] | None = None
     steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
     displaced: bool = True
     stresses: Callable[[Model, Sequence[fem.Function]], RawStresses] | None = None
@@ -92,6 +96,10 @@ class ResidualMechanics(Mechanics):
     def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
         """See ``Mechanics``: at the supports; which loads act is known to the residual alone."""
         end = self._at(y)
+        if end.supports is not None:
+            supports, places = end.supports(step)
+            names = [effect.where for _, effect in model.statement.listed()]
+            return ActingForces(replace(end.forces, supports=supports), places, end.loads(step), names, end.displaced)
         return acting_on(end.forces, end.boundaries, end.fixed, end.loads(step), displaced=end.displaced)
 
     def _at(self, y: fem.Function) -> ResidualMechanics:
