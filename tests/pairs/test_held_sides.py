@@ -500,6 +500,22 @@ def test_last_clamped_nodes_of_linear_bodies_that_pass_each_other(cells, slave):
     assert forces[::4] == pytest.approx([forces[2]] * 2, rel=0.03)
 
 
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize("shift", [0.07, -0.07])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_held_nodes_of_one_side_over_held_facets(dim, shift, slave):
+    """Where only one side has places whose distances are fixed, because the other one's held nodes see none, linear
+    bodies have a solution, whose force is continuous in the place of one of them.
+    """
+    forces = []
+    for place in (shift, shift + 1e-7):
+        scene = clamped(dim, slave, 0.0, cells=(4, 6), shift=place)
+        scene.drive.value[-1] = -DEPTH
+        forces.append(np.abs(sum(as_linear_bodies(scene).state.forces)[-1]))
+    assert forces[0] > 0.5
+    assert forces[1] == pytest.approx(forces[0], rel=1e-5)
+
+
 @pytest.mark.parametrize("part", [0.5, 0.0])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_fixed_distances_turn_with_both_sides(dim, part):
