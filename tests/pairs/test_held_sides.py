@@ -15,7 +15,7 @@ from scipy import sparse
 from support.sliding_bodies import SlidingBodies, as_linear_bodies, turn_of
 from two_bodies import assembled, facets, facets_of_cells, grid
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Scene, Status, solve
 from signorini_fx.mechanics.body import sliding_sides
 from signorini_fx.mechanics.body.paired_points import FacingSides
 from signorini_fx.mechanics.pairs import mortar_coupling
@@ -570,6 +570,29 @@ def test_such_a_region_on_ranks(dim):
     alone, shared = (clamped(dim, 0, 0.5, comm=comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
     assert pressed(shared) == pytest.approx(pressed(alone), rel=1e-8)
     assert told(shared) == told(alone)
+
+
+@pytest.mark.mpi
+def test_held_nodes_far_away_tell_how_a_side_turns():
+    """Places between held nodes and others turn with all held nodes of their side, also where a rank's points are made
+    of no such node: results are those of one rank.
+    """
+
+    def box(cells):
+        return {"generator": "box", "parameters": {"nx": cells, "ny": cells, "nz": 1, "height": 0.5}}
+
+    low = [{"boundary": f"low.{side}", "x": 0.0, "y": 0.0, "z": 0.0} for side in ("bottom", "left")]
+    up = [{"boundary": "up.left", "x": 0.0, "y": 0.0, "z": -0.002}, {"boundary": "up.right", "z": -0.003}]
+    scene = Scene(
+        body=[{"name": "up", "mesh": box(3), "shift": [-0.07, 0.0, 0.5]}, {"name": "low", "mesh": box(2)}],
+        material={"young": 100.0, "poisson": 0.3},
+        displacement=[*low, *up],
+        contact={"boundary": "up.bottom", "against": "low.top"},
+    )
+    solution, alone = solve(scene, MPI.COMM_WORLD), solve(scene, MPI.COMM_SELF)
+    assert solution.certificate.coupling < 1e-12
+    force, reference = (each.resultants.of("low.top").force for each in (solution, alone))
+    np.testing.assert_allclose(force, reference, atol=1e-9 * np.abs(reference).max())
 
 
 STRAIN, YOUNG_AND_LAME = 0.01, (100.0, 50.0)

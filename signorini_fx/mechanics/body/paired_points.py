@@ -320,9 +320,10 @@ class PairedSides:
         lifted = np.flatnonzero(np.diff(lift.tocsr().indptr))
         slave_columns = np.concatenate((coupling.slave.indices, coupling.slave_turning.indices // dim, lifted))
         master_columns = np.concatenate((coupling.master.indices, coupling.master_turning.indices // dim))
-        if coupling.fixed is not None:
-            slave_columns = np.concatenate((slave_columns, coupling.fixed.slave.indices))
-            master_columns = np.concatenate((master_columns, coupling.fixed.master.indices))
+        if coupling.fixed is not None:  # with all held nodes that tell how a side turns
+            columns, count = np.unique(coupling.fixed.rows.indices) // dim, len(self.slave.nodes)
+            slave_columns = np.concatenate((slave_columns, columns[columns < count]))
+            master_columns = np.concatenate((master_columns, columns[columns >= count] - count))
         return np.unique(np.concatenate((self.slave.nodes[slave_columns], self.master.nodes[master_columns])))
 
     def shares(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:

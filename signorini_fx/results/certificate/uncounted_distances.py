@@ -100,6 +100,8 @@ def error_of_uncounted(claim: Claim, loose: tuple[Array, Array]) -> float:
     sizes = parallel.global_max(claim.comm, max(sizes, least))
     worst = max(worst, float(np.abs(claim.uncounted - distances).max(initial=0.0)) / sizes)
     columns = sp.vstack((pair.slave.columns(claim.reached), pair.master.columns(claim.reached)))
+    beyond = np.repeat(np.asarray(columns.sum(axis=1)).ravel() == 0.0, dim)  # nodes that points are not made of
+    worst = max(worst, _largest(sp.csr_array(right[:, np.flatnonzero(beyond)])))
     inward = _along(coupling.normal) @ right @ sp.kron(columns, sp.eye_array(dim))
     moved = sp.csr_array(inward.shape) if claim.fixed_part is None else claim.fixed_part
     return max(worst, _largest(sp.csr_array(moved - inward)))
