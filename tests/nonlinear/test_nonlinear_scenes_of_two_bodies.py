@@ -46,6 +46,35 @@ def test_blocks(contact):
     assert solution.contact.pressure == pytest.approx(-stress_of_block(0.8, 1), rel=1e-4)
 
 
+def test_forces_act_where_a_body_has_slid_to():
+    """What acts on each body balances with its moment about any point, after it has slid by its length."""
+    sizes = {"lower": (1.6, 0.4, 8), "upper": (0.6, 0.3, 4)}
+    meshes = {
+        name: {"generator": "rectangle", "parameters": {"length": length, "height": height, "nx": count, "ny": 2}}
+        for name, (length, height, count) in sizes.items()
+    }
+    scene = Scene(
+        body=[{"name": "lower", "mesh": meshes["lower"]}, {"name": "upper", "mesh": meshes["upper"], "shift": [0.2, 0.4]}],
+        material=MODULI,
+        displacement=[
+            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "upper.top", "x": "0.3*(t - 1)", "y": -0.02},
+        ],
+        contact={
+            "boundary": "upper.bottom",
+            "against": "lower.top",
+            "friction": {"law": "coulomb", "coefficient": 0.3},
+        },
+        load_steps={"times": [1.0, 2.0, 3.0]},
+    )
+    rows = {row.boundary: row for row in solve(scene, MPI.COMM_SELF).resultants.every()}
+    held = rows["upper.top"]
+    for contact, support in (("upper.bottom", "upper.top"), ("lower.top", "lower.bottom")):
+        assert rows[contact].force == pytest.approx(-rows[support].force, abs=1e-7 * abs(held.force[1]))
+        assert rows[contact].moment == pytest.approx(-rows[support].moment, rel=1e-5)
+    assert 0.8 < rows["upper.bottom"].acts_at[0] < 1.4
+
+
 def test_bonds():
     """Tied sides of the same blocks, which pull, too."""
     solution = solve(two_blocks({"kind": "bonded", "sliding": "small"}, depths=(-0.4,)), MPI.COMM_SELF)
