@@ -126,6 +126,24 @@ def test_a_block_that_is_pushed(scene, tmp_path, capsys):
     assert (out / "sweep.png").stat().st_size > 10_000
 
 
+def test_bodies_without_contact(tmp_path, capsys):
+    """Figures stand below their names, and the strain energy of rubber is not known."""
+    pulled = PUSHED.replace("[[contact]]", "[[displacement]]").split("friction")[0] + "x = 0.0\ny = 0.0\n"
+    for law, known in (("", True), ('law = "neo-hooke"\n', False)):
+        path = tmp_path / "pulled.toml"
+        path.write_text(pulled.replace("poisson", f"{law}poisson"))
+        arguments = ["sweep", str(path), "--set", "material.young=5000,6000", "--out", str(tmp_path / "out")]
+        assert cli.main(arguments) == 0
+        header, first = capsys.readouterr().out.splitlines()[1:3]
+        end = header.index("strain energy") + len("strain energy")
+        with open(tmp_path / "out" / "sweep.csv", newline="") as file:
+            row = next(csv.DictReader(file))
+        energy = float(row["strain_energy"])
+        assert float(first[end - 12 : end]) == pytest.approx(energy, rel=1e-5, nan_ok=True)
+        assert math.isfinite(energy) is known
+        assert int(row["linear_solves"]) > 0
+
+
 def test_a_sweep_is_what_solve_finds(scene, tmp_path):
     arguments = ["--set", "contact.friction.coefficient=0.4", "--quiet", "--no-fields", "--no-pictures"]
     assert cli.main(["solve", str(scene), *arguments, "--out", str(tmp_path / "one")]) == 0

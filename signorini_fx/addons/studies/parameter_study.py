@@ -107,14 +107,17 @@ def run(
         solution = solve(scene, comm, check=False)
         rows.append({"value": value, **figures_of(solution)})
         units = scene.statement.unit_names(solution.model.tagged.dimension)
-        figures = "  ".join(f"{rows[-1][name]:14.6g}" for name in FIGURES if name in rows[-1])
+        row = rows[-1]
+        # Without contact there are no figures of it.
+        figures = "  ".join(f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES)
         report(f"{value!s:>12s}  {figures}  {solution.status.value}")
     return ParameterStudy(entry, scenes[0][1].title, units, tuple(rows))
 
 
 def figures_of(solution: Solution) -> dict[str, Any]:
     """The row of a solution, with no figure without one; collective."""
-    figures = {"strain_energy": solution.last_step.strain_energy}
+    # That of a nonlinear body nobody knows.
+    figures = {"strain_energy": solution.last_step.strain_energy if solution.mechanics.linear else float("nan")}
     if solution.contact is not None:
         columns = solution.table.columns
         touching = columns["state"] != "open"
@@ -132,7 +135,9 @@ def figures_of(solution: Solution) -> dict[str, Any]:
         figures["stick_area"] = float(columns["weight"][touching & (columns["friction"] == "stick")].sum())
     if not solution.converged:
         figures = dict.fromkeys(figures, float("nan"))
-    outcome = {"status": solution.status.value, "linear_solves": solution.history.linear_solves}
+    history, recorded = solution.history, solution.contact is not None  # without contact there are no iterations
+    solves = history.linear_solves if recorded else sum(step.linear_solves for step in solution.steps)
+    outcome = {"status": solution.status.value, "linear_solves": solves}
     return {**outcome, "certificate_holds": solution.certificate.holds, **figures}
 
 
