@@ -54,7 +54,10 @@ def test_forces_act_where_a_body_has_slid_to():
         for name, (length, height, count) in sizes.items()
     }
     scene = Scene(
-        body=[{"name": "lower", "mesh": meshes["lower"]}, {"name": "upper", "mesh": meshes["upper"], "shift": [0.2, 0.4]}],
+        body=[
+            {"name": "lower", "mesh": meshes["lower"]},
+            {"name": "upper", "mesh": meshes["upper"], "shift": [0.2, 0.4]},
+        ],
         material=MODULI,
         displacement=[
             {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
