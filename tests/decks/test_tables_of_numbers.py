@@ -51,6 +51,7 @@ def same(one, other):
         pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", r"\1,", text), id="a comma at the end"),
         pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1\n** comment", text), id="comments between"),
         pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1\n  \n", text), id="empty lines"),
+        pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1, ,", text), id="an empty word at the end"),
     ],
 )
 def test_words_one_by_one(tmp_path, change):
@@ -77,7 +78,7 @@ def test_numbers_are_exact():
 @pytest.mark.parametrize(
     "row",
     ["1.0, 0., 0.", "1e0, 0., 0.", "1, 0.", "1, 0., 0., 0.", "1, 0.,, 0.", "1, 0. 0., 1.", "9007199254740993, 0., 0.",
-     "1, 1e999, 0.", "1, 0., x", "1, 0., 1e", "1_0, 0., 0.", ", 1., 1."],
+     "1, 1e999, 0.", "1, 0., x", "1, 0., 1e", "1_0, 0., 0.", ", 1., 1.", "1, , 0.", "1,\t, 0.", " , 1., 1."],
 )  # fmt: skip
 def test_other_lines_are_no_table(row):
     """Python would not take it for the same numbers, or rows would differ in length."""
@@ -111,6 +112,27 @@ def test_lines_of_continued_elements(tmp_path):
     assert numbers == sorted(numbers)
 
 
+@pytest.mark.parametrize("end", ["", " ", "\t "])
+def test_blanks_at_ends_of_lines(tmp_path, end):
+    """They are no words, and lines of elements stay a table."""
+    text = "\n".join(LINES) + "\n"
+    broken = re.sub(r"(?m)^(\d+, \d+, \d+), (\d+, \d+)$", rf"\1,{end}\n\2,{end}", text)
+    assert len(tables(broken)) == len(tables(text))
+    same(model_of(tmp_path, text), model_of(tmp_path, broken))
+
+
+def test_an_empty_word_among_nodes_of_an_element(tmp_path):
+    """It is no node, and no number of an element."""
+    with pytest.raises(MeshError, match=r"\*ELEMENT: invalid literal"):
+        model_of(tmp_path, "*NODE\n0, 0., 0.\n1, 1., 0.\n2, 1., 1.\n*ELEMENT, TYPE=CPE3\n1, 1, 2, \t, 3\n")
+
+
+def test_an_empty_coordinate_is_zero(tmp_path):
+    """Blanks between two commas are no number."""
+    text = "*NODE\n1, , 0.\n2, 1., \t, 0.\n3, 1., 1.\n4, ,1.\n*ELEMENT, TYPE=CPE4\n1, 1, 2, 3, 4\n"
+    assert model_of(tmp_path, text).raw.points[:, :2].tolist() == [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+
+
 def test_the_work_for_many_lines(tmp_path):
     """The number of calls does not depend on that of nodes and elements."""
 
@@ -124,6 +146,23 @@ def test_the_work_for_many_lines(tmp_path):
     calls(2)  # what is imported
     few, many = calls(8), calls(32)
     assert many < few + 8 * 24  # the faces of sides, of which each is a line of its own
+
+
+def test_a_table_after_an_included_table(tmp_path):
+    """The lines belong to the last keyword, that of the file which is included."""
+    (tmp_path / "first.inp").write_text("*NODE\n1, 0., 0.\n2, 1., 0.\n", encoding="utf-8")
+    text = "*NODE, INPUT=first.inp\n3, 1., 1.\n4, 0., 1.\n*ELEMENT, TYPE=CPE4\n1, 1, 2, 3, 4\n"
+    assert model_of(tmp_path, text).raw.points.tolist() == [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("row", "words"), [("", "data line 2 has no word"), ("\u00b2, 1., 0.", "invalid literal for int")]
+)
+def test_wrong_lines_of_a_part(tmp_path, row, words):
+    """They are an error of its keyword, where its instance is moved."""
+    text = f"*PART, NAME=P\n*NODE\n1, 0., 0.\n{row or ' , '}\n*END PART\n*ASSEMBLY, NAME=A\n"
+    with pytest.raises(MeshError, match=rf"line 2, \*NODE: {words}"):
+        model_of(tmp_path, text + "*INSTANCE, NAME=Q, PART=P\n1., 0., 0.\n*END INSTANCE\n*END ASSEMBLY\n")
 
 
 def test_an_included_file_before_a_table(tmp_path, capsys):

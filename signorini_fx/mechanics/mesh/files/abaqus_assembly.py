@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
+from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, check_rows, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 
@@ -150,7 +150,7 @@ def _largest_number(block: DeckBlock) -> int:
     """Of the nodes or elements that a keyword defines; those of its nodes count too."""
     rows = block.rows if block.keyword in ("NODE", "ELEMENT") else []
     words = (word for row in rows for word in (row[:1] if block.keyword == "NODE" else row))
-    return max((int(word) for word in words if word.isdigit()), default=0)
+    return max((int(word) for word in words if word.isdecimal()), default=0)
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class _Names:
         prefix, dot, suffix = word.partition(".")
         if dot and (candidate := self.instances.get(prefix.strip().upper())) is not None:
             return self.word(suffix.strip(), candidate, numbered=True)
-        if word.isdigit():
+        if word.isdecimal():
             return str(int(word) + scope.first) if numbered else word
         if scope is self.whole or word.upper() not in scope.names:
             return word
@@ -204,7 +204,12 @@ class _Names:
 
 
 def _moved(block: DeckBlock, move: Callable[[Floats], Floats], turn: Callable[[Floats], Floats]) -> Sequence[list[str]]:
-    """The rows of a keyword of a part where its instance is."""
+    """The rows of a keyword of a part where its instance is.
+
+    Raises:
+        ValueError: a row has no word where it has to have one, or a word is no number.
+    """
+    check_rows(block)
     rows = block.rows
     if block.keyword == "NODE" and rows:
         coordinates = [[real(word) for word in row[1:4]] for row in rows]

@@ -123,21 +123,21 @@ def blocks(lines: Iterable[tuple[int, str, str | NumberTable]]) -> Iterator[Deck
     block: DeckBlock | None = None
     rows: list[list[str]] = []
     for number, file, line in lines:
-        if isinstance(line, NumberTable):
-            if block is not None and not rows:
-                block.rows = line
-            else:  # after lines of a file that its keyword includes
-                rows.extend(line)
-        elif line.startswith("*"):
+        if isinstance(line, str) and line.startswith("*"):
             if block is not None:
                 yield block
             name, parameters = heading(line)
             block = DeckBlock(name.replace(" ", ""), parameters, number, rows := [], name=name, file=file)
         elif block is not None:
-            if block.rows is not rows:  # a table, and a comment
+            if block.rows is not rows:  # a table, which a comment ends, or the end of a file that is included
                 rows.extend(block.rows)
                 block.rows = rows
-            rows.append(split_words(line))
+            if isinstance(line, str):
+                rows.append(split_words(line))
+            elif rows:  # of a file that its keyword includes
+                rows.extend(line)
+            else:
+                block.rows = line
     if block is not None:
         yield block
 

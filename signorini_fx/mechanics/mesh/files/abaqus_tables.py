@@ -20,6 +20,7 @@ from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 # Keywords with such lines; one that is continued on the next line is none of them.
 _HEADING = re.compile(r"[ \t]*\*[ \t]*(NODE|ELEMENT)[ \t]*(?:,[^\n]*[^,\s][ \t]*)?", re.IGNORECASE)
 _INTEGERS, _DECIMALS = b"0123456789, \t\n", b"0123456789+-.eE, \t\n"
+_BLANK_ENDS = re.compile(r"[ \t]+\n")
 # Larger whole numbers are not exact as floating point numbers.
 _LARGEST_INTEGER = 2**53
 # A longer first word is no number of a node.
@@ -93,7 +94,16 @@ def _plain(lines: str, characters: bytes) -> bytes | None:
 
 
 def _parsed(lines: str, kind: type[np.float64 | np.int64]) -> Floats | Ints | None:
-    """All numbers of lines; None: a word is none."""
+    """All numbers of lines; None: a word is none, or empty.
+
+    Args:
+        lines: of characters that ``_plain`` accepts.
+        kind: of the numbers.
+    """
+    # Of a word that is made of blanks numpy makes the number 0, or -1.
+    words = lines.encode("ascii").translate(None, b" \t").replace(b"\n", b",")
+    if words.startswith(b",") or b",," in words:
+        return None
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)  # what numpy does with a word that is no number
         try:
@@ -108,7 +118,8 @@ def _elements(lines: str) -> NumberTable | None:
     """Whole numbers; a line that ends in a comma is continued, which makes no difference here."""
     if _plain(lines, _INTEGERS) is None:
         return None
-    values = _parsed(lines.replace(",\n", "\n"), np.int64)
+    without_blanks = _BLANK_ENDS.sub("\n", lines) if " \n" in lines or "\t\n" in lines else lines
+    values = _parsed(without_blanks.rstrip(", \t").replace(",\n", "\n"), np.int64)
     return None if values is None or values.max(initial=0) >= _LARGEST_INTEGER else NumberTable(lines, values)
 
 
