@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
+from error_bounds_in_space import problem
 from loaded_scenes import effectivity
 from mpi4py import MPI
 from scenes import alone
@@ -139,6 +140,50 @@ def test_how_far_a_share_is_not_known(monkeypatch, known):
     assert (low <= 7 <= high) == (known > 0)
 
 
+def test_what_linear_functions_miss_of_a_doubtful_share(monkeypatch):
+    """It is larger by as much as the share may be."""
+    solution = alone(square("0", n=2, force={"boundary": "top", "y": -7.0, "spread": "1 + sin(40*x[0])"}))
+    missed, of = [], Acting.of
+    for doubtful in (0.0, 0.5):
+        monkeypatch.setattr(Acting, "of", staticmethod(lambda *args, share=doubtful: replace(of(*args), doubtful=share)))
+        loads = problem(solution).loads
+        missed.append(loads.missed_beside(np.zeros(len(loads.traction))).sum())
+    assert missed[1] == pytest.approx(1.5**2 * missed[0])
+
+
+FORCE_IN_SPACE = {"boundary": "top", "z": "-where(x[0] < 0.3, 1, 5)", "spread": "where(x[0] < 0.3, 1, 0.2)"}
+
+
+@pytest.mark.parametrize(
+    ("force", "total"),
+    [
+        (FORCE_IN_SPACE, 1 / (0.3 + 0.7 * 0.2)),
+        ({"boundary": "top", "z": -2.0, "spread": "1 + x[0] + 2*x[1]"}, 2.0),
+        ({"boundary": "top", "z": "-exp(-40*x[0])", "spread": "exp(40*x[0])"}, None),
+    ],
+)
+def test_shares_in_space(force, total):
+    """Whatever multiplies a spread, its integral has to be known: here the force per area is linear."""
+    scene = {
+        "mesh": box("tetrahedra", (1, 1, 1), size=(1.0, 1.0, 1.0)),
+        "material": DENSE,
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        "force": force,
+    }
+    solution = alone(parse_scene(scene))
+    if total is None:
+        assert "whose spread is a polynomial" in solution.error_bound
+        return
+    loads = problem(solution).loads
+    assert loads.work(*_moved(solution)) == pytest.approx(-total, rel=1e-12)
+
+
+def _moved(solution):
+    """A displacement by one upwards, at vertices and at middles."""
+    cells = problem(solution).t
+    return np.tile([0.0, 0.0, 1.0], (len(cells.x), 1)), np.tile([0.0, 0.0, 1.0], (len(cells.edges), 1))
+
+
 def test_weight_of_two_materials():
     """Each has its density; the lower one lies on the foundation."""
     scene = square("0", n=4)
@@ -186,6 +231,19 @@ def test_profiles_in_time():
     assert product_of(2.0, 3.0) == 6.0
     assert product_of(2.0, function := lambda x: x[0]) is function
     assert product_of(Expression("x[0]"), 2.0)(np.array([[3.0], [0.0]])) == 6.0
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        {"rotation": {"speed": "1" + " + 0*x[0]" * 120, "about": [0.0, 2.0]}},
+        {"force": {"boundary": "top", "y": "-1" + " + 0*x[0]" * 120, "spread": "1" + " + 0*x[0]" * 120}},
+        {"fluid": {"boundary": "top", "level": "1.5" + " + 0*x[0]" * 220, "weight": 1.0}},
+    ],
+)
+def test_profiles_of_long_expressions(load):
+    """Their products may be longer than what a scene may say."""
+    assert alone(square("0", n=2, material=DENSE, **load)).error_bound.as_dict()["guaranteed"]
 
 
 class Pull(Force):

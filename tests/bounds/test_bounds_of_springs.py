@@ -219,10 +219,15 @@ def test_springs_of_one_direction_exert_no_other_force():
              "springs": [{"boundary": "bottom", "x": 5.0}, {"boundary": "left", "normal": 20.0, "tangential": 30.0}]},
             "along or across them so far",
         ),
+        ({"springs": {"boundary": "left", "normal": 1e9, "tangential": 0.5}}, "more than 1e-09 of the largest"),
+        (
+            {"springs": [{"boundary": "left", "normal": 1e9}, {"boundary": "left", "y": 0.5}]},
+            "more than 1e-09 of the largest",
+        ),
     ],
 )  # fmt: skip
 def test_what_has_no_bound(more, reason):
-    """Springs whose stiffness varies, or that are not along what holds the boundary."""
+    """Springs whose stiffness varies, that are not along what holds the boundary, or of which one is round-off."""
     assert reason in alone(uneven(**more)).error_bound
 
 

@@ -136,18 +136,22 @@ class PlaneLoads:
         values = [value for load, _ in loads for value in load.profile(2)]
         integrated = on_edges(t, edges, density, values)
         self._on_edges[edges], self._unknown_on_edges[edges] = integrated.moments, integrated.unknown
+        missed = np.zeros(len(t.facets))
+        missed[edges] = np.sqrt(integrated.missed)
         for load, loaded_edges in loads:
             if load.doubtful > 0:
-                self._unknown_on_edges[loaded_edges] += load.doubtful * self._largest_moment(load, loaded_edges)
+                largest, missed_alone = self._largest_moments(load, loaded_edges)
+                self._unknown_on_edges[loaded_edges] += load.doubtful * largest[:, None, None]
+                missed[loaded_edges] += load.doubtful * missed_alone
         first, second = (integrated.moments[:, k] + integrated.moments[:, 1] / 2 for k in (0, 2))
         self.traction[edges] = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
-        self._missed_on_edges[edges] = t.area[edges] * integrated.missed
+        self._missed_on_edges = t.area * missed**2
         unknown = self._unknown_on_edges[edges].sum(axis=(1, 2))
         np.add.at(self._unknown, t.sides[edges, 0], t.area[edges] * unknown)
 
-    def _largest_moment(self, load: Acting, edges: Ints) -> Array:
-        """A bound of the moments of a traction on edges, which are at most the root of its mean square, stress, shape
-        (m, 1, 1).
+    def _largest_moments(self, load: Acting, edges: Ints) -> tuple[Array, Array]:
+        """Bounds of the moments of a traction on edges, which are at most the root of its mean square, and that of what
+        linear functions miss of it, stresses, shape (m,).
         """
         integrated = on_edges(
             self._t,
@@ -156,7 +160,8 @@ class PlaneLoads:
             list(load.profile(2)),
         )
         linear = 4 * np.linalg.norm(integrated.moments, axis=2).sum(axis=1)
-        return np.asarray((linear + np.sqrt(integrated.missed))[:, None, None])
+        missed = np.sqrt(integrated.missed)
+        return linear + missed, missed
 
     def _integrate_body(self, loads: list[Acting]) -> None:
         """Moments of the body force, and the square of what constants on the thirds miss of it in each triangle."""
@@ -232,6 +237,11 @@ class LinearLoads:
         self._t = t
         self.body, self.traction = np.zeros((len(t.corners), 4, 3)), np.zeros((len(t.facets), 3, 3))
         for force in forces:
+            if force.doubtful > ZERO_SUM:
+                raise Refused(
+                    f"in space a guaranteed bound is for forces whose spread is a polynomial: that on {force.load.where!r} "
+                    "is not"
+                )
             if force.facets is None:
                 self.body += (t.volume[:, None] / 4 * self._constant(force))[:, None]
             else:

@@ -54,9 +54,20 @@ def integral(t: Simplices, facets: Ints, value: Any) -> tuple[float, float]:
         integrated = on_edges(t, facets, density, [value])
         moments, unknown = (values[..., 0].sum(axis=1) for values in (integrated.moments, integrated.unknown))
         return float(t.area[facets] @ moments), float(t.area[facets] @ unknown)
-    x = np.einsum("qc,fcd->fqd", POINTS[3], t.x[t.facets[facets]])
-    values = BoundPoints(x, np.broadcast_to(t.normal[facets][:, None], x.shape)).value(value)
-    return float(t.area[facets] @ values @ WEIGHTS[3]), 0.0  # exact where a traction is linear, as it has to be
+    corners = t.x[t.facets[facets]]
+    owner, parts = cut(corners, [value])
+    fourths = np.stack([(np.eye(3) + np.eye(3)[k]) / 2 for k in range(3)] + [(1 - np.eye(3)) / 2])
+    rules = []
+    for owners, fine in (
+        (np.repeat(owner, 4), (fourths @ parts[:, None]).reshape(-1, 3, 3)),
+        *(() if isinstance(value, float) else ((owner, parts),)),
+    ):
+        x = POINTS[3] @ fine @ corners[owners]
+        at = BoundPoints(x, np.broadcast_to(t.normal[facets[owners]][:, None], x.shape))
+        share = t.area[facets[owners]] * np.abs(np.linalg.det(fine))
+        rules.append(share * (at.value(value) @ WEIGHTS[3]))
+    unknown = sum(np.abs(np.bincount(owner, rules[0].reshape(-1, 4).sum(axis=1) - rule)).sum() for rule in rules[1:])
+    return float(rules[0].sum()), float(unknown)
 
 
 def on_edges(t: Simplices, edges: Ints, density: Density, values: list[Any]) -> Integrated:

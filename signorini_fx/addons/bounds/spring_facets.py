@@ -18,13 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.bounded_error import ROUND_OFF
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.simplices import Simplices
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
-
 
 @dataclass(frozen=True)
 class SpringPoints(BoundPoints):
@@ -74,10 +74,14 @@ class SpringFacets:
             springs: with their facets.
 
         Raises:
-            Refused: supports hold a boundary across its springs.
+            Refused: supports hold a boundary across its springs, or round-off in the largest stiffness of a facet is
+                not little of the least one.
         """
         d, stiffnesses = t.dimension, np.zeros((len(t.facets), t.dimension, t.dimension))
+        least_given = np.full(len(t.facets), np.inf)
         for entry, facets in springs:
+            positive = [value for value in entry.given.values() if value > 0]
+            least_given[facets] = np.minimum(least_given[facets], min(positive, default=np.inf))
             x = t.x[t.facets[facets]].mean(axis=1)[:, None]
             for k in range(d):
                 at = SpringPoints(x, t.normal[facets][:, None], np.broadcast_to(np.eye(d)[k], x.shape))
@@ -91,7 +95,14 @@ class SpringFacets:
             )
         stiffness = loose @ stiffnesses[facets] @ loose
         sizes, vectors = np.linalg.eigh(stiffness)
-        acts = sizes > SAME_LENGTH * np.abs(stiffnesses[facets]).max(axis=(1, 2))[:, None]
+        largest = np.abs(stiffnesses[facets]).max(axis=(1, 2))[:, None]
+        acts = sizes > SAME_LENGTH * largest
+        uncertain = (least_given[facets, None] <= SAME_LENGTH * largest) | (~acts & (sizes > ROUND_OFF * largest))
+        if uncertain.any():
+            raise Refused(
+                "springs have a guaranteed bound where the least stiffness on a facet is more than "
+                f"{SAME_LENGTH:g} of the largest one there"
+            )
         rows = np.flatnonzero(acts.any(axis=1))
         if not rows.size:
             return None

@@ -111,7 +111,8 @@ class Fluid(JointLoad):
         if not isinstance(depth, Expression):
             return (depth,)
         up = range(dimension)[self._axis]
-        return (Expression(f"max(0, {depth.text} - x[{up}])", depth.time, depth.allows_time),)
+        text = f"max(0, {depth.text} - x[{up}])"
+        return (Expression(text, depth.time, depth.allows_time, len(text)),)
 
     @property
     def _axis(self) -> int:

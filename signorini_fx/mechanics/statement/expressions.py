@@ -307,6 +307,7 @@ class Expression:
         text: for example ``"where(x[0] < 1, 0, -20)"``; a condition counts as 1 where it holds and 0 elsewhere.
         time: the value of t in it; None: none is known, and what depends on it is nan.
         allows_time: whether it may depend on t, as loads and prescribed displacements may.
+        longest: how many characters it may have; what is composed of several expressions has those of all.
 
     Raises:
         ValueError: the text is not a valid expression; the message says what is wrong and what is allowed.
@@ -315,10 +316,11 @@ class Expression:
     text: str
     time: float | None = None
     allows_time: bool = field(default=False, compare=False, repr=False)
+    longest: int = field(default=_MAX_LENGTH, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        if len(self.text) > _MAX_LENGTH:
-            raise ValueError(f"expression of {len(self.text)} characters: at most {_MAX_LENGTH} are allowed")
+        if len(self.text) > self.longest:
+            raise ValueError(f"expression of {len(self.text)} characters: at most {self.longest} are allowed")
         try:
             _check(self._tree)
             if self.timed and not self.allows_time:
@@ -436,7 +438,8 @@ def product_of(*values: Any) -> Any:
         return math.prod(values)
     texts = (value.text if isinstance(value, Expression) else repr(float(value)) for value in values)
     time = next((value.time for value in expressions if value.timed), None)
-    return Expression("*".join(f"({text})" for text in texts), time, any(value.timed for value in expressions))
+    text = "*".join(f"({text})" for text in texts)
+    return Expression(text, time, any(value.timed for value in expressions), len(text))
 
 
 def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
