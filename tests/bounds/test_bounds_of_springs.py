@@ -31,6 +31,7 @@ SLOW, LONG = pytest.mark.slow, pytest.mark.long
         pytest.param("pressed springs", "plane", (1, 2, 3), marks=SLOW),
         pytest.param("pressed springs", "pair", (3, 5), marks=SLOW),
         pytest.param("pressed springs", "space", (100,), marks=SLOW),
+        pytest.param("facing springs", "pair", (4, 7), marks=SLOW),
     ],
 )
 def test_true_errors(kind, study, seeds):

@@ -121,13 +121,14 @@ def in_springs(solution, reference, problem):
     points, weights = POINTS[d], WEIGHTS[d]
     x = np.einsum("qc,fcd->fqd", points, fine.t.x[fine.t.facets[springs.facets]])
     # The coarse facet that each fine one is on: where the middle has the largest least barycentric coordinate, and is
-    # in its plane.
+    # in its plane, on the same side, as two bodies may touch there.
     sides = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     inverse = np.linalg.pinv(sides)
     away = x.mean(axis=1)[:, None] - corners[:, 0]
     local = np.einsum("ckd,fcd->fck", inverse, away)
     off = np.linalg.norm(np.einsum("cdk,fck->fcd", sides, local) - away, axis=2)
-    least = np.minimum(local.min(axis=2), 1 - local.sum(axis=2)) - 1e6 * off / np.ptp(coarse.t.x)
+    other_side = fine.t.normal[springs.facets] @ coarse.t.normal[coarse.springs.facets].T < 0
+    least = np.minimum(local.min(axis=2), 1 - local.sum(axis=2)) - 1e6 * off / np.ptp(coarse.t.x) - other_side
     owner = least.argmax(axis=1)
     assert (least.max(axis=1) > 0).all()
     rest = np.einsum("fkd,fqd->fqk", inverse[owner], x - corners[owner, :1])

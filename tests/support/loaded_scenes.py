@@ -2,7 +2,7 @@
 
     ./env python3 tests/support/loaded_scenes.py KIND STUDY [SEEDS] [FIRST]
 
-KIND is gravity, force, rotation, fluid, springs, or 'pressed springs', STUDY one of ``heated_scenes``.  Prints
+KIND is gravity, force, rotation, fluid, springs, 'pressed springs', or 'facing springs', STUDY one of ``heated_scenes``.  Prints
 guaranteed bounds over true errors, and what finer solutions say against other bounds.
 """
 
@@ -77,6 +77,15 @@ def loaded(scene, seed, kind):
         stiff = young / high * 10 ** chance.uniform(-2, 1, 2)
         springs = [{"normal": float(stiff[0]), "tangential": float(stiff[1])}, {"x": float(stiff[0])}]
         fields["springs"] = [{"boundary": scene.contact[0].boundary, **springs[int(chance.integers(2))]}]
+    elif kind == "facing springs":  # on both sides of the contact of two bodies
+        stiff = young / high * 10 ** chance.uniform(-1, 1, 4)
+        fields["springs"] = [
+            {"boundary": boundary, "normal": float(normal), "tangential": float(tangential)}
+            for boundary, normal, tangential in (
+                (scene.contact[0].boundary, *stiff[:2]),
+                (scene.contact[0].against, *stiff[2:]),
+            )
+        ]
     return parse_scene(fields)
 
 
