@@ -127,6 +127,14 @@ def test_an_empty_word_among_nodes_of_an_element(tmp_path):
         model_of(tmp_path, "*NODE\n0, 0., 0.\n1, 1., 0.\n2, 1., 1.\n*ELEMENT, TYPE=CPE3\n1, 1, 2, \t, 3\n")
 
 
+@pytest.mark.parametrize(("keyword", "row"), [("NODE", "{}, 0., 0."), ("ELEMENT, TYPE=CPE3", "1, 1, 2, {}")])
+def test_numbers_of_many_digits(tmp_path, keyword, row):
+    """No node has a number of 300 digits."""
+    text = f"*NODE\n1, 0., 0.\n2, 1., 0.\n3, 1., 1.\n*{keyword}\n{row.format('1' * 300)}\n"
+    with pytest.raises(MeshError, match=rf"line 5, \*{keyword.split(',')[0]}: a number is too large"):
+        model_of(tmp_path, text)
+
+
 def test_an_empty_coordinate_is_zero(tmp_path):
     """Blanks between two commas are no number."""
     text = "*NODE\n1, , 0.\n2, 1., \t, 0.\n3, 1., 1.\n4, ,1.\n*ELEMENT, TYPE=CPE4\n1, 1, 2, 3, 4\n"

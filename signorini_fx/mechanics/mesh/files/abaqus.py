@@ -642,7 +642,9 @@ def _named(file: Path, location: str) -> Iterator[None]:
         raise MeshError(f"{file}: {error.text}") from None
     except KeyError as error:
         raise MeshError(f"{file}: {location}: {error} is missing") from None
-    except (ValueError, IndexError, TypeError, OverflowError) as error:
+    except OverflowError:
+        raise MeshError(f"{file}: {location}: a number is too large") from None
+    except (ValueError, IndexError, TypeError) as error:
         raise MeshError(f"{file}: {location}: {error}") from None
 
 
