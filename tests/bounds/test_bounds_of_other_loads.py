@@ -3,6 +3,7 @@ those of other packages.
 """
 
 from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -143,9 +144,13 @@ def test_how_far_a_share_is_not_known(monkeypatch, known):
 def test_what_linear_functions_miss_of_a_doubtful_share(monkeypatch):
     """It is larger by as much as the share may be."""
     solution = alone(square("0", n=2, force={"boundary": "top", "y": -7.0, "spread": "1 + sin(40*x[0])"}))
+
+    def known_to(of, doubtful, *args):
+        return replace(of(*args), doubtful=doubtful)
+
     missed, of = [], Acting.of
     for doubtful in (0.0, 0.5):
-        monkeypatch.setattr(Acting, "of", staticmethod(lambda *args, share=doubtful: replace(of(*args), doubtful=share)))
+        monkeypatch.setattr(Acting, "of", staticmethod(partial(known_to, of, doubtful)))
         loads = problem(solution).loads
         missed.append(loads.missed_beside(np.zeros(len(loads.traction))).sum())
     assert missed[1] == pytest.approx(1.5**2 * missed[0])

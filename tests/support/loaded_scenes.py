@@ -2,8 +2,8 @@
 
     ./env python3 tests/support/loaded_scenes.py KIND STUDY [SEEDS] [FIRST]
 
-KIND is gravity, force, rotation, fluid, springs, 'pressed springs', or 'facing springs', STUDY one of ``heated_scenes``.  Prints
-guaranteed bounds over true errors, and what finer solutions say against other bounds.
+KIND is gravity, force, rotation, fluid, springs, 'pressed springs', or 'facing springs', STUDY one of
+``heated_scenes``.  Prints guaranteed bounds over true errors, and what finer solutions say against other bounds.
 """
 
 import sys

@@ -239,8 +239,8 @@ class LinearLoads:
         for force in forces:
             if force.doubtful > ZERO_SUM:
                 raise Refused(
-                    f"in space a guaranteed bound is for forces whose spread is a polynomial: that on {force.load.where!r} "
-                    "is not"
+                    "in space a guaranteed bound is for forces whose spread is a polynomial: that on "
+                    f"{force.load.where!r} is not"
                 )
             if force.facets is None:
                 self.body += (t.volume[:, None] / 4 * self._constant(force))[:, None]

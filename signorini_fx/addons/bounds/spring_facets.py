@@ -26,6 +26,7 @@ from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
+
 @dataclass(frozen=True)
 class SpringPoints(BoundPoints):
     """Points at which springs are asked for their forces, ``statement.effect.Points``.
