@@ -136,7 +136,7 @@ class PlaneLoads:
         values = [value for load, _ in loads for value in load.profile(2)]
         integrated = on_edges(t, edges, density, values)
         self._on_edges[edges], self._unknown_on_edges[edges] = integrated.moments, integrated.unknown
-        missed = np.zeros(len(t.facets))
+        missed: Array = np.zeros(len(t.facets))
         missed[edges] = np.sqrt(integrated.missed)
         for load, loaded_edges in loads:
             if load.doubtful > 0:
