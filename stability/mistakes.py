@@ -5074,10 +5074,31 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/applied_loads",
-        "load.doubtful * self._largest_moment(load, loaded_edges)",
-        "0 * self._largest_moment(load, loaded_edges)",
+        "load.doubtful * largest[:, None, None]",
+        "0 * largest[:, None, None]",
         "bounds: the integral of a spread is known",
         tests=("bounds_of_other_loads::test_how_far_a_share_is_not_known",),
+    ),
+    Mutant(
+        "bounds/applied_loads",
+        "load.doubtful * missed_alone",
+        "0 * missed_alone",
+        "bounds: what linear functions miss of a force does not depend on its share",
+        tests=("bounds_of_other_loads::test_what_linear_functions_miss_of_a_doubtful_share",),
+    ),
+    Mutant(
+        "bounds/spring_facets",
+        "uncertain.any()",
+        "False",
+        "bounds: a spring that is round-off of another is left out",
+        tests=("bounds_of_springs::test_what_has_no_bound",),
+    ),
+    Mutant(
+        "mesh/files/abaqus_tables",
+        """words.startswith(b",") or b",," in words""",
+        "False",
+        "decks: blanks between commas are a number",
+        tests=("tables_of_numbers::test_an_empty_coordinate_is_zero",),
     ),
     Mutant(
         "bounds/bounded_scene",
