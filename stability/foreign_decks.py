@@ -70,6 +70,7 @@ class ForeignDeck:
         push: pressure on the left of the upper body of a stack, and on the right of a shelf.
         displaced: prescribed motion of the top of a press along x and down.
         gap: below a shelf.
+        above: by which a press begins above its plate, length.
         increments: of the step.
         warp: by which share of a cell nodes inside are moved.
         clamped: whether a shelf is held on its left.
@@ -96,6 +97,7 @@ class ForeignDeck:
     push: float = 0.5
     displaced: tuple[float, float] = (0.01, 0.03)
     gap: float = 0.02
+    above: float = 0.0
     increments: int = 1
     warp: float = 0.0
     clamped: bool = True
@@ -235,7 +237,7 @@ def text_of(deck: ForeignDeck) -> str:
         boundary += [f"BASE_BOTTOM_N, 1, {dim}", *across]
         boundary += ["BODY_TOP_N, 1, 1", f"BODY_TOP_N, {dim}, {dim}"] if deck.friction else ["BODY_LEFT_N, 1"]
     else:
-        gap = deck.gap if deck.kind == "shelf" else 0.0
+        gap = deck.gap if deck.kind == "shelf" else deck.above
         other = box(one, (-0.5, -0.5 - gap), (2.5, -gap), start, 0.25)
         for number, (x, *rest, y) in other.nodes.items():
             other.nodes[number] = (x, *rest, y - deck.tilt * (x - inner + 0.5) / 3)

@@ -89,9 +89,12 @@ def test_a_rigid_body_that_is_not_printed(tmp_path):
         assert found == pytest.approx(verdict(DATA / "press.dat").figures[name]["value"], abs=1e-4)
 
 
-def test_sides_that_were_apart_before():
-    """A press that the step before has lifted and moved back: what it slides before it touches is no slip."""
-    judgement = judge(DATA.parent / "press_lifted.inp", DATA.parent / "press_lifted.dat", compare=False)
+@pytest.mark.parametrize("name", ["press_lifted", "press_above"])
+def test_sides_that_were_apart_before(name):
+    """A press that the step before has lifted and moved back, or that begins above its plate: what it moves along the
+    plate before it touches is no slip.
+    """
+    judgement = judge(DATA.parent / f"{name}.inp", DATA.parent / f"{name}.dat", compare=False)
     assert judgement.word == "agrees"
     assert judgement.figures["wrong_way"]["value"] == judgement.figures["slip_below_bound"]["value"] == 0.0
     assert "since the sides touch" in judgement.figures["coefficient_to"]["reason"]

@@ -204,7 +204,7 @@ def _friction(s: TouchingSurface, push: Floats, force: float, energy: float, lea
     beyond = (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0) * (carries & s.touched & _same_way(s, slip))
     missing = (s.straight * s.bound - size).clip(min=0.0) * beyond
     rubbing = carries & (s.bound > 0) if s.contact.rubs else np.zeros_like(carries)
-    work = float((s.bound * slip)[carries].sum())
+    work = float((s.bound * slip)[carries & s.touched].sum())
     return {
         "cone": cone,
         "cone_share": float(push[over].sum() / force),

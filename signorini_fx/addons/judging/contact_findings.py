@@ -233,7 +233,7 @@ def _coefficients(contacts: Sequence[JudgedContactFigures], below: float, cone: 
         "coefficient_to": {"value": None, "reason": "nearly all sticks: friction cannot be told"},
     }
     if not all(figure.surface.touched.all() for figure in rubbing):
-        figures["coefficient_to"]["reason"] = "slip counts since the sides touch, which they did not in the step before"
+        figures["coefficient_to"]["reason"] = "slip counts since the sides touch, which they did not at first"
     if not all(figure.surface.slip_known for figure in rubbing):
         figures["coefficient_to"]["reason"] = "slip counts from the load step before, which is not there"
     elif work > 0 and (most := max(1.0 / (1.0 - below), 1.0 + JUDGED_BOUND_ENERGY / work)) <= JUDGED_TOLD:

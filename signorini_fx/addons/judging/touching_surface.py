@@ -111,15 +111,14 @@ def touching_surface(
     moved, changed = (np.einsum("qk,fkd->fqd", at.shape, u[facets]).reshape(flat.shape) for u in (v, change))
     gap, normal, slip = _opposite(problem, contact, (v, change), flat, (moved, changed), at.normal.reshape(flat.shape))
     gap, normal, slip = gap.reshape(at.weight.shape), normal.reshape(at.x.shape), slip.reshape(at.x.shape)
-    touched = np.ones(len(corners), dtype=bool)
-    if step_start is not None:
-        began = np.einsum("qk,fkd->fqd", at.shape, step_start[facets]).reshape(flat.shape)
-        open_then = _opposite(
-            problem, contact, (step_start, change), flat, (began, changed), at.normal.reshape(flat.shape)
-        )
-        near = JUDGED_APART * float(np.linalg.norm(v, axis=1).max())
-        touched[:] = False
-        touched[local[open_then[0].reshape(at.weight.shape).min(axis=1) <= near]] = True
+    begun = np.zeros_like(v) if step_start is None else step_start
+    began = np.einsum("qk,fkd->fqd", at.shape, begun[facets]).reshape(flat.shape)
+    open_then, _, _ = _opposite(
+        problem, contact, (begun, change), flat, (began, changed), at.normal.reshape(flat.shape)
+    )
+    near = JUDGED_APART * float(np.linalg.norm(v, axis=1).max())
+    touched = np.zeros(len(corners), dtype=bool)
+    touched[local[open_then.reshape(at.weight.shape).min(axis=1) <= near]] = True
     penetration, mean_slip = mean((-gap).clip(min=0.0)), mean(slip)
     clearance = np.full(len(corners), np.inf)
     np.minimum.at(clearance, local, np.repeat(_least(mesh.facet, at.shape, gap)[:, None], width, axis=1))
