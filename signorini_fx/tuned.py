@@ -1049,8 +1049,8 @@ HARD_OF_CALCULIX = 50.0
 # Bodies that nothing holds get this share of the largest stiffness at each node, so that it can be factorised.  Choice.
 JUDGED_SHIFT = 1e-13
 # Residual in the dual norm above which a result is not in equilibrium, and the same in units of what its print leaves.
-# Of 182 good results the median is 2e-6, the largest 1.8e-4.
-JUDGED_EQUILIBRIUM, JUDGED_EQUILIBRIUM_OF_PRINT = 2e-3, 5.0
+# Of 182 good results the median is 2e-6, the largest 1.8e-4; of quadrilaterals of revolution 2.6e-4.
+JUDGED_EQUILIBRIUM, JUDGED_EQUILIBRIUM_OF_PRINT = 1e-3, 5.0
 # A result is of elements with a stiffness against hourglassing if the reduced formulation leaves less than this share
 # of what others leave, less than this of the energy norm, and no node has more of it than this share.  C3D8R leaves
 # 9e-3 of .15, CPS4R 3e-3 of .19 and up to .42 of that at one node.
@@ -1069,8 +1069,9 @@ JUDGED_CARRIES, JUDGED_DEEP = 1e-2, 0.2
 # Of the depth so many times the largest pressure around a corner over the stiffness is explained: a facet deforms.
 JUDGED_PENETRATION_OF_PRESSURE = 3.0
 # Friction is above its bound beyond this factor of it, besides the rotation of the normal.  Programs take normals of
-# the deformed body: 1.05 times the bound at a rotation of .01 with a coefficient of .2.
-JUDGED_CONE_MARGIN = 1.03
+# the deformed body: 1.05 times the bound at a rotation of .01 with a coefficient of .2.  Without the rotation, of
+# CalculiX 1.0012 is reached, of our own solutions 1.009.
+JUDGED_CONE_MARGIN = 1.01
 # A corner slips beyond so many times what the stiffness of sticking explains, and slips as its neighbours do, if theirs
 # along its own is at least this share of it.
 JUDGED_ELASTIC_SLIP, JUDGED_SAME_WAY = 3.0, 0.25
@@ -1089,7 +1090,7 @@ JUDGED_UNITS = 2.5
 JUDGED_FORCES = 1e-2
 # Limits that depend on whether the element formulation is not known: shares of force that pulls (2e-4 and 9e-4 are
 # reached), shear over the bound (1.00), work of friction that is missing where nodes slip (90 % of results below .04).
-JUDGED_TENSION, JUDGED_CONE, JUDGED_SLIP_BELOW = (5e-3, 5e-2), (1.04, 1.06), (3e-2, 0.15)
+JUDGED_TENSION, JUDGED_CONE, JUDGED_SLIP_BELOW = (5e-3, 5e-2), (1.015, 1.06), (3e-2, 0.15)
 # What enters beyond what its pressure explains, relative to the largest displacement (4e-3 is reached), and all that
 # enters where contact is hard and the program's stiffness is not known.
 JUDGED_ENTERED, JUDGED_HARD_DEPTH = 5e-3, 5e-2
