@@ -1046,6 +1046,11 @@ JUDGED_LOAD_POINTS = 6
 # Hard contact of CalculiX is a penalty of this many times Young's modulus per unit of length, with every kind of
 # contact.  Measured with version 2.20 in six problems: 1.51e5 with E = 3000, 5.0e4 with E = 1000.
 HARD_OF_CALCULIX = 50.0
+# Stiffness against hourglassing of C3D8R in CalculiX, over Young's modulus, the volume and the sum of the squares of
+# the mean gradients of the shape functions.  Its source (shape8hr.f) has this factor.
+HOURGLASS_OF_CALCULIX = 5e-4
+# CalculiX has of a body of revolution a sector that reaches so far to both sides, radians.
+HALF_SECTOR_OF_CALCULIX = 3.141592653589793 / 180
 # Bodies that nothing holds get this share of the largest stiffness at each node, so that it can be factorised.  Choice.
 JUDGED_SHIFT = 1e-13
 # Residual in the dual norm above which a result is not in equilibrium, and the same in units of what its print leaves.

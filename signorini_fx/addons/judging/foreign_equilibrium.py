@@ -18,7 +18,14 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
-from signorini_fx.addons.judging.formulations import FULL, INCOMPATIBLE, Formulation, candidates, stiffness_by_material
+from signorini_fx.addons.judging.formulations import (
+    FULL,
+    INCOMPATIBLE,
+    UNIFORM,
+    Formulation,
+    candidates,
+    stiffness_by_material,
+)
 from signorini_fx.addons.judging.linked_nodes import free_directions
 from signorini_fx.addons.judging.problem_data import JudgedProblem
 from signorini_fx.mechanics.mesh.files.shape import Floats
@@ -200,7 +207,7 @@ class Equilibrium:
 
 
 def own_formulation(problem: JudgedProblem) -> Formulation | None:
-    """That of the elements of its deck; None: not known, or with a stiffness against hourglassing."""
+    """That of the elements of its deck, as CalculiX has them; None: not known."""
     kind = problem.element
     if not kind:
         return None
@@ -208,14 +215,15 @@ def own_formulation(problem: JudgedProblem) -> Formulation | None:
     reduced = kind.endswith("R") or kind.endswith("RH")
     if kind.startswith("C3D8I") or kind.endswith("I"):
         return Formulation(INCOMPATIBLE)
-    if reduced and problem.mesh.element.degree == 1 and not problem.mesh.element.simplex:
-        return None
+    if hourglass(problem):
+        return Formulation(UNIFORM, layer)
     return Formulation("reduced" if reduced and not problem.mesh.element.simplex else "full", layer)
 
 
 def hourglass(problem: JudgedProblem) -> bool:
-    """Whether the elements of its deck have a stiffness against hourglassing, which is not known."""
-    return bool(problem.element) and own_formulation(problem) is None
+    """Whether the elements of its deck have a stiffness against hourglassing, which is known of some programs only."""
+    reduced = problem.element.endswith("R") or problem.element.endswith("RH")
+    return reduced and problem.mesh.element.degree == 1 and not problem.mesh.element.simplex
 
 
 @dataclass(frozen=True)
@@ -239,8 +247,13 @@ class BestFit:
     similar: bool
 
 
-def best_fit(equilibrium: Equilibrium) -> BestFit:
-    """Try the formulation of the deck first, then others until one fits."""
+def best_fit(equilibrium: Equilibrium, *, known: bool = False) -> BestFit:
+    """Try the formulation of the deck first, then others until one fits.
+
+    Args:
+        equilibrium: of the displacement.
+        known: whether the stiffness against hourglassing is that of CalculiX, so that none that is similar will do.
+    """
     problem = equilibrium.problem
     stated = own_formulation(problem)
     order = candidates(problem)
@@ -253,16 +266,18 @@ def best_fit(equilibrium: Equilibrium) -> BestFit:
             break
     best = min(tried, key=lambda entry: entry.rho)
     exact = best.rho <= equilibrium.threshold
-    unreduced = [entry.rho for entry in tried if entry.formulation.name != "reduced"]
+    softer = ("reduced", UNIFORM)
+    unreduced = [entry.rho for entry in tried if entry.formulation.name not in softer]
     much_better = best.rho <= JUDGED_HOURGLASS * min(unreduced, default=0.0)
     similar = (
         not exact
+        and not known
         and problem.mesh.element.degree == 1
-        and best.formulation.name == "reduced"
+        and best.formulation.name in softer
         and best.rho <= JUDGED_HOURGLASS_LEFT
         and (hourglass(problem) or (best.worst_share <= JUDGED_HOURGLASS_NODE and much_better))
     )
-    plain = stated if stated is not None else order[0]
-    as_stated = exact and best.formulation.name == plain.name and not hourglass(problem)
+    plain = order[0] if stated is None and not hourglass(problem) else stated
+    as_stated = exact and plain is not None and best.formulation.name == plain.name
     resolution = max(best.rho, equilibrium.threshold) if similar else equilibrium.threshold
     return BestFit(best, tuple(tried), as_stated, exact, resolution, similar)

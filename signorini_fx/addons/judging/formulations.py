@@ -8,7 +8,11 @@ Strains are xx, yy, zz, xy, xz, yz, of shear twice the tensor's; of a body of re
 - ``incompatible``: quadratic modes that neighbours do not share, condensed, with the Jacobian of the centre, as in
   CalculiX (E. L. Wilson, R. L. Taylor, W. P. Doherty, J. Ghaboussi, Incompatible displacement models, 1973);
 - ``incompatible, scaled``: the same times its determinant over that of the point, which represents uniform strain on
-  distorted cells, too (R. L. Taylor, P. J. Beresford, E. L. Wilson, Int. J. Numer. Meth. Engng 10 (1976) 1211-1219).
+  distorted cells, too (R. L. Taylor, P. J. Beresford, E. L. Wilson, Int. J. Numer. Meth. Engng 10 (1976) 1211-1219);
+- ``uniform strain``: the mean strain of a brick, and a stiffness against hourglassing (D. P. Flanagan, T. Belytschko,
+  Int. J. Numer. Meth. Engng 17 (1981) 679-706) as CalculiX has it: of the hourglass modes it takes away the linear part
+  along the third axis alone (``shape8hr.f``), so that on distorted cells they have forces under uniform strain, too.
+  Plane cells are bricks of the given thickness, and those of revolution bricks of a sector.
 
 Plane stress is also computed as programs do that know solids alone: a layer of bricks, whose displacements in the plane
 are constant over the thickness, and whose faces move out of the plane by +w and -w, which is an unknown of each node.
@@ -18,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -25,8 +30,9 @@ from scipy.sparse import coo_array, csr_array
 from signorini_fx.addons.judging.problem_data import JudgedProblem
 from signorini_fx.addons.judging.reference_elements import stiffness_rule
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import HALF_SECTOR_OF_CALCULIX, HOURGLASS_OF_CALCULIX
 
-INCOMPATIBLE, SCALED = "incompatible", "incompatible, scaled"
+INCOMPATIBLE, SCALED, UNIFORM = "incompatible", "incompatible, scaled", "uniform strain"
 # Numbers of strains that are made at once.
 _AT_ONCE = 4_000_000
 _IN_PLANE = (0, 1, 3)
@@ -58,6 +64,7 @@ class Formulation:
             "B-bar": "mean dilatation (B-bar)",
             INCOMPATIBLE: "incompatible modes",
             SCALED: "incompatible modes (Taylor)",
+            UNIFORM: "uniform strain and hourglass control",
             "exact": "exact integration",
         }[self.name]
         return f"{words}, as a layer of bricks" if self.layer else words
@@ -75,9 +82,10 @@ def candidates(problem: JudgedProblem) -> list[Formulation]:
         if element.degree == 1:
             names += ["B-bar"] * (problem.hypothesis != "plane stress")
             names += [INCOMPATIBLE, SCALED] * (problem.hypothesis != "axisymmetric")
-    plain = [Formulation(name) for name in names]
+            names.append(UNIFORM)
     if problem.hypothesis != "plane stress":
-        return plain
+        return [Formulation(name) for name in names]
+    plain = [Formulation(name) for name in names if name != UNIFORM]
     return [Formulation(name, layer=True) for name in names if name not in (INCOMPATIBLE, SCALED)] + plain
 
 
@@ -127,6 +135,8 @@ def elastic_stiffness(problem: JudgedProblem, stiffness: Floats) -> Floats:
 
 def _stiffness_of_cells(problem: JudgedProblem, formulation: Formulation, x: Floats, stiffness: Floats) -> Floats:
     """The stiffness of cells with the nodes x, shape (m, k, d) -> (m, a, a)."""
+    if formulation.name == UNIFORM:
+        return _uniform_strain(problem, formulation, x, stiffness)
     element = problem.mesh.element
     places, weights = stiffness_rule(element, formulation.further_points)
     shape, reference = element.shape(places), element.gradient(places)
@@ -154,6 +164,69 @@ def _stiffness_of_cells(problem: JudgedProblem, formulation: Formulation, x: Flo
     return np.asarray(
         matrix[:, :inner, :inner] - coupling @ np.linalg.solve(matrix[:, inner:, inner:], matrix[:, inner:, :inner])
     )
+
+
+def _uniform_strain(problem: JudgedProblem, formulation: Formulation, x: Floats, stiffness: Floats) -> Floats:
+    """The stiffness of bricks with uniform strain, and of plane cells that are such bricks: ``_stiffness_of_cells``."""
+    corners = 2 * problem.mesh.element.nodes - 1.0
+    thickness, moves = 1.0, np.eye(24)
+    if problem.mesh.dim == 2:
+        corners, x, moves, thickness = _as_bricks(problem, formulation, corners, x)
+    gradient, volume = _mean_gradient(corners, x)
+    strains = _strains(gradient[:, None], np.zeros((1, 8)), None)[:, 0]
+    matrix = volume[:, None, None] * (strains.transpose(0, 2, 1) @ stiffness @ strains)
+    first, second, third = corners.T
+    # Their linear part along the third axis is taken away, as by CalculiX, and not those along the others.
+    modes = np.stack((second * third, first * third, first * second, first * second * third), axis=1)
+    modes = modes - gradient[..., 2:] @ (x[..., 2:].transpose(0, 2, 1) @ modes)
+    young = 1 / np.linalg.inv(stiffness)[0, 0]
+    factor = HOURGLASS_OF_CALCULIX * young * volume * (gradient**2).sum(axis=(1, 2))
+    against = factor[:, None, None] * (modes @ modes.transpose(0, 2, 1))
+    matrix += np.einsum("mab,ij->maibj", against, np.eye(3)).reshape(matrix.shape)
+    return np.asarray(moves.T @ matrix @ moves / thickness)
+
+
+def _as_bricks(
+    problem: JudgedProblem, formulation: Formulation, corners: Floats, x: Floats
+) -> tuple[Floats, Floats, Floats, float]:
+    """Bricks of plane cells or of those of a body of revolution: corners of the reference cell and nodes, as of
+    ``_mean_gradient``, how they move with the unknowns of the cell, shape (24, a), and their thickness (an angle).
+    """
+    revolved, width = problem.hypothesis == "axisymmetric", components(problem, formulation)
+    thickness = 2 * HALF_SECTOR_OF_CALCULIX if revolved else problem.thickness
+    nodes, faces = [], np.zeros((2, 4, 3, 4, width))
+    for face, side in enumerate((-1.0, 1.0)):
+        ways = np.eye(3)[:, :width] * (1.0, 1.0, side)[:width]
+        height = np.full(x.shape[:2], side * thickness / 2)
+        if revolved:
+            ways[:, 0] = np.cos(thickness / 2), 0.0, side * np.sin(thickness / 2)
+            nodes.append(x @ ways.T)
+        else:
+            nodes.append(np.concatenate((x, height[..., None]), axis=2))
+        for axis, unknown in np.ndindex(ways.shape):
+            faces[face, :, axis, :, unknown] = ways[axis, unknown] * np.eye(4)
+    heights = np.repeat((-1.0, 1.0), 4)[:, None]
+    corners = np.hstack((np.tile(corners, (2, 1)), heights))
+    return corners, np.concatenate(nodes, axis=1), faces.reshape(24, 4 * width), thickness
+
+
+def _mean_gradient(corners: Floats, x: Floats) -> tuple[Floats, Floats]:
+    """Of the shape functions of bricks the mean of their gradients, and the volumes, shapes (m, 8, 3) and (m,).
+
+    Args:
+        corners: of the reference cell from -1 to 1, shape (8, 3).
+        x: nodes, length, shape (m, 8, 3).
+    """
+    at = np.array(list(product((-1.0, 1.0), repeat=3))) / np.sqrt(3)
+    factors = 1 + at[:, None] * corners
+    reference = np.stack(
+        [corners[:, axis] * np.delete(factors, axis, axis=2).prod(axis=2) / 8 for axis in range(3)], axis=2
+    )
+    jacobian = np.einsum("qkj,mkd->mqdj", reference, x)
+    size = np.abs(np.linalg.det(jacobian))
+    gradient = np.einsum("mq,qkj,mqjd->mkd", size, reference, np.linalg.inv(jacobian))
+    volume = size.sum(axis=1)
+    return np.asarray(gradient / volume[:, None, None]), np.asarray(volume)
 
 
 def _strains(gradient: Floats, shape: Floats, radius: Floats | None) -> Floats:
