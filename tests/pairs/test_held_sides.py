@@ -406,7 +406,7 @@ def _farther(found):
 @pytest.mark.parametrize(
     "fault",
     [lambda _: None, _scaled(0.5), _scaled(-1.0), _scaled(-3.0), _scaled(1.001), _moved, _of_one_side, _farther],
-    ids=["none", "half", "wrong sign", "three times the wrong sign", "a thousandth more", "moved", "one side", "farther"],
+    ids=["none", "half", "wrong sign", "thrice the wrong sign", "a thousandth more", "moved", "one side", "farther"],
 )
 @pytest.mark.parametrize(
     ("dim", "cells", "slave"), [(2, (8, 12), 0), (2, (12, 8), 1), pytest.param(3, (8, 12), 0, marks=pytest.mark.slow)]
