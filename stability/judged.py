@@ -299,7 +299,7 @@ def bad_changes(deck: ForeignDeck, rng: Rng) -> list[Change]:
     changes.append(Change("units", ("another problem: units",), displacement=lambda _, v: 1000.0 * v))
     right = ("violates supports", NOT_IN_EQUILIBRIUM, LOADS)
     changes.append(Change("half", right, displacement=lambda _, v: 0.5 * v))
-    changes.append(Change("a node moved", (NOT_IN_EQUILIBRIUM,), displacement=_node_moved))
+    changes.append(Change("a node moved", (NOT_IN_EQUILIBRIUM, "violates supports"), displacement=_node_moved))
     changes.append(Change("two nodes exchanged", (NOT_IN_EQUILIBRIUM, "violates supports"), displacement=_exchanged))
     changes.append(Change("noise 1e-3", (NOT_IN_EQUILIBRIUM, "violates supports"), displacement=_noisy))
     changes.append(

@@ -247,12 +247,12 @@ class BestFit:
     similar: bool
 
 
-def best_fit(equilibrium: Equilibrium, *, known: bool = False) -> BestFit:
+def best_fit(equilibrium: Equilibrium, *, of_calculix: bool = False) -> BestFit:
     """Try the formulation of the deck first, then others until one fits.
 
     Args:
         equilibrium: of the displacement.
-        known: whether the stiffness against hourglassing is that of CalculiX, so that none that is similar will do.
+        of_calculix: whether the stiffness against hourglassing is that of CalculiX: then none that is similar will do.
     """
     problem = equilibrium.problem
     stated = own_formulation(problem)
@@ -271,7 +271,7 @@ def best_fit(equilibrium: Equilibrium, *, known: bool = False) -> BestFit:
     much_better = best.rho <= JUDGED_HOURGLASS * min(unreduced, default=0.0)
     similar = (
         not exact
-        and not known
+        and not of_calculix
         and problem.mesh.element.degree == 1
         and best.formulation.name in softer
         and best.rho <= JUDGED_HOURGLASS_LEFT

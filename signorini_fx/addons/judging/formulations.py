@@ -175,9 +175,9 @@ def _uniform_strain(problem: JudgedProblem, formulation: Formulation, x: Floats,
     gradient, volume = _mean_gradient(corners, x)
     strains = _strains(gradient[:, None], np.zeros((1, 8)), None)[:, 0]
     matrix = volume[:, None, None] * (strains.transpose(0, 2, 1) @ stiffness @ strains)
-    first, second, third = corners.T
+    xi, eta, zeta = corners.T
     # Their linear part along the third axis is taken away, as by CalculiX, and not those along the others.
-    modes = np.stack((second * third, first * third, first * second, first * second * third), axis=1)
+    modes = np.stack((eta * zeta, xi * zeta, xi * eta, xi * eta * zeta), axis=1)
     modes = modes - gradient[..., 2:] @ (x[..., 2:].transpose(0, 2, 1) @ modes)
     young = 1 / np.linalg.inv(stiffness)[0, 0]
     factor = HOURGLASS_OF_CALCULIX * young * volume * (gradient**2).sum(axis=(1, 2))
