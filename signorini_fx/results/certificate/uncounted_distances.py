@@ -81,7 +81,7 @@ def error_of_uncounted(claim: Claim, loose: tuple[Array, Array]) -> float:
         expected = _expected(claim, loose, held, seen) if both_held.any() else None
     coupling, dim = pair.coupling, surfaces[0].dimension
     rows = sp.csr_array((len(coupling.normal), dim * count))
-    distances = np.zeros(len(coupling.normal))
+    distances: Array = np.zeros(len(coupling.normal))
     if expected is None:
         right = rows
     else:
