@@ -136,7 +136,7 @@ class StatedMechanics:
     def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
         """See ``Mechanics``."""
         forces = NodalForces(model.statement, model.tagged, y.function_space)
-        supports = [effect.place for effect in model.statement.displacement]
+        supports = [entry.place if entry.holds_at(step) else None for entry in model.statement.displacement]
         names = [effect.where for _, effect in model.statement.listed()]
         return ActingForces(balance_of(forces, y, step), supports, loads_of(forces, y, step), names)
 

@@ -21,7 +21,6 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.promised_law import Tractions
-from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
@@ -206,7 +205,7 @@ class Resultants:
         """Positions of the contact points; those of sides that slide are where these are already."""
         assert self.contact is not None
         boundary = self.contact.boundary
-        placed = np.array([isinstance(side.claim, SlidingClaim) for side in self.sides], dtype=bool)
+        placed = np.array([side.claim is not None and side.claim.displaced for side in self.sides], dtype=bool)
         return boundary.centre + np.where(placed[boundary.part][:, None], 0.0, self._moved[boundary.nodes])
 
     @cached_property

@@ -317,8 +317,10 @@ class OpinionOfScene(SecondOpinion):
             acting = [load for load in anew.statement.of(Force) if load.acts]
             return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting] + followers
 
-        def supports(path_step: float) -> tuple[PrescribedNodes, list[str]]:
-            return PrescribedNodes.of(anew, path_step, 1.0), [entry.place for entry in anew.statement.displacement]
+        def supports(path_step: float) -> tuple[PrescribedNodes, list[str | None]]:
+            entries = anew.statement.displacement
+            places = [entry.place if entry.holds_at(path_step) else None for entry in entries]
+            return PrescribedNodes.of(anew, path_step, 1.0), places
 
         def stresses(model: Model, path: Sequence[fem.Function]) -> NonlinearStresses:
             return NonlinearStresses.of(model, self.states, path)

@@ -62,7 +62,7 @@ class ResidualMechanics(Mechanics):
     boundaries: Mapping[str, Facets]
     fixed: npt.NDArray[np.bool_]
     loads: Callable[[float], Sequence[NamedForces]] = lambda step: ()
-    supports: Callable[[float], tuple[PrescribedNodes, Sequence[str]]] | None = None
+    supports: Callable[[float], tuple[PrescribedNodes, Sequence[str | None]]] | None = None
     steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
     displaced: bool = True
     stresses: Callable[[Model, Sequence[fem.Function]], RawStresses] | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +43,7 @@ class Claim:
         measure: by what the problem says that areas are multiplied, at the nodes of the slave, shape (N,); None: 1.
         followed: displacements of the nodes of this rank, which turn the normals as the master turns, length, shape
             (nodes, d); None: the normals are those of the undeformed sides.
+        displaced: whether the points of the boundary are where the displacement has moved the sides.
     """
 
     space: fem.FunctionSpace
@@ -61,6 +62,7 @@ class Claim:
     measure: Array | None = None
     followed: Array | None = None
     fixed_part: Any = None
+    displaced: ClassVar[bool] = False
 
     @property
     def comm(self) -> MPI.Comm:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -412,6 +412,7 @@ class SlidingClaim:
     memory: list[KnownSides] = field(default_factory=list, repr=False)
     nominal: bool = False
     followed: None = None
+    displaced: ClassVar[bool] = True
 
     @property
     def comm(self) -> MPI.Comm:
