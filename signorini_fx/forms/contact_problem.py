@@ -172,8 +172,7 @@ class ContactProblem(ProblemOfForms):
 
         Raises:
             RuntimeError: the problem was given no ``stress``.
-            FormError: see ``stress``; or the forms are multiplied by a measure, which the estimate does not know; or
-                there is no contact.
+            FormError: see ``stress``; or there is no contact; or the forms are multiplied by a measure, which is not known.
         """
         return errors_of(self.assembled, self.stress)
 
