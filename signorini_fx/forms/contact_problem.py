@@ -172,7 +172,7 @@ class ContactProblem(ProblemOfForms):
 
         Raises:
             RuntimeError: the problem was given no ``stress``.
-            FormError: see ``stress``; or there is no contact; or the forms are multiplied by a measure, which is not known.
+            FormError: see ``stress``; or there is no contact, or a measure multiplies the forms, which is not known.
         """
         return errors_of(self.assembled, self.stress)
 
