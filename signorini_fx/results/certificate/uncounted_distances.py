@@ -21,7 +21,7 @@ from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.held_distances import DisplacedSide, HeldDistances, at_nodes, held_distances
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.taken_functions import TestedNodes, carried_by_rings, movable
-from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, SAME_PLACE_IN_CELL
+from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, SAME_PLACE_IN_CELL, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -95,10 +95,11 @@ def error_of_uncounted(claim: Claim, loose: tuple[Array, Array]) -> float:
     claimed = rows if coupling.fixed is None else sp.csr_array(coupling.fixed_shares @ coupling.fixed.rows)
     worst = _largest(claimed - right)
     # Round-off of coordinates is no distance.
-    least = NO_FORCE * max(float(np.abs(surface.x).max(initial=0.0)) for surface in surfaces)
+    largest = max(float(np.abs(surface.x).max(initial=0.0)) for surface in surfaces)
     sizes = float(np.abs([claim.uncounted, distances]).max(initial=0.0))
-    sizes = parallel.global_max(claim.comm, max(sizes, least))
-    worst = max(worst, float(np.abs(claim.uncounted - distances).max(initial=0.0)) / sizes)
+    sizes = parallel.global_max(claim.comm, max(sizes, NO_FORCE * largest))
+    apart = float(np.abs(claim.uncounted - distances).max(initial=0.0))
+    worst = max(worst, (apart - ZERO_COMPONENT * largest) / sizes)
     columns = sp.vstack((pair.slave.columns(claim.reached), pair.master.columns(claim.reached)))
     beyond = np.repeat(np.asarray(columns.sum(axis=1)).ravel() == 0.0, dim)  # nodes that points are not made of
     worst = max(worst, _largest(sp.csr_array(right[:, np.flatnonzero(beyond)])))
