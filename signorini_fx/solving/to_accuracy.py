@@ -185,16 +185,16 @@ def _with_finer_zone(
     Of meshes that are divided here and there all cells are halved: they do not show what is wrong elsewhere.
     """
     history = meshes.problem.history
-    before = history.linear_solves
+    solves_so_far = history.linear_solves
 
     def allowed(growth: float) -> bool:
         return exceeded(fineness_of(growth, level.dimension)) is None
 
     zone = peak_of_finer_zone(meshes.problem, solved, everywhere=meshes.adaptive, allowed=allowed)
-    own = history.iterations[before:]
-    factorisations = level.factorisations + sum(record.factorised for record in own)
+    of_zone = history.iterations[solves_so_far:]
+    factorisations = level.factorisations + sum(record.factorised for record in of_zone)
     memory = peak_memory(meshes.problem.comm)
-    solves = level.linear_solves + len(own)
+    solves = level.linear_solves + len(of_zone)
     return zone, replace(level, linear_solves=solves, factorisations=factorisations, memory=memory)
 
 

@@ -153,9 +153,9 @@ def _check_not_turned(mesh: MeshArrays, points: Floats) -> None:
     """
     cell = mesh.cell
     at_first = [b for a, b in edges_of(cell) if a == 0]
-    before, after = (
+    straight, smooth = (
         np.sign(np.linalg.det(x[mesh.corners[:, at_first]] - x[mesh.corners[:, :1]])) for x in (mesh.points, points)
     )
-    if (before != after).any():
+    if (straight != smooth).any():
         raise MeshError("cells at a curved boundary cannot be halved: they would turn inside out")
     check_shape(points, mesh.cells, cell, "halved cells in contact")
