@@ -994,6 +994,9 @@ NORMAL_DIFFERENCE = 1e-6
 # Below this relative difference of two stretches squared a series takes the place of powers of both: their difference
 # loses as many digits as the series leaves out.  Choice, from both errors.
 EQUAL_STRETCHES = 0.01
+# Below this distance from one a series takes the place of powers and logarithms less their tangents, up to this power of
+# the distance: their difference loses as many digits as the series leaves out.  Choice, from both errors.
+NEAR_ONE, TERMS_NEAR_ONE = 1e-3, 6
 # The strain over which the energy of a material is differentiated to try its stress, and the share of its modulus up to
 # which both agree.  Choice: the difference errs by its square and by round-off over it.
 ENERGY_DIFFERENCE, SAME_STRESS = 1e-5, 1e-6

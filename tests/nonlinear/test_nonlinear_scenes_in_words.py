@@ -208,7 +208,7 @@ def test_the_certificate_is_of_numpy(name, monkeypatch):
     """A wrong sign, or a wrong constant, of the second opinion of a material is found."""
     scene = block(material(name), "0.1*t", cells=(2, 2))
     kind = type(scene.material[0])
-    said = "respond_at" if name == "j2" else "shape_stress_at"
+    said = "respond_at" if name == "j2" else "shape_stress_by_change"
     right = getattr(kind, said)
     monkeypatch.setattr(kind, said, lambda self, *arguments: 1.001 * right(self, *arguments))
     with pytest.raises(Exception, match="certificate does not hold"):

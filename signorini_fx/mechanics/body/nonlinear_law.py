@@ -23,7 +23,7 @@ from signorini_fx.mechanics.body.follower_pressure import FollowerPressures, wit
 from signorini_fx.mechanics.body.moduli import reduced_degree
 from signorini_fx.mechanics.body.quadrature import strain_degree
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
-from signorini_fx.mechanics.materials.nonlinear import PathDependent
+from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
@@ -166,10 +166,10 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         if reduced is not None:
             volume = measure(number + len(cells), metadata={"quadrature_degree": reduced})
         if getattr(material, "finite", False):
-            gradient = ufl.Identity(3) + kinematics.gradient(u)
-            energies.append(material.shape_energy(gradient) * around * shape)
+            change = kinematics.gradient(u)
+            energies.append(material.shape_energy_by_change(change) * around * shape)
             if material.splits:
-                energies.append(material.volume_energy(ufl.det(gradient)) * around * volume)
+                energies.append(material.volume_energy_by_change(growth(change)) * around * volume)
             continue
         bulk, shear = _constants(material)
         work = bulk * ufl.tr(_small(kinematics, u)) * ufl.tr(_small(kinematics, v)) * around * volume

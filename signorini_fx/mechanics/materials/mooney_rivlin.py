@@ -7,7 +7,17 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import model_validator
 
-from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, deviator, inverse_transposed
+from signorini_fx.mechanics.materials.nonlinear import (
+    Hyperelastic,
+    deviator,
+    green_strain,
+    growth,
+    growth_at,
+    inverse_transposed,
+    left_strain_twice,
+    power_beyond_line,
+    strain_beyond_growth,
+)
 from signorini_fx.mechanics.materials.protocol import Array
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.values import NonNegative, Positive
@@ -41,29 +51,32 @@ class MooneyRivlin(Hyperelastic):
         """See ``NonlinearMaterial``."""
         return 2 * (self.c10 + self.c01), self.bulk
 
-    def shape_energy(self, gradient: Any) -> Any:
-        """See ``Hyperelastic``."""
+    def shape_energy_by_change(self, change: Any) -> Any:
+        """See ``Hyperelastic``: C has the invariants 3 + 2 tr E and 3 + 4 tr E + 4 II(E)."""
         import ufl
 
-        right, volume = gradient.T * gradient, ufl.det(gradient)
-        first = ufl.tr(right)
-        second = (first**2 - ufl.inner(right, right)) / 2
-        return self.c10 * (first * volume ** (-2 / 3) - 3) + self.c01 * (second * volume ** (-4 / 3) - 3)
+        strain, grown, beyond = green_strain(change), growth(change), strain_beyond_growth(change)
+        first, second = ufl.tr(strain), (ufl.tr(strain) ** 2 - ufl.inner(strain, strain)) / 2
+        curved, steeper = power_beyond_line(grown, -2 / 3), power_beyond_line(grown, -4 / 3)
+        energy = self.c10 * (2 * beyond + 3 * curved + 2 * first * (curved - 2 / 3 * grown))
+        further = second + (first + second) * (steeper - 4 / 3 * grown)
+        return energy + self.c01 * (4 * beyond + 3 * steeper + 4 * further)
 
-    def volume_energy(self, volume: Any) -> Any:
+    def volume_energy_by_change(self, growth: Any) -> Any:
         """See ``Hyperelastic``."""
-        return self.bulk / 2 * (volume - 1) ** 2
+        return self.bulk / 2 * growth**2
 
-    def shape_stress_at(self, gradient: Array) -> Array:
-        """See ``Hyperelastic``: by the Kirchhoff stress in the deformed body."""
-        stretch = gradient @ gradient.swapaxes(-1, -2) * np.linalg.det(gradient)[..., None, None] ** (-2 / 3)
-        first = np.trace(stretch, axis1=-2, axis2=-1)[..., None, None]
-        kirchhoff = 2 * deviator((self.c10 + self.c01 * first) * stretch - self.c01 * stretch @ stretch)
-        return np.asarray(kirchhoff @ inverse_transposed(gradient))
+    def shape_stress_by_change(self, change: Array) -> Array:
+        """See ``Hyperelastic``: by the Kirchhoff stress in the deformed body; twice is its strain."""
+        twice, share = left_strain_twice(change), (1 + growth_at(change))[..., None, None] ** (-2 / 3)
+        first = share * (3 + np.trace(twice, axis1=-2, axis2=-1)[..., None, None])
+        squares = share**2 * (2 * twice + twice @ twice)
+        kirchhoff = 2 * deviator((self.c10 + self.c01 * first) * share * twice - self.c01 * squares)
+        return np.asarray(kirchhoff @ inverse_transposed(np.eye(3) + change))
 
-    def volume_stress_at(self, volume: Array) -> Array:
+    def volume_stress_by_change(self, growth: Array) -> Array:
         """See ``Hyperelastic``."""
-        return self.bulk * (volume - 1)
+        return self.bulk * growth
 
     @property
     def said(self) -> str:

@@ -7,7 +7,18 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, deviator, inverse_transposed
+from signorini_fx.mechanics.materials.nonlinear import (
+    Hyperelastic,
+    deviator,
+    green_strain,
+    growth,
+    growth_at,
+    inverse_transposed,
+    left_strain_twice,
+    logarithm_beyond_line,
+    power_beyond_line,
+    strain_beyond_growth,
+)
 from signorini_fx.mechanics.materials.protocol import Array
 from signorini_fx.mechanics.statement.values import Positive
 
@@ -36,37 +47,38 @@ class NeoHooke(Hyperelastic):
         """See ``NonlinearMaterial``."""
         return self.young / (2 * (1 + self.poisson)), self.young / (3 * (1 - 2 * self.poisson))
 
-    def shape_energy(self, gradient: Any) -> Any:
+    def shape_energy_by_change(self, change: Any) -> Any:
         """See ``Hyperelastic``."""
         import ufl
 
-        (shear, _), volume, stretch = self.constants_at_rest, ufl.det(gradient), ufl.inner(gradient, gradient)
+        (shear, _), grown, beyond = self.constants_at_rest, growth(change), strain_beyond_growth(change)
         if self.isochoric:
-            return shear / 2 * (stretch * volume ** (-2 / 3) - 3)
-        return shear / 2 * (stretch - 3) - shear * ufl.ln(volume)
+            curved = power_beyond_line(grown, -2 / 3)
+            further = ufl.tr(green_strain(change)) * (curved - 2 / 3 * grown)
+            return shear * (beyond + 3 / 2 * curved + further)
+        return shear * (beyond - logarithm_beyond_line(grown))
 
-    def volume_energy(self, volume: Any) -> Any:
+    def volume_energy_by_change(self, growth: Any) -> Any:
         """See ``Hyperelastic``."""
-        import ufl
-
         shear, bulk = self.constants_at_rest
-        return bulk / 2 * (volume - 1) ** 2 if self.isochoric else (bulk - 2 * shear / 3) / 2 * ufl.ln(volume) ** 2
+        if self.isochoric:
+            return bulk / 2 * growth**2
+        return (bulk - 2 * shear / 3) / 2 * (growth + logarithm_beyond_line(growth)) ** 2
 
-    def shape_stress_at(self, gradient: Array) -> Array:
+    def shape_stress_by_change(self, change: Array) -> Array:
         """See ``Hyperelastic``: by the Kirchhoff stress in the deformed body."""
-        (shear, _), squares = self.constants_at_rest, gradient @ gradient.swapaxes(-1, -2)
+        (shear, _), twice = self.constants_at_rest, left_strain_twice(change)
+        kirchhoff = shear * twice
         if self.isochoric:
-            kirchhoff = shear * np.linalg.det(gradient)[..., None, None] ** (-2 / 3) * deviator(squares)
-        else:
-            kirchhoff = shear * (squares - np.eye(3))
-        return np.asarray(kirchhoff @ inverse_transposed(gradient))
+            kirchhoff = (1 + growth_at(change))[..., None, None] ** (-2 / 3) * deviator(kirchhoff)
+        return np.asarray(kirchhoff @ inverse_transposed(np.eye(3) + change))
 
-    def volume_stress_at(self, volume: Array) -> Array:
+    def volume_stress_by_change(self, growth: Array) -> Array:
         """See ``Hyperelastic``."""
         shear, bulk = self.constants_at_rest
         if self.isochoric:
-            return bulk * (volume - 1)
-        return np.asarray((bulk - 2 * shear / 3) * np.log(volume) / volume)
+            return bulk * growth
+        return np.asarray((bulk - 2 * shear / 3) * np.log1p(growth) / (1 + growth))
 
     @property
     def said(self) -> str:

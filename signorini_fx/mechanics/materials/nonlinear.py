@@ -28,11 +28,15 @@ twice: as UFL, or with a tangent, for the solver, and once more in NumPy for the
         @property
         def constants_at_rest(self):
             return self.shear, self.bulk
+
+F = I + grad u and J = det F are known to the unit of round-off only, so that stresses at strains of 1e-10 have six
+digits.  The methods whose names end in ``by_change`` take grad u and J - 1 instead, from which stresses can be evaluated
+with all digits however small they are; unless a material has its own, they call those above.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -43,6 +47,7 @@ from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import Array, Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
+from signorini_fx.tuned import NEAR_ONE, TERMS_NEAR_ONE
 
 _MOVED = "changes as the body moves, which is not possible yet with a nonlinear material"
 _NOT_YET = "is not possible yet with a nonlinear material"
@@ -154,7 +159,8 @@ class Hyperelastic(NonlinearMaterial):
     """An elastic material at finite strains, by its energy.
 
     Gradients F = I + grad u and stresses have the shape (3, 3), in the plane and in bodies of revolution with what is
-    across the mesh.
+    across the mesh.  A material has ``shape_energy`` or ``shape_energy_by_change``, and so on: the solver and the
+    certificate call the latter.
 
     Attributes:
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
@@ -181,6 +187,24 @@ class Hyperelastic(NonlinearMaterial):
     def volume_stress_at(self, volume: Array) -> Array:
         """The second opinion: the derivative of ``volume_energy``, written without it, a stress, shape (...)."""
         return np.zeros_like(volume)
+
+    def shape_energy_by_change(self, change: Any) -> Any:
+        """``shape_energy`` from grad u, UFL of shape (3, 3), so that its derivative keeps the digits of that."""
+        import ufl
+
+        return self.shape_energy(ufl.Identity(3) + change)
+
+    def volume_energy_by_change(self, growth: Any) -> Any:
+        """``volume_energy`` from the change of volume J - 1, UFL, a number."""
+        return self.volume_energy(1 + growth)
+
+    def shape_stress_by_change(self, change: Array) -> Array:
+        """``shape_stress_at`` from grad u, shape (..., 3, 3)."""
+        return self.shape_stress_at(np.eye(3) + change)
+
+    def volume_stress_by_change(self, growth: Array) -> Array:
+        """``volume_stress_at`` from J - 1, shape (...)."""
+        return self.volume_stress_at(1 + growth)
 
     @property
     def features(self) -> Features:
@@ -236,6 +260,73 @@ class PathDependent(NonlinearMaterial):
     def plastic_strain(self, state: Array) -> Array | None:
         """The accumulated (equivalent) plastic strain of states, for results, shape (n,); None: there is none."""
         return None
+
+
+def green_strain(change: Any) -> Any:
+    """(F^T F - I)/2 from grad u, UFL, shape (3, 3)."""
+    return (change + change.T + change.T * change) / 2
+
+
+def growth(change: Any) -> Any:
+    """J - 1 from grad u, UFL: the sum of its principal invariants."""
+    import ufl
+
+    return ufl.tr(change) + (ufl.tr(change) ** 2 - ufl.tr(change * change)) / 2 + ufl.det(change)
+
+
+def strain_beyond_growth(change: Any) -> Any:
+    """tr E - (J - 1) from grad u, with Green's strain E, UFL: quadratic in small changes, without their difference."""
+    import ufl
+
+    return (ufl.inner(change, change) - ufl.tr(change) ** 2 + ufl.tr(change * change)) / 2 - ufl.det(change)
+
+
+def power_beyond_line(change: Any, power: float) -> Any:
+    """(1 + x)^p - 1 - p x, UFL, so that its derivative keeps the digits of a small x: by its series there."""
+    factors, factor = list[float](), power
+    for k in range(2, TERMS_NEAR_ONE + 1):
+        factor *= (power - k + 1) / k
+        factors.append(factor)
+    return _beyond_line(change, factors, (1 + change) ** power - 1 - power * change)
+
+
+def logarithm_beyond_line(change: Any) -> Any:
+    """ln(1 + x) - x, UFL, likewise."""
+    import ufl
+
+    factors = [(-1) ** (k + 1) / k for k in range(2, TERMS_NEAR_ONE + 1)]
+    return _beyond_line(change, factors, ufl.ln(1 + change) - change)
+
+
+def _beyond_line(change: Any, factors: Sequence[float], far: Any) -> Any:
+    """The series from the power 2 on where x is small, else ``far``, UFL."""
+    import ufl
+
+    series = factors[-1]
+    for factor in factors[-2::-1]:
+        series = factor + change * series
+    return ufl.conditional(ufl.lt(abs(change), NEAR_ONE), change**2 * series, far)
+
+
+def left_strain_twice(change: Array) -> Array:
+    """F F^T - I from grad u, shape (..., 3, 3)."""
+    transposed = change.swapaxes(-1, -2)
+    return np.asarray(change + transposed + change @ transposed)
+
+
+def principal_strains(change: Array) -> tuple[Array, Array]:
+    """Green's principal strains from grad u, shape (..., 3), and their directions as columns, shape (..., 3, 3)."""
+    transposed = change.swapaxes(-1, -2)
+    strains, directions = np.linalg.eigh((change + transposed + transposed @ change) / 2)
+    return strains, directions
+
+
+def growth_at(change: Array) -> Array:
+    """J - 1 from grad u, shape (...): one column of F after the other takes the place of one of I."""
+    first, second, third = np.moveaxis(change, -1, 0)
+    after_second, after_third = second + np.eye(3)[1], third + np.eye(3)[2]
+    whole = np.einsum("...i,...i->...", first, np.cross(after_second, after_third))
+    return np.asarray(whole + np.cross(second, after_third)[..., 0] + third[..., 2])
 
 
 def inverse_transposed(gradient: Array) -> Array:

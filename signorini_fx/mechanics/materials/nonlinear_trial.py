@@ -55,21 +55,23 @@ def _fault_of_energy(material: Hyperelastic) -> str:
     name, modulus = type(material).__name__, max(material.constants_at_rest)
 
     def shape(gradient: Array) -> float:
-        return _number(apply_algebra_lowering(material.shape_energy(ufl.as_matrix(gradient.tolist()))))
+        change = ufl.as_matrix((gradient - np.eye(3)).tolist())
+        return _number(apply_algebra_lowering(material.shape_energy_by_change(change)))
 
     def volume(amount: float) -> float:
-        return _number(material.volume_energy(ufl.as_ufl(float(amount))))
+        return _number(material.volume_energy_by_change(ufl.as_ufl(float(amount) - 1)))
 
     for gradient in _gradients():
         amount = float(np.linalg.det(gradient))
-        stress, pressure = material.shape_stress_at(gradient), float(material.volume_stress_at(np.array(amount)))
+        change = gradient - np.eye(3)
+        stress, pressure = material.shape_stress_by_change(change), float(material.volume_stress_by_change(amount - 1))
         if not np.abs(_slope(shape, gradient) - stress).max() <= SAME_STRESS * modulus:
             return f"shape_stress_at of {name} is not the derivative of its shape_energy"
         ahead, behind = (volume(amount + sign * ENERGY_DIFFERENCE) for sign in (1, -1))
         if not abs((ahead - behind) / (2 * ENERGY_DIFFERENCE) - pressure) <= SAME_STRESS * modulus:
             return f"volume_stress_at of {name} is not the derivative of its volume_energy"
-        turned = _ROTATION @ gradient
-        if not np.abs(material.shape_stress_at(turned) - _ROTATION @ stress).max() <= SAME_STRESS * modulus:
+        turned = _ROTATION @ gradient - np.eye(3)
+        if not np.abs(material.shape_stress_by_change(turned) - _ROTATION @ stress).max() <= SAME_STRESS * modulus:
             return f"shape_stress_at of {name} is not objective: a rotation of the body changes it"
     if not np.abs(_piola(material, np.eye(3))).max() <= SAME_STRESS * modulus:
         return f"{name} has a stress without strain"
@@ -106,8 +108,9 @@ def _fault_of_response(material: PathDependent) -> str:
 def _piola(material: Hyperelastic, gradient: Array) -> Array:
     """The first Piola-Kirchhoff stress."""
     volume = np.linalg.det(gradient)
-    pressure = float(material.volume_stress_at(volume)) * volume
-    return np.asarray(material.shape_stress_at(gradient) + pressure * inverse_transposed(gradient))
+    pressure = float(material.volume_stress_by_change(volume - 1)) * volume
+    shape = material.shape_stress_by_change(gradient - np.eye(3))
+    return np.asarray(shape + pressure * inverse_transposed(gradient))
 
 
 def _units() -> list[Array]:

@@ -9,7 +9,14 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from signorini_fx.mechanics.materials.nonlinear import Hyperelastic
+from signorini_fx.mechanics.materials.nonlinear import (
+    Hyperelastic,
+    green_strain,
+    growth,
+    power_beyond_line,
+    principal_strains,
+    strain_beyond_growth,
+)
 from signorini_fx.mechanics.materials.protocol import Array
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions
@@ -62,37 +69,40 @@ class Ogden(Hyperelastic):
         if dimension == 3:
             yield ("law",), "'ogden' is not possible in space yet: take 'mooney-rivlin'"
 
-    def shape_energy(self, gradient: Any) -> Any:
-        """See ``Hyperelastic``; F has no shear across the mesh."""
-        import ufl
-
-        right, volume = gradient.T * gradient, ufl.det(gradient)
-        mean = (right[0, 0] + right[1, 1]) / 2
-        apart = ((right[0, 0] - right[1, 1]) / 2) ** 2 + right[0, 1] ** 2
+    def shape_energy_by_change(self, change: Any) -> Any:
+        """See ``Hyperelastic``; F has no shear across the mesh.  C has the mean 1 + m in the section."""
+        strain, grown, beyond = green_strain(change), growth(change), strain_beyond_growth(change)
+        mean, across = strain[0, 0] + strain[1, 1], 2 * strain[2, 2]
+        apart = (strain[0, 0] - strain[1, 1]) ** 2 + 4 * strain[0, 1] ** 2
         energy = 0
         for mu, alpha in self._terms:
-            in_section = _sum_of_powers(mean, apart, alpha / 2)
-            across = right[2, 2] ** (alpha / 2)
-            energy += mu / alpha * ((in_section + across) * volume ** (-alpha / 3) - 3)
+            power, curved = alpha / 2, power_beyond_line(grown, -alpha / 3)
+            of_mean, of_across = (power_beyond_line(part, power) for part in (mean, across))
+            both = 2 * (1 + power * mean + of_mean) * _beyond_mean(apart / (1 + mean) ** 2, power)
+            quadratic = 2 * of_mean + of_across + both
+            whole = power * (2 * mean + across) + quadratic
+            energy += mu / alpha * (alpha * beyond + 3 * curved + quadratic + whole * (curved - alpha / 3 * grown))
         return energy
 
-    def volume_energy(self, volume: Any) -> Any:
+    def volume_energy_by_change(self, growth: Any) -> Any:
         """See ``Hyperelastic``."""
-        return self.bulk / 2 * (volume - 1) ** 2
+        return self.bulk / 2 * growth**2
 
-    def shape_stress_at(self, gradient: Array) -> Array:
-        """See ``Hyperelastic``: by singular values, which need no care where two are equal."""
-        outward, stretches, inward = np.linalg.svd(gradient)
-        changed = stretches * np.prod(stretches, axis=-1, keepdims=True) ** (-1 / 3)
-        kirchhoff = np.zeros_like(stretches)
+    def shape_stress_by_change(self, change: Array) -> Array:
+        """See ``Hyperelastic``: by principal strains, which need no care where two are equal."""
+        strains, directions = principal_strains(change)
+        logarithms = np.log1p(2 * strains) / 2
+        logarithms -= logarithms.mean(axis=-1, keepdims=True)
+        kirchhoff = np.zeros_like(strains)
         for mu, alpha in self._terms:
-            powers = changed**alpha
+            powers = np.expm1(alpha * logarithms)
             kirchhoff += mu * (powers - powers.mean(axis=-1, keepdims=True))
-        return np.asarray((outward * (kirchhoff / stretches)[..., None, :]) @ inward)
+        deformed, second = directions + change @ directions, kirchhoff / (1 + 2 * strains)
+        return np.asarray((deformed * second[..., None, :]) @ directions.swapaxes(-1, -2))
 
-    def volume_stress_at(self, volume: Array) -> Array:
+    def volume_stress_by_change(self, growth: Array) -> Array:
         """See ``Hyperelastic``."""
-        return self.bulk * (volume - 1)
+        return self.bulk * growth
 
     @property
     def said(self) -> str:
@@ -101,19 +111,17 @@ class Ogden(Hyperelastic):
         return f"{terms}; bulk = {self.bulk:g}, finite strains"
 
 
-def _sum_of_powers(mean: Any, apart: Any, power: float) -> Any:
-    """(m + r)^p + (m - r)^p with r^2 = ``apart``, UFL: smooth in r^2, but r is not smooth where it vanishes.
+def _beyond_mean(ratio: Any, power: float) -> Any:
+    """((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL: smooth in r^2, but r is not smooth where it vanishes.
 
-    There its Taylor series in r^2 / m^2 takes its place, up to the fourth power, which errs by round-off.
+    There its Taylor series in r^2 takes its place, up to the fourth power, which errs by round-off.
     """
     import ufl
 
-    ratio = apart / mean**2
     near, far = ufl.lt(ratio, EQUAL_STRETCHES**2), ufl.conditional(ufl.lt(ratio, EQUAL_STRETCHES**2), 1, ratio)
-    series, factor = 1, 1.0
+    series, factor = 0, 1.0
     for k in range(1, 5):
         factor *= (power - 2 * k + 2) * (power - 2 * k + 1) / (2 * k * (2 * k - 1))
         series = series + factor * ratio**k
     root = ufl.sqrt(far)
-    half_sum = ufl.conditional(near, series, ((1 + root) ** power + (1 - root) ** power) / 2)
-    return 2 * mean**power * half_sum
+    return ufl.conditional(near, series, ((1 + root) ** power + (1 - root) ** power) / 2 - 1)

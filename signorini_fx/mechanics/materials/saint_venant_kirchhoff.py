@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from signorini_fx.mechanics.materials.neo_hooke import PoissonBelowHalf
-from signorini_fx.mechanics.materials.nonlinear import Hyperelastic
+from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, green_strain, principal_strains
 from signorini_fx.mechanics.materials.protocol import Array
 from signorini_fx.mechanics.statement.values import Positive
 
@@ -37,21 +37,20 @@ class SaintVenantKirchhoff(Hyperelastic):
         """See ``NonlinearMaterial``."""
         return self.young / (2 * (1 + self.poisson)), self.young / (3 * (1 - 2 * self.poisson))
 
-    def shape_energy(self, gradient: Any) -> Any:
+    def shape_energy_by_change(self, change: Any) -> Any:
         """See ``Hyperelastic``."""
         import ufl
 
-        shear, bulk = self.constants_at_rest
-        strain = (gradient.T * gradient - ufl.Identity(3)) / 2
+        (shear, bulk), strain = self.constants_at_rest, green_strain(change)
         return shear * ufl.inner(strain, strain) + (bulk - 2 * shear / 3) / 2 * ufl.tr(strain) ** 2
 
-    def shape_stress_at(self, gradient: Array) -> Array:
-        """See ``Hyperelastic``: by Young's modulus and Poisson's ratio, along the principal stretches."""
-        outward, stretches, inward = np.linalg.svd(gradient)
-        strain = (stretches**2 - 1) / 2
+    def shape_stress_by_change(self, change: Array) -> Array:
+        """See ``Hyperelastic``: by Young's modulus and Poisson's ratio, along the principal strains."""
+        strain, directions = principal_strains(change)
         mean = self.poisson / (1 - 2 * self.poisson) * strain.sum(axis=-1, keepdims=True)
         second = self.young / (1 + self.poisson) * (strain + mean)
-        return np.asarray((outward * (stretches * second)[..., None, :]) @ inward)
+        deformed = directions + change @ directions
+        return np.asarray((deformed * second[..., None, :]) @ directions.swapaxes(-1, -2))
 
     @property
     def said(self) -> str:

@@ -17,7 +17,13 @@ from dolfinx import fem
 
 from signorini_fx.mechanics.body.follower_pressure import degree_of, following
 from signorini_fx.mechanics.body.nonlinear_law import at_rest, cells_of, volume_degree
-from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent, deviator, inverse_transposed
+from signorini_fx.mechanics.materials.nonlinear import (
+    Hyperelastic,
+    PathDependent,
+    deviator,
+    growth_at,
+    inverse_transposed,
+)
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
@@ -186,7 +192,7 @@ class NonlinearForces(NodalForces):
                 continue
             part, points = change[inside], change.shape[1]
             if isinstance(material, Hyperelastic):
-                stress[inside] = _finite(material, np.eye(3) + part, shape=shape)
+                stress[inside] = _finite(material, part, shape=shape)
                 continue
             strain = (part + part.swapaxes(-1, -2)) / 2
             linear = getattr(material, "at_rest", material)
@@ -240,9 +246,9 @@ def _between(cell_type: basix.CellType, degree: int, points: Array, weights: Arr
     return np.asarray(element.tabulate(0, wanted)[0, :, :, 0] @ coefficients)
 
 
-def _finite(material: Hyperelastic, gradient: Array, *, shape: bool) -> Array:
-    """The first Piola-Kirchhoff stress of the shape, or of the volume, shape (..., 3, 3)."""
+def _finite(material: Hyperelastic, change: Array, *, shape: bool) -> Array:
+    """The first Piola-Kirchhoff stress of the shape, or of the volume, from grad u, shape (..., 3, 3)."""
     if shape:
-        return material.shape_stress_at(gradient)
-    volume = np.linalg.det(gradient)
-    return np.asarray((material.volume_stress_at(volume) * volume)[..., None, None] * inverse_transposed(gradient))
+        return material.shape_stress_by_change(change)
+    growth, inverse = growth_at(change), inverse_transposed(np.eye(3) + change)
+    return np.asarray((material.volume_stress_by_change(growth) * (1 + growth))[..., None, None] * inverse)
