@@ -1018,6 +1018,9 @@ ORDER_IN_PLANE = (7, 6)
 # 1e-9 of them; the stress that buckles a slender column is 1e-3 of its modulus.  The second is for a cell that is so
 # near to its yield stress that the first one leads across: of demos/dent.py one step in thirteen.
 DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
+# The strain, in units of round-off, over which a residual is taken to be linear, so that what its second difference shows
+# is round-off.  Choice: many such units, and a strain whose square is far below the unit.
+UNITS_OF_DIFFERENCE = 500.0
 # Shares of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
 # the body; of the latter by which it is moved at a time to see its way.  Choice: a chord between two nodes cuts a
 # circle whose radius is six tenths of its length to less than the first.

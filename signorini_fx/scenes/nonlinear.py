@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import mpi4py.MPI
 import numpy as np
@@ -265,6 +265,7 @@ class OpinionOfScene(SecondOpinion):
         states: of its materials.
     """
 
+    residual: ClassVar[str] = "material"
     problem: ProblemOfScene
     anew: NonlinearForces
     states: StatesOnPath

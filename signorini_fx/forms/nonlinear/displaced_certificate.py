@@ -153,7 +153,16 @@ def mechanics_at(
     known = nothing if lost is None else lost.reshape(-1, dim)
     supports = prescribed_nodes(fixed, values, space)
     balance = Balance(
-        SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known, with_loads=True
+        SurfaceQuadrature(space),
+        forces,
+        nothing,
+        supports,
+        scales,
+        scales,
+        nothing,
+        lost=known,
+        with_loads=True,
+        displaced=bool(linear.shapes or linear.pairs),
     )
     return ResidualMechanics(
         balance,

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -49,7 +50,13 @@ class NoEquilibrium(Exception):
 
 
 class SecondOpinion:
-    """What is known of a residual beside itself: nothing, unless a class that is derived knows it."""
+    """What is known of a residual beside itself: nothing, unless a class that is derived knows it.
+
+    Attributes:
+        residual: what it is called.
+    """
+
+    residual: ClassVar[str] = "F"
 
     def too_large(self) -> str:
         """By how much the deformation is too large, in words; empty: it is not; collective."""

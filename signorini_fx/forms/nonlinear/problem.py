@@ -22,7 +22,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.results import findings_of
+from signorini_fx.forms.nonlinear.results import findings_of, lost_digits
 from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, RampStep
 from signorini_fx.forms.nonlinear.tangent import Tangents
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
@@ -171,7 +171,10 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        return findings_of(self.linear, self._continuation.leaps)
+        solved, steps = self._solver.solved, self._continuation.steps
+        ends = [step.certificate for step in (*steps, *(() if solved is None else (solved.step,)))]
+        digits = lost_digits(ends, self._solver.opinion.residual)
+        return (*findings_of(self.linear, self._continuation.leaps), *digits)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

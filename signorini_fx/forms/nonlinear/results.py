@@ -22,7 +22,7 @@ from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
-from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.records import CERTIFICATE_TOLERANCE, Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.solving.check.pushed_nodes import pushed_nodes
@@ -120,6 +120,37 @@ class SolvedBody:
             parameters=parameters,
             mechanics=self.mechanics,
         )
+
+
+def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Finding]:
+    """What round-off may hide at the ends of load steps, where that is more than a certificate allows.
+
+    Steps that displace the body by a share below that of the farthest one are round-off of others, as where a body
+    comes back to rest.
+
+    Args:
+        certificates: of the load steps.
+        residual: what F is called.
+    """
+    farthest = max((certificate.displacement for certificate in certificates), default=0.0)
+    judged = [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
+    hidden, placed = (max((getattr(one, name) for one in judged), default=0.0) for name in ("lost", "placed"))
+    findings = list[Finding]()
+    if hidden > CERTIFICATE_TOLERANCE:
+        message = (
+            f"round-off of the residual may hide errors of up to {hidden:.0e} of the forces, and of displacements as "
+            "large: evaluate strains from grad u, without the difference of numbers near one such as I + grad u, or "
+            "take a linear body, which one of such small strains is"
+        )
+        findings.append(Finding("warning", residual, message))
+    if placed > CERTIFICATE_TOLERANCE:
+        message = (
+            f"contact is met at displaced points, whose round-off is {placed:.0e} of the displacement: forces and "
+            "displacements may be wrong by as much: take a linear body, which one of such small displacements is, or for "
+            "contact of two bodies sliding = 'small'"
+        )
+        findings.append(Finding("warning", "contact", message))
+    return findings
 
 
 def findings_of(linear: LinearisedProblem, leaps: Leaps) -> tuple[Finding, ...]:

@@ -16,7 +16,7 @@ from ufl.algorithms import compute_form_data
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.assembly import action
-from signorini_fx.tuned import DIFFERENCE_STRAINS, SAME_TANGENT
+from signorini_fx.tuned import DIFFERENCE_STRAINS, SAME_TANGENT, UNITS_OF_DIFFERENCE
 
 Array = npt.NDArray[np.float64]
 
@@ -201,23 +201,26 @@ def random_direction(u: fem.Function, strain: float) -> fem.Function:
 
 
 def round_off(u: fem.Function, residual: Array, forces: Callable[[Array], Array | None]) -> Array:
-    """What round-off of a deformation gradient changes of forces, shape (owned dofs,); collective.
+    """What round-off changes of forces, shape (owned dofs,); collective.
 
-    F computes I + grad u, which is known to the unit of round-off however small u is: so it is measured what a strain
-    of this size, or a change of u in its last digits, does to F.  At some unknowns it does nothing by chance: they have
-    the mean of all, quadratic.
+    It is measured: over a change that is large beside round-off, and small beside anything else, F is linear, so that
+    its second difference is round-off of three evaluations.  A residual that computes I + grad u has that of the unit,
+    however small u is; one that computes strains from grad u alone that of the strains.  At some unknowns it is
+    nothing by chance: they have the mean of all, quadratic.
 
     Args:
         u: the displacement.
         residual: F there.
         forces: see ``is_derivative``.
     """
-    unit, values = float(np.finfo(float).eps), u.x.array.copy()
+    unit, values = UNITS_OF_DIFFERENCE * float(np.finfo(float).eps), u.x.array.copy()
     change = random_direction(u, unit).x.array
     last_digits = unit * np.abs(values) * np.sign(change)
-    changed = forces(values + np.where(np.abs(last_digits) > np.abs(change), last_digits, change))
-    if changed is None:
+    change = np.where(np.abs(last_digits) > np.abs(change), last_digits, change)
+    ahead, behind = (forces(values + sign * change) for sign in (1.0, -1.0))
+    if ahead is None or behind is None:
         return np.zeros_like(residual)
-    comm, change = u.function_space.mesh.comm, np.abs(changed - residual)
-    squares, count = parallel.global_sum(comm, np.array([change @ change, change.size]))
-    return np.asarray(np.maximum(change, np.sqrt(squares / count)))
+    # The variances of three evaluations add up: 1 + 4 + 1.
+    comm, lost = u.function_space.mesh.comm, np.abs(ahead - 2 * residual + behind) / np.sqrt(6)
+    squares, count = parallel.global_sum(comm, np.array([lost @ lost, lost.size]))
+    return np.asarray(np.maximum(lost, np.sqrt(squares / count)))

@@ -86,6 +86,8 @@ class Certificate:
         strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without initial ones.
         potential_energy: the same, and that of what resists the displacement, without the work of the loads.
         unjudged: pieces of the mesh with loads that are round-off of the largest forces, of which nothing is known.
+        lost: the residual of equilibrium that round-off of the forces may hide, see ``ForcesLeft``.
+        placed: round-off of places X + u, at which contact is met, relative to the largest displacement.
     """
 
     equilibrium: float = 0.0
@@ -106,6 +108,8 @@ class Certificate:
     strain_energy: float = 0.0
     potential_energy: float = 0.0
     unjudged: tuple[int, ...] = ()
+    lost: float = 0.0
+    placed: float = 0.0
 
     def __repr__(self) -> str:
         verdict = "holds" if self.holds else "does not hold"
@@ -279,8 +283,8 @@ def judged(
     volume = change_of_volume(balance, float(far.max()), strained)
     if tractions is None or not sides:
         units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
-        left, unjudged = equilibrium(balance, pieces, y, None, units, float(far.max()))
-        return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)
+        left = equilibrium(balance, pieces, y, None, units, float(far.max()))
+        return Certificate(equilibrium=max(left.share, volume), unjudged=left.unjudged, lost=left.lost, **figures)
     nodes = ContactNodes.of(forces, sides, tractions)
     at = nodes.pieces(pieces.piece)
     figures["coupling"] = nodes.coupling_error(supports, y / (float(far.max()) or 1.0))
@@ -328,7 +332,7 @@ def judged(
     strains = mean > LOST_UNITS * NO_FORCE * moduli * reach / sizes
     penalty = np.where(strains, np.minimum(penalty, ABOVE_THE_MEAN * mean), np.maximum(penalty, terms * law.penalty))
     # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of a body at rest, too.
-    placed = NO_FORCE * sizes if balance.with_loads or reach == 0 else np.zeros_like(terms)
+    placed = NO_FORCE * sizes if balance.displaced or reach == 0 else np.zeros_like(terms)
     length, stress = np.maximum(length, np.maximum(terms, placed)), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
@@ -339,11 +343,15 @@ def judged(
     points = units.between(*at)
     immovable = nodes.immovable(supports, nodal_displacements, rigid)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, immovable, points)
-    left, unjudged = equilibrium(balance, pieces, y, nodes, units, reach)
+    left = equilibrium(balance, pieces, y, nodes, units, reach)
+    unbalanced = left.share
     for (motion, drive), faint in zip(rigid, _faint_forces(nodes, at[0], mean, penalty, moved), strict=True):
         resultant = nodes.resultant(motion, nodal_displacements)
-        left = max(left, motion.unbalanced(drive, resultant, faint))
-    return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)
+        unbalanced = max(unbalanced, motion.unbalanced(drive, resultant, faint))
+    if balance.displaced and reach > 0:
+        farthest = parallel.largest(comm, np.linalg.norm(x, axis=1), 0.0)
+        figures["placed"] = float(np.finfo(float).eps * max(float(farthest), float(sizes.max())) / reach)
+    return Certificate(equilibrium=max(unbalanced, volume), unjudged=left.unjudged, lost=left.lost, **figures)
 
 
 def contact_conditions(

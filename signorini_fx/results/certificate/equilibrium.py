@@ -40,6 +40,7 @@ class Balance:
         lost: round-off of ``internal`` that does not decrease with y, as that of a finite deformation I + grad u,
             forces, shape (owned nodes, d); None: there is none.
         with_loads: whether ``internal`` is a whole residual, from which loads cannot be told.
+        displaced: whether contact is met at displaced points.
     """
 
     surface: SurfaceQuadrature
@@ -54,6 +55,7 @@ class Balance:
     dilation: tuple[Nodal, Nodal] | None = None
     lost: Nodal | None = None
     with_loads: bool = False
+    displaced: bool = False
 
     def reaction_stress(self, pieces: RigidPart) -> Nodal:
         """The stress that the supports of each piece feel, over its surface, where ``internal`` has the loads: their
@@ -113,9 +115,24 @@ class PieceScales(NamedTuple):
         return PieceScales(length, far, np.maximum(smaller, penalty), penalty)
 
 
+class ForcesLeft(NamedTuple):
+    """What is missing in equilibrium.
+
+    Attributes:
+        share: the residual.
+        unjudged: the pieces of which it says nothing, as all forces on them are round-off of the joint system.
+        lost: the residual that round-off of the evaluation may hide, relative to the forces on a piece, or, where
+            displacements alone act, to those within.
+    """
+
+    share: float
+    unjudged: tuple[int, ...]
+    lost: float = 0.0
+
+
 def equilibrium(
     balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: PieceScales, reach: float
-) -> tuple[float, tuple[int, ...]]:
+) -> ForcesLeft:
     """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; collective.
 
     Forces are relative to those of loads, contact and springs on the piece where it is free.  On slender bodies the
@@ -135,8 +152,6 @@ def equilibrium(
         units: what stresses and lengths are relative to, of each piece.
         reach: the largest displacement of anything, also of a rigid body, length.
 
-    Returns:
-        The residual, and the pieces of which it says nothing, as all forces on them are round-off of the joint system.
     """
     comm, supports = balance.surface.space.mesh.comm, balance.supports
     _, stiffest = balance.of_pieces(pieces)
@@ -161,19 +176,23 @@ def equilibrium(
         acting.append(supports.left(pressed))
         slight = np.maximum(slight, units.penalty * pieces.norms(area, pieces.piece[reached]))
         slight = np.maximum(slight, NO_FORCE * pieces.norms(pressed))  # also what supports take of it
-    force = np.max([least, slight, *(pieces.norms(part) for part in acting)], axis=0)
+    on_pieces = np.max([pieces.norms(part) for part in acting], axis=0)
+    force = np.max([least, slight, on_pieces], axis=0)
     joint = NO_FORCE * float(force.max())  # round-off of the joint system
-    lost = (pieces.norms(loads) > 0) & (force < CERTIFICATE_TOLERANCE * joint)
-    unjudged = tuple(map(int, np.flatnonzero(lost)))
+    unknown = (pieces.norms(loads) > 0) & (force < CERTIFICATE_TOLERANCE * joint)
+    unjudged = tuple(map(int, np.flatnonzero(unknown)))
     force = np.maximum(force, joint)
     residual = supports.left(residual)
     digits = LOST_UNITS * np.finfo(float).eps
     missing = pieces.norms(residual) - digits * least / NO_FORCE
+    hidden = 0.0
     if balance.lost is not None:
-        missing = missing - LOST_UNITS * pieces.norms(balance.lost)
+        lost = LOST_UNITS * pieces.norms(balance.lost)
+        hidden = max(map(ratio, lost, np.where(on_pieces > 0, force, pieces.norms(balance.internal))))
+        missing = missing - lost
     residual_share = max(map(ratio, missing, force))
     if nodes is None:
-        return residual_share, unjudged
+        return ForcesLeft(residual_share, unjudged, hidden)
     # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.
     reached_piece, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
     modulus = np.array([piece_scales.modulus for piece_scales in stiffest])
@@ -183,7 +202,8 @@ def equilibrium(
     if balance.lost is not None:
         least_stress = least_stress + LOST_UNITS * np.linalg.norm(balance.lost[reached], axis=1) / area
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - least_stress
-    return max(residual_share, share(comm, unbalanced, units.stress[reached_piece])), unjudged
+    worst = share(comm, unbalanced, units.stress[reached_piece])
+    return ForcesLeft(max(residual_share, worst), unjudged, hidden)
 
 
 def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
