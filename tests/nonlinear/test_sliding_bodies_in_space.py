@@ -22,7 +22,7 @@ from support.sliding_bodies import (
 )
 from two_bodies import assembled, facets, facets_of_cells, grid
 
-from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Pair, Status
+from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Pair, Scene, Status, solve
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.mechanics.pairs import dual_functions, sliding
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
@@ -280,6 +280,40 @@ def test_half_of_a_scene(slave):
     assert forces[0][:, 0] == pytest.approx(0.0, abs=1e-5 * largest)
     assert np.abs(forces[0][1, 1]) > 0.2 * largest
     assert 2 * forces[1][:, 1:] == pytest.approx(forces[0][:, 1:], abs=1e-4 * largest)
+
+
+def test_shears_stay_in_a_plane_of_symmetry():
+    """Points that stick there have a shear of the regularised law, whose direction the next step takes over: it turns
+    with the plane, and not about its normal as the facets on one side of it do.  Both halves have twice the force.
+    """
+    forces = []
+    for halves in (1, 2):
+        meshes = [
+            {
+                "generator": "box",
+                "parameters": {"length": 1.0 * halves, "width": 1.0, "height": 0.5, "nx": n * halves, "ny": n, "nz": 1},
+            }
+            for n in (3, 2)
+        ]
+        shift = [1.0 - halves, 0.0, 0.0]
+        bodies = [
+            {"name": "u", "mesh": meshes[0], "shift": [shift[0], 0.1, 0.5]},
+            {"name": "l", "mesh": meshes[1], "shift": shift},
+        ]
+        displacement = [
+            {"boundary": "u.top", "z": -0.02},
+            {"boundary": "u.top", "y": 0.004, "factors": [0.5, 1.0, -1.0]},
+            {"boundary": "l.bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+        ]
+        if halves == 1:
+            displacement += [{"boundary": "u.left", "x": 0.0}, {"boundary": "l.left", "x": 0.0}]
+        rubber = {"law": "neo-hooke", "young": 100.0, "poisson": 0.3}
+        rough = {"law": "coulomb", "coefficient": 0.3}
+        contact = {"boundary": "u.bottom", "against": "l.top", "friction": rough}
+        solution = solve(Scene(body=bodies, material=rubber, displacement=displacement, contact=contact), MPI.COMM_SELF)
+        forces.append([np.sum(step.contact.forces, axis=0)[1:] / halves for step in solution.steps])
+    half, whole = np.array(forces)
+    assert half == pytest.approx(whole, abs=1e-4 * np.abs(whole).max())  # both have a penalty of their own
 
 
 @pytest.mark.long

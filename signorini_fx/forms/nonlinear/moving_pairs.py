@@ -176,12 +176,24 @@ class MovingPair:
 
     @property
     def spin(self) -> Array:
-        """The rotation of the frames of the points of this rank since the step has begun, shape (n, d, d)."""
+        """The rotation of the frames of the points of this rank since the step has begun, shape (n, d, d): in a plane
+        of symmetry, where neither half turns about the normal alone, about the direction across it.
+        """
         frames, start = (
-            np.concatenate((_normals_of(frames.tangents)[:, :, None], frames.tangents), axis=2)
+            np.concatenate((_normals_of(frames.tangents)[:, :, None], self._tangents(frames)), axis=2)
             for frames in (self.coupling.frames, self.begun)
         )
         return np.asarray(np.einsum("nik,njk->nij", frames, start))[self.sides.mine]
+
+    def _tangents(self, frames: Frames) -> Array:
+        """Those of frames in space, in a plane of symmetry along it and across it, shape (n, 3, 2)."""
+        tangents, planes = frames.tangents.copy(), self.sides.across
+        held = np.flatnonzero(planes.any(axis=(1, 2)))
+        normal, across = _normals_of(tangents[held]), np.linalg.eigh(planes[held])[1][:, :, -1]
+        across -= np.sum(across * normal, axis=1, keepdims=True) * normal
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        tangents[held] = np.stack((across, np.cross(normal, across)), axis=2)
+        return tangents
 
     @property
     def fingerprint(self) -> list[Array]:

@@ -163,7 +163,7 @@ class SlidingSides:
         return (names - self.space.dofmap.index_map.local_range[0]).astype(np.int32)
 
     @property
-    def _across(self) -> Array:
+    def across(self) -> Array:
         """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
         planes = self.slave.surface.across
         assert planes is not None
@@ -172,7 +172,7 @@ class SlidingSides:
     def _sliding(self, coupling: SlidingCoupling) -> Array:
         """Tangents without what they have across planes of symmetry, as nothing slides there, shape (n, d, d - 1)."""
         tangents = coupling.frames.tangents
-        return np.asarray(tangents - np.einsum("nij,njk->nik", self._across, tangents))
+        return np.asarray(tangents - np.einsum("nij,njk->nik", self.across, tangents))
 
     def _tangent_rows(self, coupling: SlidingCoupling) -> sp.csr_array:
         """Those of the coupling for what can slide."""
@@ -184,7 +184,7 @@ class SlidingSides:
         across it.
         """
         mine, count, dim = self.mine, self.mine.size, self.slave.surface.dimension
-        across, normal = self._across[mine], coupling.normal[mine]
+        across, normal = self.across[mine], coupling.normal[mine]
         moved = beside(coupling.frames.slave, -coupling.frames.master)
         normal_rows, tangent_rows = coupling.normal_rows, coupling.tangent_rows
         if count < self.points.size:
