@@ -255,7 +255,8 @@ def _side(
 
         assert data.pair is not None
         assert master is not None
-        claim = claim_of(data.pair, space, (facets, master), entry.reach, nominal=not entry.by_geometry, factor=factor)
+        kind = {"nominal": not entry.by_geometry, "bonded": entry.bonded}
+        claim = claim_of(data.pair, space, (facets, master), entry.reach, **kind, factor=factor)
         claim = claim if entry.bonded else replace(claim, followed=moved)
     return ContactSide(
         facets,

@@ -9,7 +9,7 @@ from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
 from signorini_fx.mechanics.pairs.overlap_space import clip
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
-from signorini_fx.results.certificate.sliding_claim_in_space import _common
+from signorini_fx.results.certificate.common_polygons import common_polygons
 from signorini_fx.tuned import KEPT_WEIGHT
 
 KINDS = pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
@@ -224,7 +224,7 @@ def test_polygons_of_the_certificate_where_edges_coincide():
         (corners,), (count,) = clip(first[None], second[None])
         expected = area(corners[:count]) if count else 0.0
         turn, away = turn_in_plane(rng.choice([0.0, rng.uniform(0.0, 3.0)])), rng.uniform(-1.0, 1.0, 2)
-        (shared,), (corner_count,) = _common((first @ turn.T + away)[None], (second @ turn.T + away)[None])
+        (shared,), (corner_count,) = common_polygons((first @ turn.T + away)[None], (second @ turn.T + away)[None])
         assert (area(shared[:corner_count]) if corner_count else 0.0) == pytest.approx(expected, abs=1e-12)
         met += expected > 0
     assert met > 200

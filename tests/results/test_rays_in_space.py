@@ -49,7 +49,7 @@ def test_no_pair_is_missed(kind, others, reach):
         outward, inward = slave.facing(slave.x), master.facing(master.x)
         faces = np.sum(outward[number] * inward[over], axis=1) < certificate.FACING_SIDES
         corners = slave.x[slave.facets], master.x[master.facets]
-        rule = certificate._rule(certificate._POINTS[max(slave.width, master.width)])
+        rule = certificate.triangle_rule(certificate._POINTS[max(slave.width, master.width)])
         tried = certificate._seen_from_facets(slave, corners, ways, (number[faces], over[faces]), rule, reach)
         columns = rays.facet, rays.at, rays.over, rays.place, rays.distance, rays.area
         for values, expected in zip(columns, tried, strict=True):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import basix
 import numpy as np
@@ -191,6 +192,7 @@ class PairedSides:
         held: where supports hold both sides, on this rank; None: nowhere.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
             coupling that tells how distances turn.
+        second_opinions: what certificates have found of both sides, which nothing else reads.
     """
 
     slave: PairedSide
@@ -201,6 +203,7 @@ class PairedSides:
     axes: Array | None = None
     held: HeldPairs | None = None
     followed: bool = False
+    second_opinions: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(

@@ -72,6 +72,7 @@ class ContactNodes:
             None for a pair; None where points do not average.
         counts: number of points of each contact boundary.
         claims: of each contact boundary, see ``ContactSide``; None where all foundations are rigid.
+        boundaries: all of them, see ``SurfaceQuadrature.facets``.
         across: e, the unit vector across which friction has a ratio to that along, shape (n, d); None: it has none.
         ratio: r, of the friction along e, shape (n,).
     """
@@ -88,6 +89,7 @@ class ContactNodes:
     spread: list[Any] | None
     counts: list[int]
     claims: list[Claim | SlidingClaim | None] | None = None
+    boundaries: tuple[Any, ...] = ()
     across: Nodal | None = None
     ratio: Nodal | None = None
 
@@ -163,7 +165,10 @@ class ContactNodes:
         weight, normal, gap, bound, bilateral, pressure, shear = remaining
         held = spread or None
         claims = [side.claim for side in sides] if any(side.claim is not None for side in sides) else None
-        contact_nodes = cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims)
+        boundaries = tuple(side.boundary for side in sides)
+        contact_nodes = cls(
+            forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims, boundaries
+        )
         if all(side.directions is None for side in sides):
             return contact_nodes
         across, ratio = np.zeros_like(normal), np.ones(nodes.size)
@@ -338,7 +343,7 @@ class ContactNodes:
         """
         if self.claims is None:
             return 0.0
-        from signorini_fx.results.certificate.paired_sides import defect, not_fixed, not_held, not_loose
+        from signorini_fx.results.certificate.paired_sides import defect, not_held, not_integrated, not_loose
         from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 
         free = [supports.left(np.tile(axis, (len(y), 1))) for axis in np.eye(y.shape[1])]
@@ -346,9 +351,20 @@ class ContactNodes:
         return max(
             max(claim.error(), not_loose(claim, held))
             if isinstance(claim, SlidingClaim)
-            else max(defect(claim, self.evaluation.space), not_held(claim, held, y), not_fixed(claim, held))
-            for claim, _ in self._paired()
+            else max(
+                defect(claim, self.evaluation.space),
+                not_held(claim, held, y),
+                not_integrated(claim, self.evaluation, held, self._others(number)),
+            )
+            for number, claim in enumerate(self.claims)
+            if claim is not None
         )
+
+    def _others(self, number: int) -> list[npt.NDArray[np.int32]]:
+        """The facets of contacts that own a node which they share with a pair: rigid foundations, and pairs before."""
+        assert self.claims is not None
+        first = [k for k, claim in enumerate(self.claims) if claim is None or k < number]
+        return [self.evaluation.facets(self.boundaries[k]) for k in first if k != number]
 
     @property
     def shear_across(self) -> Nodal:

@@ -46,7 +46,7 @@ def sides_of(
             effect = statement.contact[part]
             slave, master = map(tagged.facets, (effect.boundary, str(effect.against)))
             nominal = not _by_geometry(effect)
-            claims[part] = claim_of(pair, space, (slave, master), nominal=nominal, factor=factor)
+            claims[part] = claim_of(pair, space, (slave, master), nominal=nominal, bonded=effect.bonded, factor=factor)
 
     def side(part: int, effect: Any) -> ContactSide:
         gap = effect.gap_in(tagged.dimension)

@@ -40,6 +40,8 @@ class Claim:
             have no component, shape (n, d, d).
         planes: the same by the global numbers of all nodes of both sides on such planes.
         nominal: whether the problem says that the sides are nominally in contact, or tied.
+        bonded: whether it says that they are tied.
+        factor: by what it says that areas are multiplied, at the nodes of this rank, shape (nodes,); None: 1.
         measure: by what the problem says that areas are multiplied, at the nodes of the slave, shape (N,); None: 1.
         followed: displacements of the nodes of this rank, which turn the normals as the master turns, length, shape
             (nodes, d); None: the normals are those of the undeformed sides.
@@ -59,6 +61,8 @@ class Claim:
     across: Array
     planes: Mapping[int, Array]
     nominal: bool
+    bonded: bool
+    factor: Array | None = None
     measure: Array | None = None
     followed: Array | None = None
     fixed_part: Any = None
@@ -69,11 +73,6 @@ class Claim:
         """The ranks."""
         comm: MPI.Comm = self.space.mesh.comm
         return comm
-
-    @property
-    def unable(self) -> npt.NDArray[np.bool_]:
-        """Nodes of the slave that cannot carry a point, as other contacts own them, shape (N,)."""
-        return self.pair.unable
 
     @property
     def weight(self) -> Array:
@@ -227,10 +226,11 @@ def claim_of(
     reach: float | None = None,
     *,
     nominal: bool,
+    bonded: bool,
     factor: Array | None = None,
 ) -> Claim:
     """What the solver says of a pair on this rank, whose sides are these facets according to the problem, nominally in
-    contact or not, with partners up to this distance; None: up to the usual one.
+    contact or not, tied or not, with partners up to this distance; None: up to the usual one.
 
     The measure has a ``factor`` at all nodes of this rank, shape (nodes,); None: 1.
     """
@@ -254,6 +254,8 @@ def claim_of(
         across=pair.across,
         planes=pair.planes,
         nominal=nominal,
+        bonded=bonded,
+        factor=factor,
         measure=measure,
         fixed_part=pair.fixed_rows,
     )

@@ -1,15 +1,13 @@
-"""The second opinion on the map of a pair of bodies: identities at all points.
+"""The second opinion on the map of a pair of bodies.
 
 What the solver claims of a pair are weights, distances, and shares of the nodes of both sides.  At all points
 
     D 1 = M 1 = 1,   D x - M x + d = 0,   B R = 0 for every joint rigid motion R,
 
 and forces and moments balance because of the latter.  Where normals are those of deformed sides, a rotation R leaves
-B R = - R d, as the distance turns with the sides.  Where areas are multiplied by a measure, as 2 pi r, those of the
-pieces that weights are made of are tried, too, by how far the points of a piece spread.  Both sides consist of
-the facets that the problem names, no fewer and no others.  The integrals that D and M are made of are not computed
-again here; tests do that.  What points do not count of distances that supports fix has no such identity: it is
-evaluated anew (``uncounted_distances``).
+B R = - R d, as the distance turns with the sides.  Both sides consist of the facets that the problem names, no fewer
+and no others.  The integrals that all of it is made of are evaluated anew (``mortar_integrals``), and what points do
+not count of distances that supports fix (``uncounted_distances``).
 """
 
 from __future__ import annotations
@@ -23,10 +21,12 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import node_positions
+from signorini_fx.mechanics.body.assembly import facet_entities, node_positions
 from signorini_fx.mechanics.body.averages import from_owners
+from signorini_fx.results.certificate.mortar_integrals import MortarIntegrals, error_of_integrals
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.sliding_claim import SlidingClaim
+from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.certificate.uncounted_distances import error_of_uncounted
 from signorini_fx.tuned import DIGITS_OF_FILES, PARTNERS_REACH
 
@@ -83,12 +83,39 @@ def not_held(claim: Claim, held: Array, y: Array) -> float:
     return parallel.global_max(claim.comm, float(worst))
 
 
-def not_fixed(claim: Claim, held: Array) -> float:
-    """How far what the points do not count of distances is from what supports fix there and functions of held nodes
-    have of it, relative to one; ``held``: see ``not_held``; collective.
+def not_integrated(
+    claim: Claim, evaluation: SurfaceQuadrature, held: Array, taken: Iterable[npt.NDArray[np.int32]]
+) -> float:
+    """How far what the solver claims of the points is from what the integrals make it, and what they do not count of
+    distances from what supports fix there, see ``error_of_integrals`` and ``error_of_uncounted``; collective.
+
+    Args:
+        claim: what is claimed.
+        evaluation: integrals over the sides.
+        held: see ``not_held``.
+        taken: facets of other contacts, whose nodes carry no points of this one.
     """
-    loose = (_loose(held, side.nodes, claim.comm) for side in (claim.pair.slave, claim.pair.master))
-    return parallel.global_max(claim.comm, error_of_uncounted(claim, (next(loose), next(loose))))
+    known, key = claim.pair.second_opinions, (claim.slave.tobytes(), claim.master.tobytes(), claim.allowed)
+    if key not in known:
+        reach = _usual_reach(claim.space, (claim.slave, claim.master)) if claim.allowed is None else claim.allowed
+        known[key] = MortarIntegrals.of(claim, evaluation, reach)
+    found: MortarIntegrals = known[key]
+    loose = tuple(_loose(held, side.nodes, claim.comm) for side in found.sides)
+    tested = found.tested(claim, (loose[0], loose[1]), _owned_by(claim, found.sides[0].nodes, taken))
+    worst = error_of_integrals(claim, found, tested)
+    return worst if worst >= 1.0 else max(worst, error_of_uncounted(claim, found, tested, (loose[0], loose[1])))
+
+
+def _owned_by(
+    claim: Claim, nodes: npt.NDArray[np.int64], taken: Iterable[npt.NDArray[np.int32]]
+) -> npt.NDArray[np.bool_]:
+    """Which nodes of the slave, global numbers, other contacts own, or the other side, shape (N,); collective."""
+    dofmap, dim, reached = claim.space.dofmap, claim.space.mesh.topology.dim, [np.zeros(0, dtype=np.int64)]
+    for facets in (*taken, claim.master):
+        for cell, number in facet_entities(claim.space.mesh, facets):
+            closure = dofmap.dof_layout.entity_closure_dofs(dim - 1, int(number))
+            reached.append(dofmap.index_map.local_to_global(dofmap.list[cell][closure]))
+    return np.isin(nodes, parallel.gather_rows(claim.comm, np.unique(np.concatenate(reached))))
 
 
 def not_loose(claim: SlidingClaim, held: Array) -> float:
@@ -121,8 +148,6 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     arm = (used - middle) / size
     total = float(parallel.global_sum(comm, claim.weight.sum()))
     errors = [abs(total / coupling.covered - 1.0), parallel.local_max(-claim.weight, -np.inf) / coupling.covered]
-    overlapping = float(parallel.global_sum(comm, coupling.overlap.weight.sum()))
-    errors += [abs(overlapping / coupling.covered - 1.0), _error_of_pieces(claim)]
     errors += [largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]
     errors.append(largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
     turned_distances, zeros = _rigid(np.asarray(claim.distance / size)), np.zeros_like(claim.distance)
@@ -134,24 +159,6 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     reach = _usual_reach(space, named) if claim.allowed is None else claim.allowed
     errors.append(float(not np.isclose(coupling.reach, reach, atol=0.0)))  # which may be zero, or infinite
     return parallel.global_max(comm, float(max(errors)))
-
-
-def _error_of_pieces(claim: Claim) -> float:
-    """The largest error of areas of pieces of the overlap with a measure, in the plane, relative to facets.
-
-    Without the measure the points of a piece have the variance of its length, which is twelve times that squared,
-    whatever factor all areas have.
-    """
-    overlap, surface = claim.pair.coupling.overlap, claim.pair.slave.surface
-    if claim.measure is None or surface.dimension > 2 or not overlap.weight.size:
-        return 0.0
-    slopes = np.linalg.norm(surface.normals(overlap.slave, overlap.at), axis=2)
-    measure = np.einsum("pqk,pk->pq", surface.functions.values(overlap.at), claim.measure[surface.nodes[overlap.slave]])
-    parts, at = overlap.weight / (slopes * measure), overlap.at[..., 0]
-    widths = parts.sum(axis=1)
-    means = np.sum(parts * at, axis=1) / widths
-    variances = np.sum(parts * (at - means[:, None]) ** 2, axis=1) / widths
-    return largest(widths - np.sqrt(12.0 * variances))
 
 
 def _usual_reach(space: fem.FunctionSpace, sides: Iterable[npt.NDArray[np.int32]]) -> float:

@@ -72,7 +72,7 @@ class TakenFunctions(NamedTuple):
         of_other[self.nodes], reached[self.nodes] = opposite, True
         for node, (points, parts) in self.means.items():
             of_other[node], reached[node] = parts @ opposite[points], True
-        of_other = _spread(side.all_facets, of_other, reached)
+        of_other = spread(side.all_facets, of_other, reached)
         ways = nodal - of_other
         portion = self.portion[:, None]
         ways[self.nodes] = portion * own + (1.0 - portion) * nodal[self.nodes] - opposite
@@ -137,12 +137,14 @@ def movable(held: tuple[Flags, Flags], met: Any, of_places: Array | None = None)
 
 def _neighbours(facets: Numbers, count: int) -> Any:
     """One where two nodes, not the same, are on a facet, scipy sparse, shape (N, N)."""
-    pairs = np.concatenate(
-        [facets[:, [j, k]] for j in range(facets.shape[1]) for k in range(facets.shape[1]) if j != k]
-    )
-    pairs = np.unique(pairs, axis=0)
-    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    return sp.csr_array(sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count)))
+    width = facets.shape[1]
+    first, second = np.nonzero(~np.eye(width, dtype=bool))
+    places = facets[:, first].ravel(), facets[:, second].ravel()
+    neighbours = sp.csr_array(sp.coo_array((np.ones(places[0].size), places), shape=(count, count)))
+    neighbours.setdiag(0.0)  # a facet may have a node twice
+    neighbours.eliminate_zeros()
+    neighbours.data[:] = 1.0
+    return neighbours
 
 
 def _shares_of_all(portion: Array, tested: Flags, neighbours: Any) -> Any:
@@ -212,28 +214,31 @@ def _by_rings(side: TestedNodes, tested: Flags, neighbours: Any) -> TakenFunctio
         able = tested & ~side.unable & movable & (side.seen > least * side.area)
         while able.any():
             nodes = np.flatnonzero(able)
-            shares: Array = np.zeros((nodes.size, count))
-            shares[np.arange(nodes.size), nodes] = 1.0
+            shares = sp.csr_array(sp.eye_array(count))[nodes]
             reached = able.copy()
-            while True:
+            while (tested & ~reached).any():
                 number = neighbours @ reached.astype(np.float64)
-                ring = np.flatnonzero(tested & ~reached & (number > 0.0))
-                if not ring.size:
+                ring = tested & ~reached & (number > 0.0)
+                if not ring.any():
                     break
-                shares[:, ring] = (shares * reached) @ neighbours[:, ring] / number[ring]
-                reached[ring] = True
+                mean = sp.diags_array(np.divide(1.0, number, out=np.zeros(count), where=ring))
+                shares = sp.csr_array(shares + shares @ sp.diags_array(reached.astype(np.float64)) @ neighbours @ mean)
+                reached |= ring
             empty = shares @ side.seen <= least * side.area[nodes]
             if not empty.any():
+                columns = shares.tocsc()
+                taken = np.flatnonzero(~able & (np.diff(columns.indptr) > 0))
+                ends = [slice(columns.indptr[node], columns.indptr[node + 1]) for node in taken]
                 means = {
-                    int(node): (np.flatnonzero(shares[:, node]), shares[shares[:, node] != 0.0, node])
-                    for node in np.flatnonzero(~able & shares.any(axis=0))
+                    int(node): (columns.indices[part].astype(np.int64), columns.data[part])
+                    for node, part in zip(taken, ends, strict=True)
                 }
-                return TakenFunctions(nodes, sp.csr_array(shares), np.ones(nodes.size), means)
+                return TakenFunctions(nodes, shares, np.ones(nodes.size), means)
             able[nodes[empty]] = False
     return TakenFunctions(np.zeros(0, dtype=np.int64), sp.csr_array((0, count)), np.zeros(0), {})
 
 
-def _spread(facets: Numbers, values: Array, reached: Flags) -> Array:
+def spread(facets: Numbers, values: Array, reached: Flags) -> Array:
     """Values at some nodes, and at others the means of those beside them, ring by ring, shape (N, d)."""
     neighbours, values, reached = _neighbours(facets, reached.size), values.copy(), reached.copy()
     while True:
