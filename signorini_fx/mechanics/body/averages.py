@@ -16,7 +16,7 @@ A gap is averaged in the same way as the displacement that it is compared with.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import basix
@@ -31,6 +31,7 @@ from petsc4py import PETSc
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body import forms
 from signorini_fx.mechanics.body.assembly import assemble, facet_entities, measure, node_positions
+from signorini_fx.mechanics.pairs.sparse_scaling import of_components
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import SINGULAR
 
@@ -47,13 +48,15 @@ class Averages:
         x: their positions, length, shape (m, d).
         fixed: which displacement components are prescribed at them, shape (m, d).
         turning: what the displacements of the nodes add to this in other directions, scipy sparse, shape (n d, m d);
-            None: nothing, as at points of one body.
+            None: nothing, as at points of one body, or ``operator`` is known.
         centre: where the force of each point acts on the body of its node, length, shape (n, d); None: at the average
             of the nodes.
         lift: displacements of some nodes, all along one direction, that move the points by one each, scipy sparse,
             shape (m, n); None: not known.
         fixed_part: what points do not count of the displacement of nodes that supports hold, with the other sign,
             scipy sparse, shape (n d, m d); None: nothing.
+        between: ``operator`` between two bodies, where it is known, scipy sparse, shape (n d, m d); None: it is that of
+            ``shares`` and ``turning``.
     """
 
     shares: Any
@@ -64,40 +67,46 @@ class Averages:
     centre: _Floats | None = None
     lift: Any = None
     fixed_part: Any = None
+    between: Any = None
 
     @classmethod
     def joined(cls, parts: list[Averages]) -> Averages:
         """Those of several contact boundaries."""
+        if len(parts) == 1:
+            return parts[0]
         shares = sp.block_diag([part.shares for part in parts], format="csr")
         nodes, x, fixed = (np.concatenate([getattr(part, name) for part in parts]) for name in ("nodes", "x", "fixed"))
-        if all(part.turning is None for part in parts):
+        if not any(part.paired for part in parts):
             return cls(shares, nodes, x, fixed)
-        dim = x.shape[1]
-        shapes = [(dim * part.shares.shape[0], dim * part.shares.shape[1]) for part in parts]
-        turning = [
-            sp.csr_array(shape) if part.turning is None else part.turning
-            for part, shape in zip(parts, shapes, strict=True)
-        ]
+        operators = [part.operator for part in parts]
         centre, lifts = np.concatenate([part.arm for part in parts]), [part.lift for part in parts]
         lift = None if any(matrix is None for matrix in lifts) else sp.block_diag(lifts, format="csr")
         fixed_part = None
         if any(part.fixed_part is not None for part in parts):
             every = [
-                sp.csr_array(shape) if part.fixed_part is None else part.fixed_part
-                for part, shape in zip(parts, shapes, strict=True)
+                sp.csr_array(operator.shape) if part.fixed_part is None else part.fixed_part
+                for part, operator in zip(parts, operators, strict=True)
             ]
             fixed_part = sp.block_diag(every, format="csr")
-        return cls(shares, nodes, x, fixed, sp.block_diag(turning, format="csr"), centre, lift, fixed_part)
+        between = sp.block_diag(operators, format="csr")
+        return cls(shares, nodes, x, fixed, None, centre, lift, fixed_part, between)
+
+    @property
+    def paired(self) -> bool:
+        """Whether points are those of two bodies, which turn relative to each other."""
+        return self.turning is not None or self.between is not None
 
     @property
     def arm(self) -> _Floats:
         """Where the force of each point acts on the body of its node, length, shape (n, d)."""
         return np.asarray(self.shares @ self.x) if self.centre is None else self.centre
 
-    @property
+    @cached_property
     def operator(self) -> Any:
         """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
-        translating = sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr")
+        if self.between is not None:
+            return self.between
+        translating = of_components(self.shares, self.x.shape[1])
         return translating if self.turning is None else sp.csr_array(translating + self.turning)
 
     @property

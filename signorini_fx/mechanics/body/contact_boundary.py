@@ -125,7 +125,7 @@ class ContactBoundary:
     @property
     def paired(self) -> bool:
         """Whether points are those of two bodies."""
-        return self.averages is not None and self.averages.turning is not None
+        return self.averages is not None and self.averages.paired
 
     @property
     def selection(self) -> Averages:

@@ -126,7 +126,7 @@ def block_diagonal(operator: PETSc.Mat, blocks: Nodal) -> PETSc.Mat:
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
     """S of ``ContactMap`` where two bodies are in contact; None: else, or where points share a node; collective."""
     averages = boundary.averages
-    if averages is None or averages.turning is None or averages.lift is None:
+    if averages is None or not averages.paired or averages.lift is None:
         return None
     shared = boundary.points.shared
     if parallel.any_rank(boundary.comm, shared is not None and shared.here.size > 0):

@@ -81,7 +81,7 @@ class RigidMotions:
         """
         piece = self.piece[boundary.nodes]
         free_modes = self.free.reshape(self.pieces.count, self.each, -1)
-        if boundary.averages is None or boundary.averages.turning is None:
+        if boundary.averages is None or not boundary.averages.paired:
             moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ free_modes[piece]
         else:
             nodes, x = boundary.averages.nodes, boundary.averages.x
@@ -107,7 +107,7 @@ class RigidMotions:
 
     def joined(self, boundary: ContactBoundary) -> RigidMotions:
         """The same with bodies that can come into contact with each other as one assembly; collective."""
-        if boundary.averages is None or boundary.averages.turning is None:
+        if boundary.averages is None or not boundary.averages.paired:
             return self
         shares, of = boundary.averages.shares.tocoo(), self.pieces.assembly
         links = of[self.piece[boundary.nodes[shares.row]]], of[self._pieces_at(boundary)[shares.col]]

@@ -21,7 +21,7 @@ from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, fixed_by_supports, slide
-from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components
+from signorini_fx.mechanics.pairs.sparse_scaling import beside
 from signorini_fx.tuned import PARTNERS_REACH
 
 Array = npt.NDArray[np.float64]
@@ -190,12 +190,10 @@ class SlidingSides:
         if count < self.points.size:
             rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
             moved, normal_rows, tangent_rows = moved[mine], normal_rows[mine], tangent_rows[rows_of_tangents]
-        translating = of_components(moved, dim)
         inward = along_vectors(normal[:, :, None]), along_vectors(self._sliding(coupling)[mine])
         along = inward[0].T @ normal_rows + inward[1].T @ tangent_rows
-        turning = along - translating
         x = np.concatenate((self.slave.surface.x, self.master.surface.x))
-        averages = Averages(moved, self.nodes, x, self.fixed, sp.csr_array(turning), coupling.centre[mine])
+        averages = Averages(moved, self.nodes, x, self.fixed, centre=coupling.centre[mine], between=sp.csr_array(along))
         partnered = coupling.frames.partnered
         counted = partnered | ~partnered.any()
         free = averages.any_of(~self.fixed) & counted[mine, None]
