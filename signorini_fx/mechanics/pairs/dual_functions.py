@@ -130,7 +130,8 @@ def carried(
         The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one,
         sparse, shape (n, N).
     """
-    tested_nodes, beside = _beside(side, covered)
+    together = _Beside.of(side, covered)
+    tested_nodes, beside = together.tested_nodes, together.matrix
     unable = unable | side.without_area
     for threshold in (KEPT_WEIGHT, 0.0):
         able = tested_nodes & ~unable & (weight > threshold * side.area)
@@ -172,7 +173,8 @@ class EvenCarriers:
         cls, side: PairSurface, covered: Indices, weight: Array, unable: Flags, movable: Array | None = None
     ) -> EvenCarriers:
         """Those of a side, for the arguments see ``carried`` and ``HeldSides``; nothing is held where None is given."""
-        tested_nodes, beside = _beside(side, covered)
+        beside = _Beside.of(side, covered)
+        tested_nodes = beside.tested_nodes
         able = tested_nodes & ~unable & ~side.without_area & (side.area > 0)
         share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
         part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
@@ -182,7 +184,7 @@ class EvenCarriers:
         portion[portion <= SAME_NUMBER] = 0.0  # what keeps nothing but round-off passes all on
         while portion.any():
             nodes = np.flatnonzero(portion)
-            taken = sp.csr_array(_absorbed(beside, tested_nodes, portion)[nodes])
+            taken = _absorbed(beside, tested_nodes, portion, nodes)
             mixed = _mixed(taken, nodes, (weight, movable[nodes] * weight[nodes]), portion[nodes])
             # What a point takes over may have a negative weight.
             weak = mixed @ weight <= 0.0
@@ -217,17 +219,20 @@ def _given_away(shares: sp.csr_array, chosen: Flags) -> sp.csr_array:
     return sp.csr_array(scaled_columns(shares, chosen.astype(np.float64)).T)
 
 
-def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.csr_array:
+def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indices) -> sp.csr_array:
     """How nodes take over functions: each keeps its own share, and passes on the rest to those beside it, which do
-    likewise; columns with the sum one, sparse, shape (N, N).
+    likewise; columns with the sum one, sparse, shape (n, N).
+
+    Args:
+        beside: which nodes are on a facet together.
+        tested_nodes: which nodes have functions, shape (N,).
+        portion: of its function that each node keeps, shape (N,).
+        nodes: those that keep some, ascending, shape (n,).
     """
     count = tested_nodes.size
     takes = np.where(tested_nodes, portion + PASSED_ON, 0.0)
-    row, column = np.repeat(np.arange(count), np.diff(beside.indptr)), beside.indices
-    off_diagonal = np.flatnonzero((row != column) & (takes[row] > 0))
-    row, column = row[off_diagonal], column[off_diagonal]
+    row, column, piece = beside.row, beside.column, beside.piece
     sums = np.bincount(column, takes[row], minlength=count)
-    _, piece = connected_components(beside, directed=False)
     reached = np.bincount(piece, portion) > 0
     passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - portion, 0.0)
     step = takes[row] * np.divide(passing, sums, out=np.zeros(count), where=sums > 0)[column]
@@ -256,9 +261,10 @@ def _absorbed(beside: sp.csr_array, tested_nodes: Flags, portion: Array) -> sp.c
         of_keeping, of_chain = np.nonzero(values > SAME_NUMBER**2)
         places = np.concatenate((kept_nodes, keeping[of_keeping])), np.concatenate((kept_nodes, chain[of_chain]))
         entries = np.concatenate((own_portion[kept_nodes], values[of_keeping, of_chain])), places
-    keeps = sp.csr_array(sp.coo_array(entries, shape=(count, count)))
-    columns = np.bincount(keeps.indices, keeps.data, minlength=count)
-    return scaled_columns(keeps, np.divide(1.0, columns, out=np.zeros(count), where=columns > 0))
+    values, (row, column) = entries
+    columns = np.bincount(column, values, minlength=count)
+    values = values * np.divide(1.0, columns, out=np.zeros(count), where=columns > 0)[column]
+    return sp.csr_array((values, (np.searchsorted(nodes, row), column)), shape=(nodes.size, count))
 
 
 def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], portion: Array) -> sp.csr_array:
@@ -311,16 +317,47 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
         done[ring] = True
 
 
-def _beside(side: PairSurface, facets: Indices) -> tuple[npt.NDArray[np.bool_], sp.csr_array]:
-    """Which nodes have test functions on some facets, shape (N,), and which of them are on a facet together."""
-    tests, count = side.points[facets], len(side.area)
-    tested_nodes = np.zeros(count, dtype=bool)
-    tested_nodes[tests] = True
-    rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
-    columns = np.tile(tests, (1, tests.shape[1])).ravel()
-    beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
-    beside.data[:] = 1.0
-    return tested_nodes, beside
+@dataclass(frozen=True)
+class _Beside:
+    """Which nodes of a side are together on some facets.
+
+    Attributes:
+        facets: their numbers.
+        tested_nodes: which nodes have test functions on them, shape (N,).
+        matrix: one where two nodes, or the same, are on one of them, sparse, shape (N, N).
+        row, column: two different nodes of its entries, row by row, shape (e,).
+        piece: number of the connected piece that each node is in, shape (N,).
+    """
+
+    facets: Indices
+    tested_nodes: Flags
+    matrix: sp.csr_array
+    row: Indices
+    column: Indices
+    piece: Indices
+
+    @classmethod
+    def of(cls, side: PairSurface, facets: Indices) -> _Beside:
+        """Those of some facets; the last ones that a side, displaced or not, was asked for are kept."""
+        last: _Beside | None = side.of_nodes.get("beside")
+        if last is None or not np.array_equal(last.facets, facets):
+            last = side.of_nodes["beside"] = cls._found(side, facets)
+        return last
+
+    @classmethod
+    def _found(cls, side: PairSurface, facets: Indices) -> _Beside:
+        """See ``of``."""
+        tests, count = side.points[facets], len(side.x)
+        tested_nodes = np.zeros(count, dtype=bool)
+        tested_nodes[tests] = True
+        rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
+        columns = np.tile(tests, (1, tests.shape[1])).ravel()
+        beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
+        beside.data[:] = 1.0
+        row = np.repeat(np.arange(count), np.diff(beside.indptr))
+        apart = np.flatnonzero(row != beside.indices)
+        _, piece = connected_components(beside, directed=False)
+        return cls(facets, tested_nodes, beside, row[apart], beside.indices[apart].astype(np.int64), piece)
 
 
 def _taken_over(

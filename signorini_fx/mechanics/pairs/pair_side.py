@@ -7,7 +7,7 @@ in [0, 1]^2, in any order: what the functions are follows from the places.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import basix
@@ -90,8 +90,7 @@ class Lagrange:
         kind = basix.CellType.interval
         if self.places.shape[1] == 2:
             kind = basix.CellType.triangle if self.simplex else basix.CellType.quadrilateral
-        points, weights = basix.make_quadrature(kind, degree)
-        return np.asarray(points), np.asarray(weights)
+        return _quadrature(kind, degree)
 
     @property
     def parts(self) -> Array:
@@ -105,6 +104,14 @@ class Lagrange:
             return facet_corners[None]
         corners = [facet_corners / 2 + shift for shift in facet_corners / 2]
         return np.array([*corners, (1.0 - triangle) / 2] if self.simplex else corners)
+
+
+@cache
+def _quadrature(kind: basix.CellType, degree: int) -> tuple[Array, Array]:
+    """See ``Lagrange.rule``; read-only."""
+    points, weights = (np.asarray(values) for values in basix.make_quadrature(kind, degree))
+    points.flags.writeable = weights.flags.writeable = False
+    return points, weights
 
 
 @dataclass(frozen=True)
@@ -122,6 +129,7 @@ class PairSurface:
         undeformed: positions of all nodes of which areas are, where ``x`` are those of a deformed body, length, shape
             (N, d); None: those of ``x``.
         of_nodes: what depends on ``nodes`` alone, once it has been asked for; displaced sides have it, too.
+        of_places: what depends on where the nodes are, too.
     """
 
     nodes: Indices
@@ -132,6 +140,7 @@ class PairSurface:
     measure: Array | None = None
     undeformed: Array | None = None
     of_nodes: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    of_places: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """A copy with other facets begins anew with what is computed of them."""

@@ -44,7 +44,7 @@ class PlanePieces:
         bend: what dxi turns the normal of the master by, shape (p, q, 2).
         bending: the same across N, evenly along its facets, times the length of x_m' along N^, shape (p, q).
         curved: nu . x_m'' / (nu . N), of facets that are no straight lines, shape (p, q).
-        corners: where points of the slave see vertices of the master.
+        sides: slave and master, their overlap, and the directions of projection, see ``of``.
     """
 
     mean: sp.csr_array
@@ -61,7 +61,7 @@ class PlanePieces:
     bend: Array = field(repr=False)
     bending: Array
     curved: Array
-    corners: _SeenVertices = field(repr=False)
+    sides: tuple[PairSurface, PairSurface, Tested, Array] = field(repr=False)
 
     @classmethod
     def of(
@@ -115,9 +115,13 @@ class PlanePieces:
         )
         nodes = np.hstack((slave.neighbours.around[overlap.slave], first + over))
         unknowns, points = _components(nodes), slave.points[overlap.slave]
-        corners = _SeenVertices.of(slave, master, tested, directions)
-        count = 2 * (first + len(master.x))
-        return cls(mean, points, tested.weighted, unknowns, count, distance, change, shift, *geometry, corners)
+        sides, count = (slave, master, tested, directions), 2 * (first + len(master.x))
+        return cls(mean, points, tested.weighted, unknowns, count, distance, change, shift, *geometry, sides)
+
+    @cached_property
+    def corners(self) -> _SeenVertices:
+        """Where points of the slave see vertices of the master."""
+        return _SeenVertices.of(*self.sides)
 
     @property
     def gap(self) -> Array:
@@ -287,13 +291,17 @@ def turned_at_nodes(side: PairSurface) -> Array:
     """The angles by which displacements of the nodes around each facet turn the normals of a side at the nodes of the
     facet, shape (f, k, w, 2), see ``PairSurface.neighbours``.
     """
+    if "turned_at_nodes" in side.of_places:
+        return np.asarray(side.of_places["turned_at_nodes"])
     around, values = side.neighbours, _turned_by_facets(side)
     facets, count = side.nodes.shape
     width = around.around.shape[1]
     at = (around.turned[:, None] * width + around.places).ravel()
     of_nodes = values.reshape(-1, count, 2)[around.turning].reshape(-1, 2)
     sums = [np.bincount(at, component, facets * count * width) for component in of_nodes.T]
-    return np.asarray(np.stack(sums, axis=1).reshape(facets, count, width, 2), dtype=np.float64)
+    angles = np.asarray(np.stack(sums, axis=1).reshape(facets, count, width, 2), dtype=np.float64)
+    side.of_places["turned_at_nodes"] = angles
+    return angles
 
 
 def turning_at_nodes(sides: Sequence[PairSurface]) -> sp.csr_array:
@@ -318,6 +326,8 @@ def _turned_by_facets(side: PairSurface) -> Array:
     The normal of a node is along the integral of that of its facets times its function.  Those in planes of symmetry do
     not turn.
     """
+    if "turned_by_facets" in side.of_places:
+        return np.asarray(side.of_places["turned_by_facets"])
     normals = side.nodal_normals
     at, weights = side.functions.rule(2 * side.functions.degree)
     functions = side.functions.values(at) * weights[:, None]
@@ -328,7 +338,9 @@ def _turned_by_facets(side: PairSurface) -> Array:
     size = np.linalg.norm(moments, axis=1)
     held = np.zeros(len(size), dtype=bool) if side.across is None else side.across.any(axis=(1, 2))
     factor = np.divide(-1.0, size, out=np.zeros_like(size), where=(size > 0) & ~held)[side.nodes] * side.sign[:, None]
-    return np.asarray((factor[:, :, None] * products)[..., None] * normals[side.nodes][:, :, None])
+    angles = np.asarray((factor[:, :, None] * products)[..., None] * normals[side.nodes][:, :, None])
+    side.of_places["turned_by_facets"] = angles
+    return angles
 
 
 def _own_functions(side: PairSurface, facets: Indices) -> Array:
