@@ -69,7 +69,8 @@ class PairedBodies:
             ended: likewise.
         """
         comm = self.sides.comm
-        lengths = np.linalg.norm(np.ptp(ended[self.cells.nodes], axis=1), axis=1)
+        low, high = _boxes(ended, self.cells.nodes)
+        lengths = np.linalg.norm(high - low, axis=1)
         total, count = parallel.global_sum(comm, np.array([lengths.sum(), lengths.size]))
         way = parallel.largest(comm, np.linalg.norm(ended - begun, axis=1), 0.0) / (SHAPE_INSIDE * total / count)
         steps = math.ceil(min(max(float(way), 1.0), MOST_PLACES))
@@ -140,15 +141,30 @@ class PairedBodies:
 
     def _near_others(self, places: Array, at: Array) -> npt.NDArray[np.int64]:
         """The cells of this rank whose boxes meet the box of all points, shape (m, d), of other pieces."""
-        corners = places[self.cells.nodes]
-        low, high = corners.min(axis=1), corners.max(axis=1)
-        near = np.zeros(len(corners), dtype=bool)
+        low, high = _boxes(places, self.cells.nodes)
+        near = np.zeros(len(low), dtype=bool)
         for piece in np.unique(self.piece):
             points = at[self.of_node != piece]
             if len(points):
                 meets = (high >= points.min(axis=0)) & (low <= points.max(axis=0))
                 near |= (self.piece == piece) & meets.all(axis=1)
         return np.flatnonzero(near)
+
+
+def _boxes(places: Array, nodes: npt.NDArray[np.int32]) -> tuple[Array, Array]:
+    """The smallest and the largest coordinates of the nodes of each cell, shapes (c, d); node by node, in a fraction of
+    the time of an axis so short.
+
+    Args:
+        places: of the nodes, shape (nodes, d).
+        nodes: of each cell, shape (c, n).
+    """
+    first, *others = (places[column] for column in nodes.T)
+    low, high = first.copy(), first
+    for place in others:
+        np.minimum(low, place, out=low)
+        high = np.maximum(high, place)
+    return low, high
 
 
 def _in_tetrahedra(corners: Array, x: Array) -> npt.NDArray[np.bool_]:
