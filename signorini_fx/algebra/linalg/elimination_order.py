@@ -24,7 +24,7 @@ Numbers = npt.NDArray[np.intp]
 _LEAF = 32  # nodes that are not divided
 _DEEPEST = 40  # halvings
 # Copies of what the last order was found for, and the order: the tangents of a nonlinear body have one pattern in all
-# iterations.
+# iterations, but for what joins the sides of bodies that slide, which stay.
 _last: dict[str, tuple[tuple[npt.NDArray[Any], ...], Numbers]] = {}
 
 
@@ -54,9 +54,12 @@ def dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
         positions: of the first of the n unknowns, shape (at most n, d); the others are eliminated at the end.
 
     Returns:
-        Read-only: of the same pattern it is found once.
+        Read-only: of the same pattern of the rows of inner unknowns it is found once.
     """
-    basis, last = (rows.indptr, rows.indices, inner, positions), _last.get("order")
+    counts, stays = np.diff(rows.indptr), np.ones(rows.shape[0], dtype=bool)
+    stays[inner] = False
+    basis = counts[inner], rows.indices[np.repeat(~stays, counts)], inner, positions
+    last = _last.get("order")
     if last is not None and all(map(np.array_equal, basis, last[0])):
         return last[1]
     order = _dissected(rows, inner, positions)

@@ -36,12 +36,13 @@ class _Bordering:
     elimination, then those that stay, then the loads, as upper triangle.
 
     Attributes:
+        pattern: ends and columns of the rows of the matrix.
         order: of the inner unknowns.
         places: see ``PartialFactor``.
         loads: their number.
         numbers: of each column its number there.
         between: entries of the matrix between inner unknowns and those that stay.
-        nonzero: which of these are not zero.
+        nonzero: which of these are not zero, or may be.
         diagonal: entries on the diagonal of inner unknowns.
         upper: entries that are taken.
         source: of each entry there its number among ``upper``, the loads in order of elimination, and the diagonal of
@@ -50,6 +51,7 @@ class _Bordering:
         toward_shape: of ``PartialFactor.toward``.
     """
 
+    pattern: tuple[npt.NDArray[np.integer[Any]], npt.NDArray[np.integer[Any]]]
     order: Indices
     places: Indices
     loads: int
@@ -85,16 +87,19 @@ class _Bordering:
         bordered = sp.csr_array((np.arange(row.size), (row, column)), shape=(size, size))
         ends, columns = (at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices))
         toward_shape, source = (inside, count), bordered.data
-        fields = order, places, loads, numbers, between, nonzero, diagonal, upper, source, ends, columns, toward_shape
+        pattern = rows.indptr, rows.indices
+        fields = pattern, order, places, loads, numbers, between, nonzero, diagonal, upper, source, ends, columns, toward_shape
         return cls(*fields)
 
     def fits(self, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> bool:
-        """Whether it is that of another matrix too; the same order means the same pattern of its rows."""
+        """Whether it serves for another matrix too."""
         same = self.order is order and (self.toward_shape[1], self.loads) == (count, loads)
         return (
             same
+            and np.array_equal(self.pattern[0], rows.indptr)
+            and np.array_equal(self.pattern[1], rows.indices)
             and np.array_equal(self.places, places)
-            and np.array_equal(rows.data[self.between] != 0.0, self.nonzero)
+            and not (rows.data[self.between] != 0.0)[~self.nonzero].any()
         )
 
     def toward(self, rows: sp.csr_array, inner: Indices) -> sp.csr_array:
@@ -118,7 +123,8 @@ def _bordering(rows: sp.csr_array, order: Indices, places: Indices, count: int, 
     _last.clear()
     _last_order["order"], bordering = order, _Bordering.of(rows, order, places, count, loads)
     if same_order:
-        _last["bordering"] = replace(bordering, places=places.copy())
+        pattern = rows.indptr.copy(), rows.indices.copy()
+        _last["bordering"] = replace(bordering, pattern=pattern, places=places.copy())
     return bordering
 
 

@@ -34,6 +34,7 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_map import block_diagonal, contact_map, with_rotations
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic_law import ElasticLaw
+from signorini_fx.mechanics.body.joint_pattern import JointPattern, joined_stiffness
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.body.nodal_effects import LinkStiffness
 from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
@@ -54,6 +55,7 @@ from signorini_fx.records import Inventory
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
 
 Array = npt.NDArray[np.float64]
+_PATTERN = "pattern"  # of the last stiffness, in ``of_body``
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,8 +158,8 @@ class ElasticBody:
 
     @property
     def of_supports(self) -> dict[str, Any]:
-        """What of ``of_body`` another stiffness does not change."""
-        return {name: value for name, value in self.of_body.items() if name == "_supported"}
+        """What of ``of_body`` another stiffness does not change, and the pattern that it may have, too."""
+        return {name: value for name, value in self.of_body.items() if name in ("_supported", _PATTERN)}
 
     @shared_in("of_body")
     def _free(self) -> RigidMotions:
@@ -208,9 +210,13 @@ class ElasticBody:
         aligned = self.settings.algorithm == "exact"  # each component of a relative displacement must be an unknown
         if aligned and boundary is not None and (aligned_frames := boundary.aligned()) is not None:
             frames.append(aligned_frames)
-        stiffness = sum_of(self.forms, [] if frames else self.bcs)
-        if self.beside is not None:
-            self.beside.add_to(stiffness, None if frames else self.fixed)
+        if self.beside is not None and self.beside.joint and not frames and self.comm.size == 1:
+            last: JointPattern | None = self.of_body.get(_PATTERN)
+            stiffness, self.of_body[_PATTERN] = joined_stiffness(self.forms, self.bcs, self.beside, self.fixed, last)
+        else:
+            stiffness = sum_of(self.forms, [] if frames else self.bcs)
+            if self.beside is not None:
+                self.beside.add_to(stiffness, None if frames else self.fixed)
         if self.links is not None:
             stiffness = self.links.added_to(stiffness, None if frames else self.fixed)
         rotation, fixed = None, self._held

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.mechanics.body.averages import from_owners
@@ -44,22 +45,28 @@ class JointStiffness:
         np.add.at(at_owned, self.nodes[here] - index_map.local_range[0], forces[here])
         return at_owned.ravel()
 
-    def add_to(self, matrix: PETSc.Mat, dim: int, fixed: npt.NDArray[np.bool_] | None) -> None:
-        """See ``NodalStiffness``; entries for which the matrix has no room are made; collective."""
+    def entries(
+        self, dim: int, fixed: npt.NDArray[np.bool_] | None, comm: MPI.Comm
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Array]:
+        """Global rows, columns and values of what ``fixed`` leaves, see ``NodalStiffness.add_to``, shape (e,) each;
+        collective.
+        """
         free = np.ones(self.nodes.size * dim)
         if fixed is not None:
             rows = (~fixed).reshape(-1, dim).astype(np.float64)
-            free = from_owners(rows, self.nodes, matrix.comm.tompi4py()).ravel()
-        entries = self.matrix.tocoo()
-        free_entries = (free[entries.row] > 0) & (free[entries.col] > 0)
-        first, last = matrix.getOwnershipRange()
+            free = from_owners(rows, self.nodes, comm).ravel()
+        row, column = np.repeat(np.arange(free.size), np.diff(self.matrix.indptr)), self.matrix.indices
+        free_entries = np.flatnonzero((free[row] > 0) & (free[column] > 0))
         unknowns = (dim * self.nodes[:, None] + np.arange(dim)).ravel()
-        rows, columns = unknowns[entries.row[free_entries]], unknowns[entries.col[free_entries]]
+        return unknowns[row[free_entries]], unknowns[column[free_entries]], self.matrix.data[free_entries]
+
+    def add_to(self, matrix: PETSc.Mat, dim: int, fixed: npt.NDArray[np.bool_] | None) -> None:
+        """See ``NodalStiffness``; entries for which the matrix has no room are made; collective."""
+        rows, columns, values = self.entries(dim, fixed, matrix.comm.tompi4py())
+        first, last = matrix.getOwnershipRange()
         here = (rows >= first) & (rows < last)
         shape = (last - first, matrix.getSize()[1])
-        added = sp.csr_array(
-            sp.coo_array((entries.data[free_entries][here], (rows[here] - first, columns[here])), shape=shape)
-        )
+        added = sp.csr_array(sp.coo_array((values[here], (rows[here] - first, columns[here])), shape=shape))
         csr = added.indptr.astype(PETSc.IntType), added.indices.astype(PETSc.IntType), added.data
         more = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
         matrix.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
@@ -94,6 +101,11 @@ class NodalStiffness:
         sums = np.zeros((each.size, *blocks.shape[1:]))
         np.add.at(sums, position, blocks)
         return cls(each.astype(np.int64), sums, joint)
+
+    @property
+    def without_joints(self) -> NodalStiffness:
+        """The blocks alone."""
+        return NodalStiffness(self.nodes, self.blocks)
 
     def times(self, displacement: fem.Function) -> Array:
         """The forces of a displacement at the unknowns of this rank, shape (owned dofs,); collective."""
