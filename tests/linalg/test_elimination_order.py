@@ -99,6 +99,18 @@ def test_the_last_order():
     assert order.dissected(graph, inner[1:], x).size == len(x) - 1
 
 
+def test_the_last_order_where_what_stays_is_joined():
+    """Entries between unknowns that stay have no part in it, those of inner ones have."""
+    graph, x = grid((8, 9))
+    inner = np.arange(5, len(x))
+    found = order.dissected(graph, inner, x)
+    joined = sp.lil_array(graph)
+    joined[0, 4] = joined[4, 0] = 1.0
+    assert order.dissected(sp.csr_array(joined), inner, x) is found
+    joined[0, 20] = joined[20, 0] = 1.0
+    assert order.dissected(sp.csr_array(joined), inner, x) is not found
+
+
 def test_this_petsc_passes_the_order_on():
     """PETSc 3.25 does not where there is a Schur complement; then the order is that of minimum degree."""
     assert partial_factor._order_is_taken() or PETSc.Sys.getVersion() >= (3, 23)
@@ -137,7 +149,7 @@ def test_the_places_of_entries_are_those_of_the_pattern():
         rows = sp.csr_array(graph + sp.eye_array(len(x)))
         rows.data[:] = -rng.uniform(0.1, 1.0, rows.nnz)
         rows = sp.csr_array(rows + rows.T)
-        if number in (2, 5):  # in the pattern, but zero
+        if number in (0, 1, 3, 5):  # in the pattern, but zero
             row, column = np.repeat(np.arange(len(x)), np.diff(rows.indptr)), rows.indices
             rows.data[(np.isin(row, stay) & (column == beside)) | (np.isin(column, stay) & (row == beside))] = 0.0
         rows.setdiag(20.0 + rng.uniform(size=len(x)))
@@ -156,4 +168,5 @@ def test_the_places_of_entries_are_those_of_the_pattern():
     if partial_factor._order_is_taken():
         assert kept[0] is None  # of a pattern that comes once nothing is kept
         assert kept[1] is not None
-        assert kept[2] is not kept[1]
+        assert kept[2] is not kept[1]  # which has no place for an entry that was zero
+        assert kept[3] is kept[2]  # which has
