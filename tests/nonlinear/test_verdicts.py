@@ -50,7 +50,9 @@ def last_factor(problem, at_end=None):
     """
     solver = problem._solver
     (tangent, found), stability = solver.stability._derivative(), solver.stability
-    negative, linear = stability._negative(tangent), problem.linear
+    linear = problem.linear
+    linear.bend()
+    negative = stability._negative(tangent)
     said = is_positive(linear.elastic, linear.task.system, stability._restraint(), at_end or found)
     return said, negative
 

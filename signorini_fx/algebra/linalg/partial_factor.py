@@ -88,7 +88,21 @@ class _Bordering:
         ends, columns = (at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices))
         toward_shape, source = (inside, count), bordered.data
         pattern = rows.indptr, rows.indices
-        fields = pattern, order, places, loads, numbers, between, nonzero, diagonal, upper, source, ends, columns, toward_shape
+        fields = (
+            pattern,
+            order,
+            places,
+            loads,
+            numbers,
+            between,
+            nonzero,
+            diagonal,
+            upper,
+            source,
+            ends,
+            columns,
+            toward_shape,
+        )
         return cls(*fields)
 
     def fits(self, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> bool:

@@ -72,8 +72,10 @@ class Stability:
         with suppress(FormError):
             forces = self.forces_at(self.u.x.array.copy())
             known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
-            if known and (derivative := self._derivative()) is not None and self._negative(derivative[0]):
-                return "the tangent has lost its stiffness in some direction"
+            if known and (derivative := self._derivative()) is not None:
+                self.linear.bend()
+                if self._negative(derivative[0]):
+                    return "the tangent has lost its stiffness in some direction"
         return ""
 
     def leads(self, values: Array) -> bool:
@@ -123,9 +125,10 @@ class Stability:
         return NodalStiffness.summed(np.concatenate((curvature.nodes, nodes)), blocks, curvature.joint)
 
     def _negative(self, tangent: fem.Form) -> int:
-        """In how many directions that contact admits a tangent, or its symmetric part, is negative; collective."""
+        """In how many directions that contact admits a tangent, or its symmetric part, with the curvature of now, is
+        negative; collective.
+        """
         linear = self.linear
-        linear.bend()
         bcs = conditions_of(linear.bcs, self.u.function_space)
         nodes = linear.state.boundary.nodes
         turning, relative = turning_of(linear.state, linear.scales.size), linear.relative

@@ -203,7 +203,9 @@ def error_of_integrals(claim: Claim, found: MortarIntegrals, tested: TestedSides
     relative = own - opposite
     if claim.followed is None and np.abs(distance).max(initial=0.0) > ZERO_COMPONENT * largest:
         half = 0.0 if claim.nominal else 0.5
-        for arms, side, values, part in zip(_arms(claim, found, points), found.sides, moved, (half, 1.0 - half), strict=True):
+        for arms, side, values, part in zip(
+            _arms(claim, found, points), found.sides, moved, (half, 1.0 - half), strict=True
+        ):
             relative = relative + part * _turned(taken.shares @ arms, side.x, values, distance)
     at = np.searchsorted(slave.nodes[taken.nodes], names)
     of_reached = without_pattern(claim.reached, dim)
@@ -233,7 +235,9 @@ def _arms(claim: Claim, found: MortarIntegrals, points: PartnerPoints) -> list[A
     tests, listed = slave.tested[facet], []
     for nodes, count in ((slave.facets[facet], len(slave.x)), (master.facets[over], len(master.x))):
         shape = (*tests.shape, nodes.shape[1])
-        entries = [np.broadcast_to(part, shape).ravel() for part in (rows[:, 2, None, None], tests[:, :, None], nodes[:, None])]
+        entries = [
+            np.broadcast_to(part, shape).ravel() for part in (rows[:, 2, None, None], tests[:, :, None], nodes[:, None])
+        ]
         listed.append(sp.csr_array(sp.coo_array((entries[0], tuple(entries[1:])), shape=(len(slave.x), count))))
     return listed
 

@@ -281,9 +281,7 @@ def partner_points(
     return points if near.all() else points.chosen(near[pair])
 
 
-def _in_plane(
-    sides: tuple[SideFacets, SideFacets], ways: Array | None, reach: float, chosen: Numbers
-) -> PartnerPoints:
+def _in_plane(sides: tuple[SideFacets, SideFacets], ways: Array | None, reach: float, chosen: Numbers) -> PartnerPoints:
     slave, master = sides
     assert ways is not None
     halves = [np.full((len(side.facets), 1), 0.5) for side in sides]
@@ -296,7 +294,9 @@ def _in_plane(
     outward = [side.normals(facets, half[facets]) for side, facets, half in zip(sides, numbers, halves, strict=True)]
     outward = [normals / np.linalg.norm(normals, axis=1, keepdims=True) for normals in outward]
     # Curved facets bulge beyond their nodes.
-    found = cKDTree(middles[1]).query_ball_point(middles[0], min(reach, _apart(*middles)) + 2 * (widths[0] + max(widths[1])))
+    found = cKDTree(middles[1]).query_ball_point(
+        middles[0], min(reach, _apart(*middles)) + 2 * (widths[0] + max(widths[1]))
+    )
     counts = np.array([len(listed) for listed in found], dtype=np.int64)
     row, over = np.repeat(np.arange(len(chosen)), counts), np.concatenate([np.zeros(0), *found]).astype(np.int64)
     faces = np.sum(outward[0][row] * outward[1][over], axis=1) < FACING_SIDES
@@ -416,9 +416,7 @@ def turned_ways(side: SideFacets, ways: Array, normals: Array) -> float:
     return float((np.linalg.norm(np.cross(along, parts.normal), axis=1) / cosine).max())
 
 
-def _in_space(
-    sides: tuple[SideFacets, SideFacets], ways: Array | None, reach: float, chosen: Numbers
-) -> PartnerPoints:
+def _in_space(sides: tuple[SideFacets, SideFacets], ways: Array | None, reach: float, chosen: Numbers) -> PartnerPoints:
     slave, master = sides
     parts, others = _Parts.of(slave, chosen), _Parts.of(master, np.arange(len(master.facets)))
     along = parts.along(slave, ways)
@@ -444,7 +442,9 @@ def _in_space(
     return PartnerPoints(*(np.concatenate([getattr(block, name) for block in blocks]) for name in vars(blocks[0])))
 
 
-def _points_along(sides: tuple[SideFacets, SideFacets], parts: tuple[_Parts, _Parts], row: Numbers, over: Numbers) -> int:
+def _points_along(
+    sides: tuple[SideFacets, SideFacets], parts: tuple[_Parts, _Parts], row: Numbers, over: Numbers
+) -> int:
     """See ``_ALONG``."""
     highest = max(side.functions.degree for side in sides)
     for side, listed, numbers in zip(sides, parts, (row, over), strict=True):
@@ -501,9 +501,7 @@ def _shared_by(
     polygons, count = common_polygons(flat, others)
     size = polygon_areas(flat, np.full(len(flat), flat.shape[1]))
     large = polygon_areas(polygons, count) > NO_PART * size
-    row, over, flat, others, polygons, count = (
-        values[large] for values in (row, over, flat, others, polygons, count)
-    )
+    row, over, flat, others, polygons, count = (values[large] for values in (row, over, flat, others, polygons, count))
     references = [reference[large] for reference in references]
     # A fan of triangles around the first corner of each.
     pair, k = np.nonzero(np.arange(1, polygons.shape[1] - 1) < (count - 1)[:, None])

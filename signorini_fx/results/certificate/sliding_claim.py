@@ -36,6 +36,7 @@ from signorini_fx.results.certificate.taken_functions import (
     TestedNodes,
     movable,
     taken_functions,
+    times_rows,
 )
 from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION, SAME_PLACE_IN_CELL
 
@@ -503,9 +504,12 @@ class SlidingClaim:
 
     def _met_since(self, seen: SeenSides) -> tuple[Any, Any]:
         """D and M of the beginning of the step, and of points that saw nothing then those of ``seen``."""
-        then = sp.diags_array(self._begun.partnered.astype(np.float64))
-        now = sp.diags_array((~self._begun.partnered).astype(np.float64))
-        return then @ self._begun.sharing + now @ seen.sharing, then @ self._begun.opposite + now @ seen.opposite
+        begun = self._begun
+        if begun.partnered.all():
+            return begun.sharing, begun.opposite
+        then, now = begun.partnered.astype(np.float64), (~begun.partnered).astype(np.float64)
+        sharing = times_rows(then, begun.sharing) + times_rows(now, seen.sharing)
+        return sharing, times_rows(then, begun.opposite) + times_rows(now, seen.opposite)
 
     def terms(self, owned: Array) -> Array:
         """See ``Claim``."""
@@ -621,7 +625,7 @@ class SlidingClaim:
             able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break
-            mean = sp.diags_array(1.0 / (shares @ sums)) @ shares @ psi
+            mean = times_rows(1.0 / (shares @ sums), shares) @ psi
             of_own = _at(slave, own_normals, rays.facet, rays.at)
             of_other = _at(master, other_normals, rays.over, rays.place)
             ways = side.in_planes(carriers.ways(nodes, own_normals, mean @ of_own, mean @ of_other), np.arange(count))
@@ -679,7 +683,7 @@ class SlidingClaim:
         seeing = self._place_over, self._place_under
         fixed = held_distances((sides[0], sides[1]), there.ways, partners, places, seeing)
         seen, _, _ = self._looked(values, fixed.of_nodes)
-        of_points = sp.diags_array(1.0 / seen.weight) @ seen.shares @ (psi @ fixed.at_rays)
+        of_points = times_rows(1.0 / seen.weight, seen.shares) @ (psi @ fixed.at_rays)
         gap = seen.gap - of_points @ fixed.distance(seen.x, seen.y)
         return replace(seen, gap=gap, uncounted=sp.csr_array(of_points @ fixed.slave))
 
@@ -726,7 +730,7 @@ class SlidingClaim:
         partnered, weight = np.zeros(size, dtype=bool), np.array(self.surface.area[self.carriers])
         partnered[at] = True
         weight[at] = shares @ np.asarray(psi.sum(axis=1)).ravel()
-        return of_points, functions, partnered, weight, sp.csr_array(sp.diags_array(1.0 / weight) @ functions)
+        return of_points, functions, partnered, weight, times_rows(1.0 / weight, functions)
 
     def _shares_of(self, rays: Rays, mean: Any, partnered: npt.NDArray[np.bool_]) -> tuple[Any, Any]:
         """D and M, see ``SeenSides``, of functions over areas at rays."""

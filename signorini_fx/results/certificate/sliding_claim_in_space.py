@@ -46,6 +46,7 @@ from signorini_fx.results.certificate.sliding_claim import (
     SlidingClaim,
     at_ends,
 )
+from signorini_fx.results.certificate.taken_functions import times_rows
 from signorini_fx.tuned import FACING_SIDES, NO_PART, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
@@ -380,7 +381,7 @@ class SpaceSlidingClaim(SlidingClaim):
             able, shares = carriers.nodes, carriers.shares
             if turn or not able.size:
                 break
-            mean = sp.diags_array(1.0 / (shares @ sums)) @ shares @ psi
+            mean = times_rows(1.0 / (shares @ sums), shares) @ psi
             of_own = np.einsum("rk,rkd->rd", _hats(rays.at, slave.width), own_normals[slave.facets[rays.facet]])
             of_other = np.einsum("rk,rkd->rd", _hats(rays.place, master.width), other_normals[master.facets[rays.over]])
             ways = side.in_planes(carriers.ways(nodes, own_normals, mean @ of_own, mean @ of_other), np.arange(count))
@@ -399,7 +400,9 @@ class SpaceSlidingClaim(SlidingClaim):
         """See ``SlidingClaim``, nodes of shape (m, k, 3)."""
         first = _unit(np.cross(ways, np.eye(3)[np.abs(ways).argmin(axis=1)]))
         axes = np.stack((first, np.cross(ways, first)), axis=1)
-        places = places_in_polygons(np.einsum("mkd,mad->mka", facets - points[:, None], axes), np.zeros((len(points), 2)))
+        places = places_in_polygons(
+            np.einsum("mkd,mad->mka", facets - points[:, None], axes), np.zeros((len(points), 2))
+        )
         return places, (_hats(places, facets.shape[1]) >= -SAME_PLACE_IN_CELL).all(axis=1)
 
     def _place_under(self, facets: Array, ways: Array, points: Array) -> tuple[Array, npt.NDArray[np.bool_]]:

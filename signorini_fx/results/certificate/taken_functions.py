@@ -135,6 +135,17 @@ def movable(held: tuple[Flags, Flags], met: Any, of_places: Array | None = None)
     return np.where(held[0], np.clip(share, 0.0, 1.0), 1.0)
 
 
+def times_rows(factors: Array, matrix: Any) -> Any:
+    """Rows of a sparse matrix times factors, in the same pattern."""
+    entries = np.repeat(factors, np.diff(matrix.indptr)) * matrix.data
+    return sp.csr_array((entries, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+def times_columns(matrix: Any, factors: Array) -> Any:
+    """Columns of a sparse matrix times factors, likewise."""
+    return sp.csr_array((matrix.data * factors[matrix.indices], matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
 def _neighbours(facets: Numbers, count: int) -> Any:
     """One where two nodes, not the same, are on a facet, scipy sparse, shape (N, N)."""
     width = facets.shape[1]
@@ -160,16 +171,16 @@ def _shares_of_all(portion: Array, tested: Flags, neighbours: Any) -> Any:
     total = neighbours @ takes
     hands = np.where(tested & able & (total > 0.0), 1.0 - portion, 0.0)
     factors = np.divide(hands, total, out=np.zeros(count), where=total > 0.0)
-    handed = sp.diags_array(takes) @ neighbours @ sp.diags_array(factors)
+    handed = times_columns(times_rows(takes, neighbours), factors)
     columns = np.flatnonzero(hands > 0.0)
     diagonal = np.where(hands > 0.0, 0.0, portion)
-    shares = sp.csr_array(sp.diags_array(diagonal))
+    shares = sp.csr_array((diagonal, np.arange(count), np.arange(count + 1)), shape=(count, count))
     if columns.size:
-        within = sp.csc_array(sp.eye_array(columns.size) - handed.tocsr()[columns][:, columns])
-        targets = sp.csc_array(sp.diags_array(portion) @ handed)[:, columns]  # what comes to rest in one step
+        within = sp.csc_array(sp.eye_array(columns.size) - handed[columns][:, columns])
+        targets = times_rows(portion, handed)[:, columns]  # what comes to rest in one step
         stays = np.flatnonzero((hands == 0.0) & (portion > 0.0))
         keepers = columns[portion[columns] > 0.0]
-        rows = [targets.tocsr()[stays].toarray()]
+        rows = [targets[stays].toarray()]
         unit = np.zeros((keepers.size, columns.size))
         unit[np.arange(keepers.size), np.searchsorted(columns, keepers)] = portion[keepers]
         rows.append(unit)
@@ -182,7 +193,9 @@ def _shares_of_all(portion: Array, tested: Flags, neighbours: Any) -> Any:
             shares = shares + sp.csr_array(sp.coo_array((ends[of_column, of_row], places), shape=(count, count)))
     sums = np.asarray(shares.sum(axis=0)).ravel()
     inverse = np.divide(1.0, sums, out=np.zeros(count), where=sums > 0.0)
-    return sp.csr_array(shares @ sp.diags_array(inverse))
+    shares = times_columns(shares, inverse)
+    shares.eliminate_zeros()
+    return shares
 
 
 def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array, movable: Array) -> Any:
@@ -201,9 +214,9 @@ def _mixed(shares: Any, nodes: Numbers, portion: Array, seen: Array, movable: Ar
             lacking = (1.0 - portion[nodes[row]]) * movable[nodes[row]] * seen[nodes[row]]
             taken[row, takers] = lacking * column[takers] / rest / sizes[takers]
     matrix = sp.csr_array(taken)
-    matrix = matrix @ sp.diags_array(1.0 / np.maximum(1.0, 2.0 * np.asarray(matrix.sum(axis=0)).ravel()))
+    matrix = times_columns(matrix, 1.0 / np.maximum(1.0, 2.0 * np.asarray(matrix.sum(axis=0)).ravel()))
     remainder = 1.0 - np.asarray(matrix.sum(axis=0)).ravel()
-    return sp.csr_array(matrix @ shares + sp.diags_array(remainder) @ shares)
+    return sp.csr_array(matrix @ shares + times_rows(remainder, shares))
 
 
 def _by_rings(side: TestedNodes, tested: Flags, neighbours: Any) -> TakenFunctions:

@@ -27,9 +27,7 @@ Flags = npt.NDArray[np.bool_]
 _STEPS, _STEP = 20, 1e-30
 
 
-def error_of_uncounted(
-    claim: Claim, found: MortarIntegrals, tested: TestedSides, loose: tuple[Array, Array]
-) -> float:
+def error_of_uncounted(claim: Claim, found: MortarIntegrals, tested: TestedSides, loose: tuple[Array, Array]) -> float:
     """How far what the solver says that points do not count is from what they should not, of the relative displacement
     relative to one, of distances relative to the largest of them; collective.
 
