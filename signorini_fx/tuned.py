@@ -946,7 +946,8 @@ NO_DAMPING = 1e-4
 # Evaluations of the residual in a line search, and the share of a bracket that its next point keeps from the ends.
 # Choice.
 LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
-# How many times the entries between two bodies that slide the room for earlier ones may be that a pattern keeps.  Choice.
+# How many times the entries between two bodies that slide the room for earlier ones may be that a pattern keeps.
+# Choice.
 KEPT_ROOM = 2.0
 # Shares of the diagonal of a tangent that are added to it where a linearised contact problem has no solution or its
 # increment goes up: the first one, by which factor more and less, and the last one.  Choice: the first is the stiffness

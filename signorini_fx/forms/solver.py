@@ -189,12 +189,16 @@ class FormSolver:
             self.begun = self.begin_step()
             outcome = self._outcome_of_now()
             self.show(outcome, self._judged(outcome))
-        self.cost = time.perf_counter() - begin, peak_memory(self.space.mesh.comm)
+        self._note_cost(begin)
         status = self.status
         if status is None or status is Status.CONVERGED:
             return ""
         told = [f"{finding.path}: {finding.message}" for finding in self.doubtful_laws()]
         return "\n".join([f"{status.value}: {status.advice}", *told])
+
+    def _note_cost(self, begin: float) -> None:
+        """Keep what a solve has taken that began at a time of ``time.perf_counter``; collective."""
+        self.cost = time.perf_counter() - begin, peak_memory(self.space.mesh.comm)
 
     def _outcome_of_now(self) -> Outcome:
         """How the contact problem of now ends; collective."""

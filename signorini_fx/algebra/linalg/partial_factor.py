@@ -87,23 +87,8 @@ class _Bordering:
         bordered = sp.csr_array((np.arange(row.size), (row, column)), shape=(size, size))
         ends, columns = (at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices))
         toward_shape, source = (inside, count), bordered.data
-        pattern = rows.indptr, rows.indices
-        fields = (
-            pattern,
-            order,
-            places,
-            loads,
-            numbers,
-            between,
-            nonzero,
-            diagonal,
-            upper,
-            source,
-            ends,
-            columns,
-            toward_shape,
-        )
-        return cls(*fields)
+        fields = order, places, loads, numbers, between, nonzero, diagonal, upper, source, ends, columns, toward_shape
+        return cls((rows.indptr, rows.indices), *fields)
 
     def fits(self, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> bool:
         """Whether it serves for another matrix too."""

@@ -130,7 +130,7 @@ class EquilibriumSolver:
     @cached_property
     def stability(self) -> Stability:
         """The verdict on where the body is."""
-        return Stability(self.u, self.linear, self.tangents, self.residual.at)
+        return Stability(self.u, self.linear, self.tangents, self.residual)
 
     @cached_property
     def _cells(self) -> BodyCells:
@@ -280,7 +280,7 @@ class EquilibriumSolver:
             small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self.linear.extent
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
             if small or (least and not (shortened and iteration < self.max_newton)):
-                status = self._judge()
+                status = self._judge(residual)
                 if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:
                     return status
                 worst = self.certificate.worst
@@ -325,7 +325,7 @@ class EquilibriumSolver:
             if descends or not damps or not linear.damp():
                 linear.damp_less()
                 return increment, length, forces
-            self.residual.at(old)  # the next tangent is taken there, too
+            self.residual.go_to(old)  # the next tangent is taken there, too
 
     def _takes_cycle(self, old: Array) -> bool:
         """Whether the increment to values of ``u`` is taken although its contact sets are some of a cycle: it is far
@@ -355,13 +355,17 @@ class EquilibriumSolver:
 
     # --- what is said of a solution -----------------------------------------------------------------------------------
 
-    def _judge(self) -> Status:
-        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective."""
+    def _judge(self, residual: Array | None = None) -> Status:
+        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective.
+
+        Args:
+            residual: F there, which was evaluated last; None: it is evaluated.
+        """
         self._detail = self.opinion.too_large()
         if self._detail:
             return Status.TOO_LARGE
         linear, values = self.linear, self.u.x.array.copy()
-        residual = self.residual.at(values)
+        residual = self.residual.at(values) if residual is None else residual
         if residual is None:
             return Status.INVERTED
         assert self.last is not None
@@ -381,7 +385,7 @@ class EquilibriumSolver:
                 self._detail = reached
                 return Status.AT_END
         lost = round_off(self.u, residual, self.residual.at)
-        self.residual.at(values)
+        self.residual.go_to(values)
         self.certificate, self._mechanics = self._certified(residual, lost)
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 

@@ -47,13 +47,17 @@ class Residual:
         Raises:
             FormError: ``update`` has raised an exception.
         """
-        self.u.x.array[:] = values
-        self.updated()
+        self.go_to(values)
         forces = self.assembled()
         comm = self.u.function_space.mesh.comm
         if parallel.any_rank(comm, not np.isfinite(forces).all()) or turned_inside_out(self.u):
             return None
         return forces
+
+    def go_to(self, values: Array) -> None:
+        """Give ``u`` values, and the material its state there; for the arguments and errors see ``at``; collective."""
+        self.u.x.array[:] = values
+        self.updated()
 
     def updated(self) -> None:
         """Call ``update``; collective.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -16,6 +15,7 @@ from signorini_fx.forms.nonlinear.condensed_inertia import Restraint, is_positiv
 from signorini_fx.forms.nonlinear.inertia import ToolsAtPoints, negative_directions
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
+from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.tangent import Product, Tangents, is_derivative, product, product_of_derivative
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
@@ -33,13 +33,13 @@ class Stability:
         u: the displacement.
         linear: the contact problem of the last iteration of Newton's method.
         tangents: the user's and the derivative of F.
-        forces_at: F at the owned unknowns for values of ``u``, which it gets; None: it has none there; collective.
+        residual: F.
     """
 
     u: fem.Function
     linear: LinearisedProblem
     tangents: Tangents
-    forces_at: Callable[[Array], Array | None]
+    residual: Residual
 
     def verdict(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective.
@@ -70,7 +70,7 @@ class Stability:
         if not away <= max(size, float(parallel.largest(comm, np.abs(before), 0.0))):
             return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
-            forces = self.forces_at(self.u.x.array.copy())
+            forces = self.residual.at(self.u.x.array.copy())
             known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
             if known and (derivative := self._derivative()) is not None:
                 self.linear.bend()
@@ -85,9 +85,9 @@ class Stability:
         """
         if not self.tangents.given or self.tangents.trusted:
             return True
-        self.forces_at(values)
-        fits = is_derivative(self.tangents.leading, self.u, self.forces_at, ~self._fixed)
-        self.forces_at(values)
+        self.residual.go_to(values)
+        fits = is_derivative(self.tangents.leading, self.u, self.residual.at, ~self._fixed)
+        self.residual.go_to(values)
         return fits
 
     @property
@@ -106,8 +106,8 @@ class Stability:
             return leading, product(leading, self.u, free, DIFFERENCE_STRAINS[0])
         for given in (True, False) if self.tangents.given else (False,):
             tangent = self.tangents.leading if given else self.tangents.derivative
-            at_end = product_of_derivative(tangent, self.u, self.forces_at, free)
-            self.forces_at(values)
+            at_end = product_of_derivative(tangent, self.u, self.residual.at, free)
+            self.residual.go_to(values)
             if at_end is not None:
                 return tangent, at_end
         return None
