@@ -67,16 +67,6 @@ class FormMechanics(Mechanics):
     scales: Scales
     settled: bool = True
 
-    @property
-    def has_stress(self) -> bool:
-        """See ``Mechanics``."""
-        return self.forms.stress is not None
-
-    @property
-    def linear(self) -> bool:
-        """See ``Mechanics``."""
-        return True
-
     def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
         """See ``Mechanics``."""
         forms = self.forms
@@ -94,16 +84,15 @@ class FormMechanics(Mechanics):
 
     def stress(
         self, model: Model | None, y: fem.Function, step: float, shared: dict[str, StressRecovery]
-    ) -> RawStresses:
+    ) -> RawStresses | str:
         """See ``Mechanics``; ``model`` is not looked at.
 
         Raises:
-            RuntimeError: the problem was given no ``stress``.
             FormError: see ``stress_of``.
         """
         forms = self.forms
         if forms.stress is None:
-            raise RuntimeError(NO_STRESS)
+            return NO_STRESS
         return stresses_of(forms.stress, y, forms.parts, forms.original, forms.touching, self.fixed, shared)
 
     def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:

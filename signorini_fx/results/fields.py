@@ -146,9 +146,8 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
     displacement = fem.Function(solution.displacement.function_space, name=solution.displacement.name)
     displacement.x.array[:] = values = solution.displacement.x.array
     fields = {"displacement": displacement}
-    if not solution.has_stress:
+    if (stress := solution.known_stress) is None:
         return fields
-    stress = solution.stress
     fields |= {"stress": stress.tensor, "von_mises": stress.von_mises, "principal_stresses": stress.principal}
     if stress.stress.shear_modulus is not None:
         fields["density"] = stress.shear_energy_density

@@ -10,12 +10,10 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, Status
+from signorini_fx.results.certificate.certificate import evaluated_balance
 from signorini_fx.results.certificate.nodal_forces import NodalForces
-from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import LAST_DIGITS, ROUNDINGS
 
 
@@ -25,7 +23,7 @@ def status_by_digits(
     """Whether a linear solve whose certificate misses by so much has lost digits that no solver has, and why; for the
     other arguments see ``left_by_last_digits``; collective.
     """
-    share = left_by_last_digits(model.statement, model.tagged, displacement, step)
+    share = left_by_last_digits(model, displacement, step)
     if not missing <= LAST_DIGITS * share:
         return Status.NOT_CERTIFIED, None
     message = (
@@ -35,19 +33,18 @@ def status_by_digits(
     return Status.ROUND_OFF, Finding("warning", "mesh", message)
 
 
-def left_by_last_digits(statement: Statement, tagged: TaggedMesh, displacement: fem.Function, step: float) -> float:
+def left_by_last_digits(model: Model, displacement: fem.Function, step: float) -> float:
     """The forces at free unknowns that one unit in the last place of each displacement makes, with random signs, as a
     share of the loads there; collective.
 
     Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
+        model: the body.
         displacement: y.
         step: the place of the load step.
     """
-    forces, comm = NodalForces(statement, tagged, displacement.function_space), tagged.mesh.comm
-    supports, changed = PrescribedNodes.of(forces, step, 1.0), displacement.copy()
-    loads = supports.left(forces.external(step) + forces.initial(step, displacement=displacement)[0])
+    forces, comm, changed = NodalForces.on(model), model.comm, displacement.copy()
+    balance = evaluated_balance(forces, displacement, step)
+    supports, loads = balance.supports, balance.supports.left(balance.external + balance.initial)
     rng, squares = np.random.default_rng(comm.rank), 0.0
     for _ in range(ROUNDINGS):
         signs = rng.choice(np.array([-1.0, 1.0]), displacement.x.array.size)

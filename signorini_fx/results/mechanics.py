@@ -10,7 +10,7 @@ from dolfinx import fem
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.certificate import Certificate, balance_of, certify, judged
+from signorini_fx.results.certificate.certificate import Certificate, certify, evaluated_balance, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import sides_of
 from signorini_fx.results.certificate.equilibrium import Balance
@@ -29,31 +29,20 @@ NO_ESTIMATE = "nonlinear bodies have no estimate of their error: compare solutio
 class Mechanics(Protocol):
     """What forces, stresses and contact sides of a body are.  The entries of a statement say it, or forms do."""
 
-    @property
-    def has_stress(self) -> bool:
-        """Whether stresses are known."""
-        ...
-
-    @property
-    def linear(self) -> bool:
-        """Whether forces are linear in the displacement, so that there is a strain energy, and errors are estimated."""
-        ...
-
     def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
         """The parts of the boundary with contact at a displacement, for second opinions."""
         ...
 
-    def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
-        """The stress of a displacement at a place in the lists of factors; collective.
+    def stress(
+        self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]
+    ) -> RawStresses | str:
+        """The stress of a displacement at a place in the lists of factors, or why it is not known; collective.
 
         Args:
             model: the body.
             y: the displacement, length.
             step: the place, see ``statement.load_path``.
             shared: where what projects is kept for other displacements.
-
-        Raises:
-            RuntimeError: stresses are not known.
         """
         ...
 
@@ -94,15 +83,7 @@ class Mechanics(Protocol):
 
 @dataclass(frozen=True)
 class StatedMechanics:
-    """What the entries of a statement say, see ``Mechanics``.
-
-    Attributes:
-        evaluation: what has evaluated another certificate on this space; None: there is none.
-    """
-
-    evaluation: NodalForces | None = None
-    has_stress: bool = True
-    linear: bool = True
+    """What the entries of a statement say, see ``Mechanics``."""
 
     def certified(
         self,
@@ -116,7 +97,7 @@ class StatedMechanics:
         rigid: tuple[RigidBodyMotion, ...],
     ) -> Certificate:
         """See ``certify``."""
-        on, like = (model.statement, model.tagged), self.evaluation
+        on, like = (model.statement, model.tagged), NodalForces.on(model)
         return certify(
             *on, displacement, tractions, law=law, step=step, before=last, pairs=model.pairs, rigid=rigid, like=like
         )
@@ -127,18 +108,23 @@ class StatedMechanics:
 
     def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
         """See ``Mechanics``."""
-        return Stresses.of(model, y, step, shared)
+
+        def energy() -> float:
+            balance = self.balance(model, y, step)
+            nodal_displacements = y.x.array.reshape(-1, balance.surface.dimension)
+            return balance.strain_energy(balance.works(nodal_displacements[: balance.surface.owned]))
+
+        return Stresses.of(model, y, step, shared, energy)
 
     def balance(self, model: Model, y: fem.Function, step: float) -> Balance:
         """See ``Mechanics``."""
-        return balance_of(NodalForces(model.statement, model.tagged, y.function_space), y, step)
+        return evaluated_balance(NodalForces.on(model), y, step)
 
     def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
         """See ``Mechanics``."""
-        forces = NodalForces(model.statement, model.tagged, y.function_space)
         supports = [entry.place if entry.holds_at(step) else None for entry in model.statement.displacement]
         names = [effect.where for _, effect in model.statement.listed()]
-        return ActingForces(balance_of(forces, y, step), supports, loads_of(forces, y, step), names)
+        return ActingForces(self.balance(model, y, step), supports, loads_of(NodalForces.on(model), y, step), names)
 
     def stated(self, model: Model) -> Model:
         """See ``Mechanics``: the body itself."""

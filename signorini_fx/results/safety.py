@@ -219,7 +219,7 @@ def _surfaces(model: Model, pressing: npt.NDArray[np.bool_]) -> tuple[dict[int, 
 
 def _loads(model: Model, step: float) -> list[npt.NDArray[np.float64]]:
     """The live and the other loads of a load step at the owned dofs, shape (owned dofs,) each."""
-    nodal, forces = NodalForces(model.statement, model.tagged, model.space), model.statement.of(Force)
+    nodal, forces = NodalForces.on(model), model.statement.of(Force)
     return [nodal.external(step, some=[load for load in forces if load.live is live]).ravel() for live in (True, False)]
 
 

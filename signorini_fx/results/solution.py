@@ -67,7 +67,7 @@ class StepResult:
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
         certificate: the check of the conditions of the step.
         deformation: how much the body is deformed.
-        strain_energy: a(y, y) / 2, an energy per thickness.
+        strain_energy: a(y, y) / 2, an energy per thickness; None of a nonlinear body.
         linear_solves: linear solves of the step.
         tools: how rigid bodies have moved.
         reason: why there is no solution; None: it is not known, or told by ``check``.
@@ -82,7 +82,7 @@ class StepResult:
     contact: ContactState | None
     certificate: Certificate
     deformation: Deformation
-    strain_energy: float
+    strain_energy: float | None
     linear_solves: int
     tools: tuple[RigidBodyMotion, ...] = ()
     reason: Finding | None = None
@@ -247,11 +247,6 @@ class Solution:
         return *(() if law is None else law.findings), *self.found()
 
     @property
-    def has_stress(self) -> bool:
-        """Whether its stresses are known."""
-        return self.mechanics.has_stress
-
-    @property
     def last_step(self) -> StepResult:
         """The load step that the results are of: the last one with a solution, or the first one if it has none."""
         return self.shown_steps[-1]
@@ -331,7 +326,7 @@ class Solution:
         """The parts of the boundary with contact, for second opinions."""
         return self.mechanics.sides(self.model, self.displacement)
 
-    @cached_property
+    @property
     def stress(self) -> RawStresses:
         """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
         with load steps, of the last one; collective.
@@ -339,6 +334,17 @@ class Solution:
         Raises:
             RuntimeError: it is that of forms whose stress is not known.
         """
+        if isinstance(self._stress, str):
+            raise RuntimeError(self._stress)
+        return self._stress
+
+    @property
+    def known_stress(self) -> RawStresses | None:
+        """The same; None: it is not known; collective."""
+        return None if isinstance(self._stress, str) else self._stress
+
+    @cached_property
+    def _stress(self) -> RawStresses | str:
         return self.mechanics.stress(self.model, self.displacement, self._position, self.shared)
 
     @cached_property
@@ -384,9 +390,14 @@ class Solution:
         """Whether this is the only solution on its mesh; None without contact, of a nonlinear body, or if it is none;
         collective.
         """
-        if self.contact is None or not self.certified or not self.mechanics.linear:
+        if self._proved_contact is None:
             return None
-        return add_on("uniqueness")(self.model, self.contact, place=self._position)
+        return add_on("uniqueness")(self.model, self._proved_contact, place=self._position)
+
+    @property
+    def _proved_contact(self) -> ContactState | None:
+        """The contact that proofs about the matrix are of; None of a nonlinear body, or if this is no solution."""
+        return self.contact if self.certified and self.last_step.strain_energy is not None else None
 
     @cached_property
     def stated_body(self) -> Model | str:
@@ -410,9 +421,9 @@ class Solution:
         """The proved distance from the solution with Coulomb friction on the same mesh; None without this friction, of
         a nonlinear body, or if this is no solution; collective.
         """
-        if self.contact is None or not self.certified or not self.statement.has_coulomb or not self.mechanics.linear:
+        if not self.statement.has_coulomb or self._proved_contact is None:
             return None
-        return add_on("fixed_point")(self.model, self.contact, self._position)
+        return add_on("fixed_point")(self.model, self._proved_contact, self._position)
 
     @cached_property
     def cost(self) -> CostOfAccuracy | str:
@@ -425,16 +436,16 @@ class Solution:
         if self.price_list:
             asked = None if self.statement.accuracy is None else self.statement.accuracy.of
             return from_prices(self.price_list, dimension, degree, iterative_from, asked)
-        if not self.mechanics.linear:
+        if self.last_step.strain_energy is None:
             return NO_ESTIMATE
-        if not self.has_stress:
+        if (stress := self.known_stress) is None:
             return "forms alone have no error estimate: give stress="
-        if not (error := self.stress.error):
+        if not (error := stress.error):
             return "there is no stress, or no error of it"
         seconds = parallel.largest_timings(self.comm, self.timings.total)
         return from_one_mesh(
             error,
-            crowded_share(self.comm, self.stress.squares),
+            crowded_share(self.comm, stress.squares),
             degree=degree,
             dofs=model.dofs,
             dimension=dimension,

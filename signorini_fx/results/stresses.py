@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,6 @@ from signorini_fx.mechanics.body.moduli import of_materials
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Inventory
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.singularities import why_no_limit
 
@@ -299,8 +298,17 @@ class Stresses(RawStresses):
     model: Model = field(kw_only=True)
 
     @classmethod
-    def of(cls, model: Model, displacement: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
-        """Those of a displacement; ``shared``: where what projects is kept for other load steps."""
+    def of(
+        cls,
+        model: Model,
+        displacement: fem.Function,
+        step: float,
+        shared: dict[str, StressRecovery],
+        energy: Callable[[], float],
+    ) -> Stresses:
+        """Those of a displacement; ``shared``: where what projects is kept for other load steps; for ``energy`` see
+        ``RawStresses``.
+        """
 
         def recovery() -> StressRecovery:
             """What it compiles is not among the forms of the solve."""
@@ -308,7 +316,6 @@ class Stresses(RawStresses):
                 shared["recovery"] = StressRecovery.of(model, Inventory())
             return shared["recovery"]
 
-        energy = partial(NodalForces(model.statement, model.tagged, model.space).stored, displacement, step)
         return cls(element_stress(model, displacement, step), recovery, energy, step, model=model)
 
     def utilisation(self) -> dict[str, Any] | None:

@@ -45,7 +45,7 @@ def summary_of(solution: Solution) -> dict[str, Any]:
         "parameters": {k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()},
         "iterations": sum(record.iteration > 0 for record in history.iterations),
         "linear_solves": solves,
-        "factorisations": factorised if recorded or not solution.mechanics.linear else min(1, solves),
+        "factorisations": min(1, solves) if solution.algorithm == "linear" else factorised,
         "outer_iterations": len(history.outer),
         "events": history.events,
         "dimension": solution.model.tagged.dimension,

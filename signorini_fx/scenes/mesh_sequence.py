@@ -72,7 +72,7 @@ def _solved(
 
     def estimate(step: LoadStep) -> None:
         model, outcome, result = step.body.model, step.outcome, step.result
-        if result.contact is None:
+        if result.contact is None or result.strain_energy is None:
             return
         table = contact_table(result.contact, *model.statement.sides)
         displacement, compliance = model.function(outcome.displacement()), compliance_of(outcome, comm)

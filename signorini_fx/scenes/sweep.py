@@ -75,7 +75,6 @@ class SweepPoint:
     _law: Law
     _model: Model
     _load: float
-    _evaluation: NodalForces
     _of_body: Callable[[], tuple[fem.Function, tuple[RigidBodyMotion, ...]]]
 
     def __repr__(self) -> str:
@@ -116,7 +115,7 @@ class SweepPoint:
             scale=self._load,
             pairs=model.pairs,
             rigid=rigid,
-            like=self._evaluation,
+            like=NodalForces.on(model),
         )
 
 
@@ -196,7 +195,6 @@ class _Body:
         task: its contact problem.
         begin: where the next value starts.
         state: the contact points of the last value that has a solution; None: there is none so far.
-        evaluation: what evaluates the certificates.
     """
 
     scene: Scene
@@ -205,7 +203,6 @@ class _Body:
     task: Task
     begin: Start
     state: ContactState | None
-    evaluation: NodalForces
 
     def solved(self, outcome: Outcome, state: ContactState) -> _Body:
         """The same after a solution."""
@@ -259,11 +256,7 @@ def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History,
     begin = _begun(task, model, coarser, state)
     if last is not None and model.boundary is not None:
         begin = task.start.begin_from(*carry_over(last, model.boundary))
-    stays = earlier is not None and earlier.model.space is model.space
-    evaluation = (
-        earlier.evaluation if earlier is not None and stays else NodalForces(model.statement, model.tagged, model.space)
-    )
-    return _Body(scene, tagged, model, task, begin, last, evaluation)
+    return _Body(scene, tagged, model, task, begin, last)
 
 
 def _same_mesh(scene: Scene, compared: Scene) -> bool:
@@ -391,7 +384,6 @@ def _solved(value: Any, body: _Body, parameter: _Value, history: History) -> tup
         promised,
         model,
         load,
-        body.evaluation,
         partial(_of_body, model, task, outcome.newton.x.copy(), load, contact),
     )
     return point, body.solved(outcome, contact) if outcome.status is Status.CONVERGED else body

@@ -18,7 +18,6 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.discretisation import moved_since, placed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Timings
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.promised_law import PreviousStep
 from signorini_fx.results.mechanics import StatedMechanics
 from signorini_fx.results.solution import StepResult
@@ -72,8 +71,7 @@ def stated_body(model: Model, timings: Timings, renew: Callable[[Model], Task]) 
         timings: of the mesh.
         renew: makes the contact problem of a model whose foundations have moved.
     """
-    mechanics = StatedMechanics(NodalForces(model.statement, model.tagged, model.space))
-    return SteppedBody(model, model.statement.path, timings, StatedPlaces(renew), mechanics)
+    return SteppedBody(model, model.statement.path, timings, StatedPlaces(renew), StatedMechanics())
 
 
 def on_moved_foundations(

@@ -147,7 +147,8 @@ def contact_solution(
     """
     (outcome, data), shown, values = ended, _shown(steps), None
     parameters = {} if shown.contact is None else used_parameters(outcome, data, shown.strain_energy)
-    if shown.contact is not None and not task.has_coulomb and data.yielding is None:
+    known = shown.strain_energy is not None and not task.has_coulomb and data.yielding is None
+    if shown.contact is not None and known:
         values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
     return Solution(
         status=steps[-1].status,
@@ -259,10 +260,10 @@ def contact_task(
     return replace(task, start=start)
 
 
-def used_parameters(outcome: Outcome, data: RegularisedData, energy: float) -> dict[str, float]:
-    """The parameters of the regularisation for the summary."""
+def used_parameters(outcome: Outcome, data: RegularisedData, energy: float | None) -> dict[str, float]:
+    """The parameters of the regularisation for the summary; its error is relative to ``energy``."""
     parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
-    if outcome.regularisation_error is not None:
+    if outcome.regularisation_error is not None and energy is not None:
         size = np.sqrt(2 * energy)
         parameters["regularisation_error"] = outcome.regularisation_error / size if size > 0 else 0.0
     return parameters

@@ -9,7 +9,6 @@ from scenes import alone
 
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.sweep import sweep
 
@@ -213,8 +212,8 @@ def test_other_moduli_keep_all_but_the_stiffness(name):
     points = sweep(squeezed(further), MPI.COMM_SELF, path=path, values=values)
     for point, wanted in zip(points, (alone(squeezed(further, path, value)) for value in values), strict=True):
         assert point.certificate().holds
-        evaluated_anew = NodalForces(point._statement, point._model.tagged, point._model.space)
-        assert point.certificate() == replace(point, _evaluation=evaluated_anew).certificate()
+        evaluated_anew = replace(point, _model=replace(point._model, of_mesh={}))
+        assert point.certificate() == evaluated_anew.certificate()
         assert (wanted.contact.pressure > 0).any()
         owned = wanted.displacement.x.array
         np.testing.assert_allclose(point.displacement().x.array, owned, rtol=0, atol=1e-9 * np.abs(owned).max())

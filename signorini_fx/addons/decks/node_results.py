@@ -97,7 +97,7 @@ def _by_node(moment: Solution) -> Floats:
     balance, forces = moment.resultants.acting.balance, moment.resultants.at_nodes()
     reactions = balance.internal - (balance.external + balance.initial)
     if links := [effect for effect in moment.statement.of(Resistance) if effect.nodal]:
-        nodal = NodalForces(moment.statement, moment.model.tagged, space)
+        nodal = NodalForces.on(moment.model)
         forces = forces - nodal.resisted(moment.displacement.x.array.reshape(-1, dim), links)
     y = moment.displacement.x.array.reshape(-1, dim)[:owned]
     return np.asarray(parallel.rows_on_root(moment.comm, np.column_stack((y, forces, reactions))))

@@ -22,11 +22,12 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
     """
     if solution.history.linear_solves == 0 and not solution.certified:
         return _of_setup(solution, pdf=pdf)
-    usual: tuple[str, ...] = ("von_mises",) if solution.has_stress else ("displacement",)
+    stress = solution.known_stress
+    usual: tuple[str, ...] = ("displacement",) if stress is None else ("von_mises",)
     usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
-    unknown = [name for name in asked if FIELDS[name].of_stress and not solution.has_stress]
+    unknown = [name for name in asked if FIELDS[name].of_stress and stress is None]
     reason = "the stress of this body is not known"
-    if solution.has_stress and "density" in asked and solution.stress.stress.shear_modulus is None:
+    if stress is not None and "density" in asked and stress.stress.shear_modulus is None:
         unknown, reason = ["density"], "its shear energy is known of linear isotropic bodies alone"
     if unknown and solution.comm.rank == 0:
         say(f"not drawn, as {reason}: {', '.join(unknown)}")
@@ -41,7 +42,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         () if gather is None else _moments(solution, gather),
         as_rows(solution.history.iterations),
         as_rows(solution.price_list),
-        _volume(solution) if dimension == 3 and gather is not None and solution.has_stress else None,
+        _volume(solution) if dimension == 3 and gather is not None and stress is not None else None,
         solution.statement.unit_names(dimension),
         {contacts[part].boundary: motion.at for motion in solution.last_step.tools for part in motion.body.parts},
         drawn_shapes(solution) if gather is not None else {},
@@ -91,7 +92,7 @@ def _gatherer(solution: Solution) -> Callable[..., DrawnBody] | None:
 def _moments(solution: Solution, gather: Callable[..., DrawnBody]) -> list[Moment]:
     """The body at the load steps that an animation of the stress shows, none if there is only one; collective."""
     steps = solution.shown_steps
-    if len(steps) < 2 or not solution.has_stress:
+    if len(steps) < 2 or solution.known_stress is None:
         return []
     from signorini_fx.addons.pictures.moving_body import shown
 

@@ -70,7 +70,7 @@ def recovered_fields(solution: Solution, fields: Sequence[str]) -> dict[str, fem
         By name, with ``stress`` for those that need the tensor; None where nothing can be recovered: of nonlinear
         materials, and from a solution that is not finite.
     """
-    if solution.has_stress and not solution.stress.recovers:
+    if (stress := solution.known_stress) is not None and not stress.recovers:
         return None
     if parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all()):
         return None
@@ -115,8 +115,8 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
     model = solution.model
     mesh = model.tagged.mesh
     values: dict[str, Floats] = {}
-    if solution.has_stress:
-        stress = solution.stress.stress
+    if (stresses := solution.known_stress) is not None:
+        stress = stresses.stress
         deviator = ufl.dev(stress.in_space)
         square, mu = ufl.inner(deviator, deviator), stress.shear_modulus
         # The density has the gray tones of Figures 2 and 6 of the paper.

@@ -117,7 +117,8 @@ def run(
 def figures_of(solution: Solution) -> dict[str, Any]:
     """The row of a solution, with no figure without one; collective."""
     # That of a nonlinear body nobody knows.
-    figures = {"strain_energy": solution.last_step.strain_energy if solution.mechanics.linear else float("nan")}
+    energy = solution.last_step.strain_energy
+    figures = {"strain_energy": float("nan") if energy is None else energy}
     if solution.contact is not None:
         columns = solution.table.columns
         touching = columns["state"] != "open"

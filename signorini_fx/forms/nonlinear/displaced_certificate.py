@@ -66,25 +66,17 @@ class ResidualMechanics(Mechanics):
     steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
     displaced: bool = True
     stresses: Callable[[Model, Sequence[fem.Function]], RawStresses] | None = None
-    linear: bool = False
 
     def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
         """See ``Mechanics``."""
         return list(self._at(y).contact_sides)
 
-    @property
-    def has_stress(self) -> bool:
+    def stress(
+        self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]
+    ) -> RawStresses | str:
         """See ``Mechanics``: of the materials of a scene."""
-        return self.stresses is not None
-
-    def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
-        """See ``Mechanics``.
-
-        Raises:
-            RuntimeError: the residual alone knows it.
-        """
         if self.stresses is None:
-            raise RuntimeError("only the residual knows the stresses of a nonlinear body: evaluate its own expression")
+            return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
         path = [displacement for displacement, _ in self.steps]
         last = next((number for number, displacement in enumerate(path) if displacement is y), None)
         return self.stresses(model, [y] if last is None else path[: last + 1])

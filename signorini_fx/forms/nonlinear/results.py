@@ -109,15 +109,11 @@ class SolvedBody:
         (status, found), (history, timings) = ended, spent
         outcome = self.outcome, self.outcome.problem.data
         solution = contact_solution(model, tuple(steps) or (self.step,), self.task, outcome, timings, lambda: found)
-        parameters = dict(solution.parameters)
-        parameters.pop("regularisation_error", None)  # it is relative to a strain energy, which nobody knows
         return replace(
             solution,
             status=status,
             algorithm=f"newton, {solution.algorithm}",
-            functionals=None,
             history=history,
-            parameters=parameters,
             mechanics=self.mechanics,
         )
 

@@ -91,6 +91,7 @@ class ElasticBody:
         of_body: results that depend on everything above but ``boundary``, such as the stiffness; they are kept for
             another boundary, unless unknowns are along its normals.
         of_contact: results that depend on ``boundary``, too.
+        of_mesh: results that depend on the mesh and ``space`` alone, which no copy changes.
     """
 
     space: fem.FunctionSpace
@@ -114,6 +115,7 @@ class ElasticBody:
     far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    of_mesh: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """A copy with another boundary begins anew with what is computed of it."""

@@ -31,7 +31,7 @@ class StrainEnergy(Quantity):
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
-        return solution.last_step.strain_energy if solution.mechanics.linear else None
+        return solution.last_step.strain_energy
 
     def error(self, summary: Summary) -> float | None:
         """See ``Quantity``: the square of that in the energy norm."""

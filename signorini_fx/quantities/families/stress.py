@@ -60,7 +60,8 @@ class Stress(Quantity):
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
-        return solution.stress.as_dict() if solution.has_stress else None
+        stress = solution.known_stress
+        return None if stress is None else stress.as_dict()
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
         """See ``Quantity``: the largest value with the digits that raw and recovered stress both have; or why it has no
@@ -107,7 +108,8 @@ class PlasticStrain(Quantity):
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
-        return solution.stress.plastic_extreme() if solution.has_stress else None
+        stress = solution.known_stress
+        return None if stress is None else stress.plastic_extreme()
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
         """See ``Quantity``."""
@@ -130,7 +132,8 @@ class Utilisation(Quantity):
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
-        return solution.stress.utilisation() if solution.has_stress else None
+        stress = solution.known_stress
+        return None if stress is None else stress.utilisation()
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
         """See ``Quantity``."""

@@ -42,7 +42,7 @@ from signorini_fx.results.certificate.equilibrium import (
     equilibrium,
     share,
 )
-from signorini_fx.results.certificate.nodal_forces import NodalForces, left_over
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.promised_law import UNREGULARISED, Law, PreviousStep, Tractions, overclosures_of
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import ABOVE_THE_MEAN, FAINT, LOST_UNITS, NO_FORCE
@@ -83,7 +83,8 @@ class Certificate:
         complementarity: largest |lambda (tau_N y - d)|.
         stick_slip: largest slip where the shear is below its bound; |mu| / gamma by the regularisation.
         law: the contact law that was used for the check.
-        strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without initial ones.
+        strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without initial ones; None
+            where forces are not linear in y.
         potential_energy: the same, and that of what resists the displacement, without the work of the loads.
         unjudged: pieces of the mesh with loads that are round-off of the largest forces, of which nothing is known.
         lost: the residual of equilibrium that round-off of the forces may hide, see ``ForcesLeft``.
@@ -105,7 +106,7 @@ class Certificate:
     complementarity: float = 0.0
     stick_slip: float = 0.0
     law: Law = UNREGULARISED
-    strain_energy: float = 0.0
+    strain_energy: float | None = 0.0
     potential_energy: float = 0.0
     unjudged: tuple[int, ...] = ()
     lost: float = 0.0
@@ -188,13 +189,15 @@ def certify(
 def balance_of(forces: NodalForces, displacement: fem.Function, step: float, scale: float = 1.0) -> Balance:
     """The forces on a body without contact at a place in the lists of factors, for the arguments see ``certify``;
     collective.
+
+    They are evaluated anew, and the last ones are kept for results, see ``evaluated_balance``.
     """
     statement, tagged = forces.statement, forces.tagged
     nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
     scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
     pressed = forces.volume.pressed  # then forces are not those of a change of volume
     stiffest = replace(scales, modulus=max(material.stiffest(pressed=pressed) for material in statement.material))
-    return Balance(
+    balance = Balance(
         forces,
         forces.internal(displacement),
         forces.external(step, scale),
@@ -206,6 +209,22 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float, sca
         dilation=forces.volume.dilation(forces, displacement, step, scale),
         lost=forces.lost_in_links(nodal_displacements),
     )
+    values = {name: value for name, value in vars(balance).items() if name != "surface"}  # which would be a circle
+    of = {"displacement": displacement, "y": displacement.x.array.copy(), "at": (step, scale)}
+    forces.latest.update(of, statement=statement, values=values)
+    return balance
+
+
+def evaluated_balance(forces: NodalForces, displacement: fem.Function, step: float) -> Balance:
+    """The same for results: what the certificate has evaluated where it was the last to do so for this displacement and
+    place; collective.
+    """
+    of = {"displacement": displacement, "statement": forces.statement}
+    known = all(forces.latest.get(name) is value for name, value in of.items()) and forces.latest["at"] == (step, 1.0)
+    known = known and np.array_equal(forces.latest["y"], displacement.x.array)
+    if parallel.any_rank(displacement.function_space.mesh.comm, not known):
+        return balance_of(forces, displacement, step)
+    return Balance(forces, **forces.latest["values"])
 
 
 def _faint_forces(
@@ -259,11 +278,9 @@ def judged(
     nodal_displacements = displacement.x.array.reshape(-1, dim)
     y, x = nodal_displacements[: forces.owned], forces.at_nodes[: forces.owned, :dim]
     pieces = forces.pieces
-    works = pieces.works(
-        *(force * y for force in (balance.internal, balance.resisted, balance.external, balance.initial))
-    )
-    energy, stored, work, expanding = map(float, works.sum(axis=0))
-    strain_energy = max(0.0, left_over(half := energy / 2, balance.prevented - expanding))
+    works = balance.works(y)
+    energy, stored, work, _ = map(float, works.sum(axis=0))
+    half, strain_energy = energy / 2, balance.strain_energy(works)
     strained = max(half, strain_energy if balance.dilation is not None else 0.0)  # or its pressure takes of it
     scales, stiffest = balance.of_pieces(pieces)
     # Of the initial strains it is not known which piece they strain.
@@ -277,7 +294,7 @@ def judged(
         "supports": share(comm, supports.missed(y), length[supports.among(pieces.piece)]),
         "displacement": float(far.max()) / balance.scales.size,
         "law": law,
-        "strain_energy": strain_energy,
+        "strain_energy": None if balance.with_loads else strain_energy,
         "potential_energy": strain_energy + stored / 2 - work,
     }
     volume = change_of_volume(balance, float(far.max()), strained)

@@ -16,7 +16,7 @@ from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.results.certificate.rigid_part import RigidPart
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
-from signorini_fx.tuned import FAINT, LOST_UNITS, NO_FORCE
+from signorini_fx.tuned import FAINT, LOST_UNITS, NO_FORCE, ZERO_SUM
 
 Nodal = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -56,6 +56,22 @@ class Balance:
     lost: Nodal | None = None
     with_loads: bool = False
     displaced: bool = False
+
+    def works(self, y: Nodal) -> Nodal:
+        """What internal, resisting, external and initial forces do on displacements of the owned nodes, shape (n, d):
+        an energy for each piece, shape (pieces, 4); collective.
+        """
+        parts = self.internal, self.resisted, self.external, self.initial
+        return self.surface.pieces.works(*(force * y for force in parts))
+
+    def strain_energy(self, works: Nodal) -> float:
+        """The energy of the stress from ``works``: that of the strains, and what initial ones take of it; round-off is
+        none.
+        """
+        internal, _, _, expanding = map(float, works.sum(axis=0))
+        prevented = self.prevented - expanding
+        energy = internal / 2 + prevented
+        return max(0.0, energy if energy > ZERO_SUM * abs(internal / 2) or prevented == 0.0 else 0.0)
 
     def reaction_stress(self, pieces: RigidPart) -> Nodal:
         """The stress that the supports of each piece feel, over its surface, where ``internal`` has the loads: their

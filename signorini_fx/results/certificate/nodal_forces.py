@@ -27,6 +27,7 @@ from signorini_fx.mechanics.body.load_vectors import FormCoefficients, compile_l
 from signorini_fx.mechanics.body.moduli import reduced_degree
 from signorini_fx.mechanics.body.quadrature import strain_degree
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Points, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.mechanics.statement.nodal_table import NodalTable
@@ -35,7 +36,7 @@ from signorini_fx.records import Inventory
 from signorini_fx.results.certificate.cut_entities import cut_rules
 from signorini_fx.results.certificate.quadrature_points import QuadraturePoints
 from signorini_fx.results.certificate.surface_quadrature import QuadratureFacets, SurfaceQuadrature
-from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
+from signorini_fx.tuned import SAME_DIRECTION
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -55,6 +56,9 @@ class NodalForces(SurfaceQuadrature):
         tagged: its mesh.
         space: the vector Lagrange space of the displacement.
         cells: those that count in what is integrated over the body, ascending; None: all.
+
+    Attributes:
+        latest: what the last certificate has evaluated, see ``balance_of``; empty: there is none.
     """
 
     def __init__(
@@ -66,10 +70,21 @@ class NodalForces(SurfaceQuadrature):
         self.kinematics = statement.kinematics_in(tagged.dimension)
         owned = int(space.mesh.topology.index_map(self.across).size_local)
         self.volume = volume_forces(statement)
+        self.latest: dict[str, Any] = {}
         self._owned_cells = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
+
+    @classmethod
+    def on(cls, model: Model) -> NodalForces:
+        """Those of a model, which is asked for them by all that evaluate forces anew."""
+        if "nodal_forces" not in model.of_mesh:
+            model.of_mesh["nodal_forces"] = cls(model.statement, model.tagged, model.space)
+        shared: NodalForces = model.of_mesh["nodal_forces"]
+        return shared.of(model.statement)
 
     def of(self, statement: Statement) -> NodalForces:
         """Those of another statement on the same mesh, whose nodes, pieces and areas are not computed again."""
+        if statement is self.statement:
+            return self
         other = copy(self)
         vars(other).pop("degree", None)
         other.statement, other.volume = statement, volume_forces(statement)
@@ -173,14 +188,6 @@ class NodalForces(SurfaceQuadrature):
         """The energy of the strains, per thickness."""
         y = displacement.x.array.reshape(-1, self.dimension)[: self.owned]
         return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(displacement) * y))) / 2
-
-    def stored(self, displacement: fem.Function, step: float) -> float:
-        """The energy of the stress, which is that of the strains without the initial ones, per thickness."""
-        y = displacement.x.array.reshape(-1, self.dimension)
-        forces, energy = self.initial(step, displacement=displacement)
-        strained = self.strain_energy(displacement)
-        work = float(parallel.global_sum(self.tagged.mesh.comm, np.sum(forces * y[: self.owned])))
-        return left_over(strained, energy - work)
 
     def external(self, step: float, scale: float = 1.0, some: Sequence[Force] | None = None) -> Array:
         """The forces in L of a load step times ``scale``, all or some, shape (owned nodes, d); initial strains have
@@ -462,12 +469,6 @@ class NodalForces(SurfaceQuadrature):
         _, (form,) = compile_loads([load], on, ufl.TestFunction(self.space))
         on.move_to(step)
         return assemble(form).reshape(-1, self.dimension)
-
-
-def left_over(strained: float, initial: float) -> float:
-    """The energy of the stress from that of the strains and what initial strains take of it; round-off is none."""
-    energy = strained + initial
-    return energy if energy > ZERO_SUM * abs(strained) or initial == 0.0 else 0.0
 
 
 def _products(a: Array, b: Array) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import basix
@@ -16,6 +15,7 @@ from dolfinx import fem
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body import forms
 from signorini_fx.mechanics.body.assembly import adjugates, facet_entities, node_positions, over_ranks
+from signorini_fx.mechanics.body.shared_cache import shared_in
 from signorini_fx.results.certificate.rigid_part import RigidPart
 from signorini_fx.tuned import ZERO_SUM
 
@@ -84,13 +84,14 @@ class SurfaceQuadrature:
         self.cell_nodes = space.dofmap.list
         self._x = mesh.geometry.x[:, : self.across]
         self._moments: dict[str, Array] = {}
+        self._of_mesh: dict[str, Any] = {}
 
-    @cached_property
+    @shared_in("_of_mesh")
     def at_nodes(self) -> Array:
         """Positions of the nodes of this rank, length, shape (nodes, 3)."""
         return node_positions(self.space)
 
-    @cached_property
+    @shared_in("_of_mesh")
     def pieces(self) -> RigidPart:
         """The pieces of the mesh."""
         return RigidPart(self.space, self.at_nodes[: self.owned, : self.dimension])
