@@ -203,6 +203,8 @@ class _Programme:
         newton = self._newton
         at = self._on_a_soft_foundation(softest, exact=False)
         first = 0.0 if at is None else self._product(at)
+        if at is not None and first == 0.0:  # no point presses: there is nothing to reduce
+            return natural_sets(*self._problem.system.contact.traces(newton.x), self._data)
         settled = max(1.0, SETTLED_POINTS * self._number(self._points.everywhere))
         undecided_points = UNDECIDED_POINTS * self._number(self._points.everywhere)
         closed, slip = (np.zeros_like(self._one_sided) for _ in range(2))
