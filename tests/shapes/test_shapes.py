@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from itertools import combinations
 from pathlib import Path
 from runpy import run_path
 
@@ -14,6 +15,7 @@ from dolfinx.mesh import CellType
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, solve
+from signorini_fx.mechanics.statement.crossing_pieces import crossing_pieces
 from signorini_fx.mechanics.statement.rigid_shape import distance_from, names, read_shape, shape_class
 from signorini_fx.scenes.check_text import render
 from signorini_fx.scenes.checks import check_scene
@@ -463,6 +465,15 @@ def test_a_scene():
         (GROUND | {"rotation": (0, 0, 1)}, "foundation.rotation: the mesh is plane: give an angle"),
         ({"shape": "polyline", "points": ((0, 0), (0, 0))}, "points: numbers 1 and 2 are the same"),
         ({"shape": "polyline", "points": ((0, 0), (1, 0), (0, 0))}, "points: a closed line needs three"),
+        ({"shape": "polyline", "points": ((0, 0), (1, 0), (2, 0), (1, 0), (0, 0))}, "must enclose an area"),
+        (
+            {"shape": "polyline", "points": ((9, 0), (6, 0), (4, -2), (6, -2), (4, 0), (-9, 0))},
+            "points: of its pieces that between points 2 and 3 crosses that between points 4 and 5",
+        ),
+        (
+            {"shape": "spline", "points": ((9, 0), (6, 0), (3, -3), (5, -6), (7, -3), (4, 0), (-9, 0))},
+            "points: between points 2 and 3 it crosses what is between points 5 and 6",
+        ),
         ({"shape": "edge", "point": (0, 0), "normals": ((0, 1), (0, 2))}, "normals: they are parallel"),
         ({"shape": "cone", "tip": (0, 0), "axis": (0, 1), "angle": 90}, "foundation.angle: must be less than 90"),
         ({"shape": "surface", "file": "no.stl"}, "foundation.file: no.stl: no such file"),
@@ -475,6 +486,35 @@ def test_bad_values(shape, message):
     assert message in str(error.value)
     assert not str(error.value).endswith("there are: ")
     assert len(error.value.problems) == 1 + ("center" in str(shape))
+
+
+def test_lines_that_cross_themselves():
+    """The first pieces that cross are those that comparing all with all finds; corners that touch do not cross."""
+    drawn = np.random.default_rng(0)
+
+    def side(start, end, point):
+        return np.sign(np.linalg.det([end - start, point - start]))
+
+    def compared(line):
+        for first, second in combinations(range(len(line) - 1), 2):
+            (a, b), (c, d) = line[first : first + 2], line[second : second + 2]
+            if side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0:
+                return first, second
+        return None
+
+    crossed = 0
+    for number in range(120):
+        line = drawn.standard_normal((drawn.integers(3, 12), 2))
+        if number % 2:
+            line = np.cumsum(line + [0.8, 0.0], axis=0)
+        if number % 3 == 0:
+            line = np.vstack((line, line[:1]))
+        assert crossing_pieces(line) == compared(line)
+        crossed += compared(line) is not None
+    assert 20 < crossed < 100
+    through_a_corner = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 0.0), (1.0, -1.0)])
+    assert crossing_pieces(through_a_corner) == (0, 2)
+    assert crossing_pieces(np.vstack((through_a_corner[:4], [(0.0, 1.0)]))) is None
 
 
 def test_bad_combinations():

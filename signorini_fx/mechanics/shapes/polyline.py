@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from signorini_fx.mechanics.statement.crossing_pieces import crossing_pieces
 from signorini_fx.mechanics.statement.rigid_shape import Array, Shape
 from signorini_fx.mechanics.statement.values import Finite
 from signorini_fx.tuned import SAME_LENGTH
@@ -40,6 +41,8 @@ class LineShape(Shape):
             raise ValueError(f"points: numbers {still[0] + 1} and {still[0] + 2} are the same")
         if self.closed and len(x) < 4:
             raise ValueError("points: a closed line needs three, and the first one again")
+        if self.closed and self._area == 0:
+            raise ValueError("points: a closed line must enclose an area")
         return self
 
     @property
@@ -52,10 +55,13 @@ class LineShape(Shape):
         """See ``Shape``: of a closed line its area over its perimeter, which no inradius is below."""
         if self.hollow or not self.closed:
             return np.inf
-        x = np.array(self.points)
-        x = x - x[0]
-        area = abs(float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1])) / 2
-        return area / float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+        return self._area / float(np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1).sum())
+
+    @property
+    def _area(self) -> float:
+        """Inside a closed line, length squared."""
+        x = np.array(self.points) - self.points[0]
+        return abs(float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1])) / 2
 
     @property
     def walked(self) -> Array:
@@ -73,6 +79,14 @@ class Polyline(LineShape):
     """
 
     shape: Literal["polyline"] = "polyline"
+
+    @model_validator(mode="after")
+    def _has_sides(self) -> Self:
+        if (crossed := crossing_pieces(np.array(self.points))) is not None:
+            first, second = (f"points {number + 1} and {number + 2}" for number in crossed)
+            reason = f"that between {first} crosses that between {second}: the body has no side of such a line"
+            raise ValueError(f"points: of its pieces {reason}; leave the loop out")
+        return self
 
     def initial(self, x: Array) -> tuple[Array, Array]:
         """See ``Shape``."""

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from signorini_fx.mechanics.shapes.polyline import LineShape, NearestPiece
+from signorini_fx.mechanics.statement.crossing_pieces import crossing_pieces
 from signorini_fx.mechanics.statement.rigid_shape import Array
 from signorini_fx.tuned import LAST_STEP_ON_SPLINE, STEPS_ON_SPLINE
 
 # Pieces between two points to begin with, and pieces to each side of the closest of them that are searched.
 _BETWEEN, _AROUND = 16, 4
+# Every which of these pieces' corners the line has that must not cross itself.
+_COARSER = 4
 
 
 class Spline(LineShape):
@@ -23,14 +27,30 @@ class Spline(LineShape):
 
     shape: Literal["spline"] = "spline"
 
-    def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``: Newton's method for the closest point, from that of a line of many pieces."""
+    @model_validator(mode="after")
+    def _has_sides(self) -> Self:
+        curve, fine = self._curve_through(np.array(self.points))
+        corners = curve(fine[::_COARSER])
+        if self.closed:
+            corners[-1] = corners[0]
+        if (crossed := crossing_pieces(corners)) is not None:
+            numbers = [piece * _COARSER // _BETWEEN + 1 for piece in crossed]
+            first, second = (f"points {number} and {number + 1}" for number in numbers)
+            reason = f"between {first} it crosses what is between {second}: the body has no side of such a line"
+            raise ValueError(f"points: {reason}; leave the loop out")
+        return self
+
+    def _curve_through(self, points: Array) -> tuple[Any, Array]:
+        """The curve, and places along it at which a line of many pieces has its corners, shape (c,)."""
         from scipy.interpolate import CubicSpline
 
-        walked = self.walked
-        at = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(walked, axis=0), axis=1))))
-        curve = CubicSpline(at, walked, bc_type="periodic" if self.closed else "natural")
-        fine = np.interp(np.arange(_BETWEEN * (at.size - 1) + 1) / _BETWEEN, np.arange(at.size), at)
+        at = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+        curve = CubicSpline(at, points, bc_type="periodic" if self.closed else "natural")
+        return curve, np.interp(np.arange(_BETWEEN * (at.size - 1) + 1) / _BETWEEN, np.arange(at.size), at)
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``: Newton's method for the closest point, from that of a line of many pieces."""
+        curve, fine = self._curve_through(self.walked)
         corners = curve(fine)
         chords = np.diff(corners, axis=0)
         length = np.linalg.norm(chords, axis=1)
