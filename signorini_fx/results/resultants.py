@@ -208,6 +208,27 @@ class Resultants:
         placed = np.array([side.claim is not None and side.claim.displaced for side in self.sides], dtype=bool)
         return boundary.centre + np.where(placed[boundary.part][:, None], 0.0, self._moved[boundary.nodes])
 
+    def _keeps_partners(self, part: int) -> bool:
+        """Whether the points of a contact act at partners that the displacement has moved away from them."""
+        claim = self.sides[part].claim
+        return self.acting.displaced and claim is not None and not claim.displaced
+
+    def _at_partners(self, boundary: str, parts: Sequence[int]) -> NodalForcesAt:
+        """What contacts do to the other body, at its nodes; collective."""
+        assert self.contact is not None
+        space, balance = self.displacement.function_space, self.acting.balance
+        points = ContactNodes.of(balance.surface, self.sides, Tractions.of(self.contact))
+        facets, owned = self.tagged.facets(boundary), balance.surface.owned
+        on_boundary = fem.locate_dofs_topological(space, self.tagged.mesh.topology.dim - 1, facets)
+        total = np.zeros_like(self._x)
+        for part in parts:
+            claim = self.sides[part].claim
+            assert claim is not None
+            nodes, forces, _ = claim.forces(points.traction[points.parts()[part]], owned)
+            inside = np.isin(nodes, on_boundary)
+            np.add.at(total, nodes[inside], -forces[inside])
+        return NodalForcesAt(self._x, total)
+
     @cached_property
     def _reactions(self) -> Array:
         """What the stresses in the body leave to the supports, shape (owned nodes, d); collective."""
@@ -236,7 +257,12 @@ class Resultants:
                 state = self.contact
                 on_boundary = np.isin(state.boundary.part, parts)
                 forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
-                by_cause["contact"] = NodalForcesAt(self._contact_points[on_boundary], forces[on_boundary])
+                kept = key == "against" and any(self._keeps_partners(part) for part in parts)
+                by_cause["contact"] = (
+                    self._at_partners(boundary, parts)
+                    if kept
+                    else NodalForcesAt(self._contact_points[on_boundary], forces[on_boundary])
+                )
                 if state.joint is not None:
                     forces = sign * state.boundary.nodal_forces(state.joint.pressure, np.zeros_like(state.shear))
                     label = next(iter(self.statement.joint_loads.values())).label

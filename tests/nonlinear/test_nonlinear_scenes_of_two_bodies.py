@@ -46,9 +46,13 @@ def test_blocks(contact):
     assert solution.contact.pressure == pytest.approx(-stress_of_block(0.8, 1), rel=1e-4)
 
 
-def test_forces_act_where_a_body_has_slid_to():
-    """What acts on each body balances with its moment about any point, after it has slid by its length."""
+@pytest.mark.parametrize("sliding", [True, "small"])
+def test_forces_act_where_a_body_has_slid_to(sliding):
+    """What acts on each body balances with its moment about any point, after it has slid by its length, or by a facet
+    with partners that it keeps: then the moments on both bodies differ, as a warning says.
+    """
     sizes = {"lower": (1.6, 0.4, 8), "upper": (0.6, 0.3, 4)}
+    way = 0.3 if sliding is True else 0.05
     meshes = {
         name: {"generator": "rectangle", "parameters": {"length": length, "height": height, "nx": count, "ny": 2}}
         for name, (length, height, count) in sizes.items()
@@ -61,21 +65,30 @@ def test_forces_act_where_a_body_has_slid_to():
         material=MODULI,
         displacement=[
             {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
-            {"boundary": "upper.top", "x": "0.3*(t - 1)", "y": -0.02},
+            {"boundary": "upper.top", "x": f"{way}*(t - 1)", "y": -0.02},
         ],
         contact={
             "boundary": "upper.bottom",
             "against": "lower.top",
             "friction": {"law": "coulomb", "coefficient": 0.3},
-        },
+        }
+        | ({} if sliding is True else {"sliding": sliding}),
         load_steps={"times": [1.0, 2.0, 3.0]},
     )
-    rows = {row.boundary: row for row in solve(scene, MPI.COMM_SELF).resultants.every()}
+    solution = solve(scene, MPI.COMM_SELF)
+    rows = {row.boundary: row for row in solution.resultants.every()}
     held = rows["upper.top"]
     for contact, support in (("upper.bottom", "upper.top"), ("lower.top", "lower.bottom")):
         assert rows[contact].force == pytest.approx(-rows[support].force, abs=1e-7 * abs(held.force[1]))
         assert rows[contact].moment == pytest.approx(-rows[support].moment, rel=1e-5)
-    assert 0.8 < rows["upper.bottom"].acts_at[0] < 1.4
+    if sliding is True:
+        assert 0.8 < rows["upper.bottom"].acts_at[0] < 1.4
+        return
+    (warning,) = [found.message for found in solution.findings if "keep their partners" in found.message]
+    told = float(warning.partition("differ by ")[2].partition(";")[0])
+    apart = abs(rows["upper.bottom"].moment + rows["lower.top"].moment)
+    assert apart > 0.1 * abs(rows["upper.bottom"].moment)
+    assert told == pytest.approx(apart, rel=0.05)
 
 
 def test_bonds():
