@@ -9,7 +9,7 @@ that no product of two functions is integrated: a wrong entry changes the produc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,6 +54,7 @@ class MortarIntegrals:
         ways: directions in which points see each other, at the nodes of the slave, shape (N, d).
         points: those of some facets of the slave, on this rank.
         hats: whether the functions of points are hats, not dual ones.
+        known: what ``tested`` has found last, by what was asked for.
     """
 
     sides: tuple[SideFacets, SideFacets]
@@ -61,6 +62,7 @@ class MortarIntegrals:
     ways: Array
     points: PartnerPoints
     hats: bool
+    known: dict[Any, TestedSides] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, claim: Claim, evaluation: SurfaceQuadrature, reach: float) -> MortarIntegrals:
@@ -139,6 +141,9 @@ class MortarIntegrals:
         """
         (slave, master), points = self.sides, self.points
         held = along_normals(self.normals[0], loose[0]), along_normals(self.normals[1], loose[1])
+        asked = (*(flags.tobytes() for flags in held), unable.tobytes())
+        if asked in self.known:
+            return self.known[asked]
         of_slave, of_master = slave.facets[points.facet], master.facets[points.over]
         still = held[0][of_slave].all(axis=1) & held[1][of_master].all(axis=1)
         moving = points.chosen(~still) if still.any() else points
@@ -150,7 +155,9 @@ class MortarIntegrals:
             seen = np.divide(of_free, sizes, out=np.ones_like(sizes), where=sizes > 0.0)
             share = np.where(held[0], np.clip(seen, 0.0, 1.0), 1.0)
         taken = carried_by_rings(self._tested(moving, sizes, unable, claim, share))
-        return TestedSides(held, moving, psi, sizes, taken)
+        self.known.clear()
+        self.known[asked] = TestedSides(held, moving, psi, sizes, taken)
+        return self.known[asked]
 
     def _tested(
         self, points: PartnerPoints, seen: Array, unable: Flags, claim: Claim, share: Array | None = None

@@ -40,7 +40,7 @@ Flags = npt.NDArray[np.bool_]
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(9)
 # Points along each side of a square, from which those of a triangle are made, for integrands of this degree on flat
 # triangles and parallelograms, and for rational ones.
-_ALONG, _RATIONAL = {2: 2, 4: 3}, 7
+_ALONG, _RATIONAL = {2: 2, 4: 3}, 6
 # How often what lies between two changes of sign is halved.
 _HALVED = 52
 # Steps of Newton's method to a place on a curved facet.
@@ -428,7 +428,11 @@ def _in_space(sides: tuple[SideFacets, SideFacets], ways: Array | None, reach: f
     row, over = np.zeros((2, 0), dtype=np.int64)
     if len(chosen):
         row, over = near_lines(middles[0], along, cKDTree(middles[1]), widths[0] + widths[1].max(), reach)
-    faces = np.einsum("md,md->m", parts.normal[row], others.normal[over]) < FACING_SIDES
+    away = middles[1][over] - middles[0][row]
+    away -= np.sum(away * along[row], axis=1)[:, None] * along[row]
+    near = np.sum(away**2, axis=1) <= (1 + SAME_LENGTH) * (widths[0][row] + widths[1][over]) ** 2
+    row, over = row[near], over[near]
+    faces = np.sum(parts.normal[row] * others.normal[over], axis=1) < FACING_SIDES
     row, over = row[faces], over[faces]
     rule = triangle_rule(_points_along(sides, (parts, others), row, over))
     first = np.eye(3)[np.abs(along).argmin(axis=1)]
