@@ -1,0 +1,181 @@
+"""Faults of a solver of linear pairs that its own map hides: the certificate evaluates the map anew and refuses them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.sliding_bodies import SlidingBodies, as_linear_bodies
+from two_bodies import grid
+
+from signorini_fx import ConvergenceError, Coulomb
+from signorini_fx.mechanics.body.paired_points import FacingSides
+from signorini_fx.mechanics.pairs import mortar_coupling
+from signorini_fx.results.certificate.partner_points import NodalFunctions
+
+DEPTH = 0.02
+
+
+def bodies(dim, kind, degree=1, **pair):
+    """A parabola that is driven into a block, and along it with friction; ``pair``: see ``Pair``."""
+    up, away = dim - 1, 1e-6
+
+    def height(x):
+        return 0.1 * np.sum(x[:up] ** 2, axis=0)
+
+    def bent(x):
+        return np.column_stack((x[:, :up], x[:, up] + height(x.T) * (0.3 - x[:, up]) / 0.3))
+
+    meshes = (
+        grid(kind, (*[6] * up, 3), [*[-0.75] * up, -1.0], [*[0.75] * up, 0.0]),
+        grid(kind, (*[7 - 2 * (dim - 2)] * up, 1), [*[-0.5] * up, away], [*[0.5] * up, 0.3], bent),
+    )
+    touching = [lambda x: np.isclose(x[up], 0.0), lambda x: x[up] <= height(x) + 2 * away]
+    held = [lambda x: np.isclose(x[up], -1.0), lambda x: np.isclose(x[up], 0.3)]
+    pair = pair or {"friction": Coulomb(0.3), "sliding": degree * dim != 6}
+    scene = SlidingBodies(kind, meshes, touching, held, degree=degree, pair={"reach": 0.5, **pair})
+    scene.drive.value[0], scene.drive.value[-1] = DEPTH / 2, -DEPTH
+    return scene
+
+
+def chosen(overlap, slave):
+    """The pieces of the two facets over each other that share most, shape (p,)."""
+    names = overlap.slave * (overlap.master.max() + 1) + overlap.master
+    pair = names == np.bincount(names, overlap.weight.sum(axis=1)).argmax()
+    assert 0 < np.count_nonzero(pair) < len(pair)
+    return pair
+
+
+def of_overlap(change):
+    """A solver whose overlap is another one."""
+
+    def wrong(monkeypatch):
+        right = mortar_coupling.projected
+
+        def projected(slave, master, reach, comm, *, bonded=False, **settings):
+            tested, directions = right(slave, master, reach, comm, bonded=bonded, **settings)
+            overlap = change(tested.overlap, slave)
+            return mortar_coupling.Tested.of(slave, master, overlap, comm, bonded=bonded), directions
+
+        monkeypatch.setattr(mortar_coupling, "projected", projected)
+
+    return wrong
+
+
+def without_facet(overlap, slave):
+    """The overlap without all that is over a facet of the slave."""
+    return overlap.chosen(~np.isin(overlap.slave, overlap.slave[chosen(overlap, slave)]))
+
+
+def without_piece(overlap, slave):
+    """The overlap without what two facets share."""
+    return overlap.chosen(~chosen(overlap, slave))
+
+
+def doubled(overlap, slave):
+    """The overlap with twice the area of what two facets share."""
+    weight = np.array(overlap.weight)
+    weight[chosen(overlap, slave)] *= 2.0
+    return replace(overlap, weight=weight)
+
+
+def shifted(overlap, slave):
+    """The overlap with partners of a facet that are elsewhere by a hundredth of theirs."""
+    over = np.array(overlap.over)
+    over[chosen(overlap, slave)] += 0.01
+    return replace(overlap, over=over)
+
+
+def turned_directions(monkeypatch):
+    """Directions of projection that enclose 5 degrees with the mean normals."""
+    right = mortar_coupling._mean_normals
+    c, s = np.cos(np.radians(5.0)), np.sin(np.radians(5.0))
+
+    def wrong(*given, **settings):
+        directions = right(*given, **settings)
+        first, last = directions[:, 0].copy(), directions[:, -1].copy()
+        directions[:, 0], directions[:, -1] = c * first - s * last, s * first + c * last
+        return directions
+
+    monkeypatch.setattr(mortar_coupling, "_mean_normals", wrong)
+
+
+def unable(monkeypatch):
+    """A node of the contact that is said to belong to another one."""
+    right = FacingSides.unable.fget
+
+    def wrong(self):
+        flags, x = np.array(right(self)), self.slave.surface.x
+        flags[np.argmin(np.linalg.norm(x - np.append([0.25] * (x.shape[1] - 1), 0.0), axis=1))] = True
+        return flags
+
+    monkeypatch.setattr(FacingSides, "unable", property(wrong))
+
+
+def farther(monkeypatch):
+    """Distances a thousandth larger."""
+    couple = mortar_coupling.couple
+
+    def wrong(*given, **settings):
+        found = couple(*given, **settings)
+        return replace(found, distance=1.001 * found.distance)
+
+    monkeypatch.setattr("signorini_fx.mechanics.body.paired_points.couple", wrong)
+
+
+FAULTS = {
+    "directions": turned_directions,
+    "a facet is left out": of_overlap(without_facet),
+    "what two facets share is left out": of_overlap(without_piece),
+    "an area is doubled": of_overlap(doubled),
+    "partners are shifted": of_overlap(shifted),
+    "a node is unable": unable,
+    "distances are larger": farther,
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    ("kind", "degree"),
+    [
+        ("quadrilateral", 1),
+        ("triangle", 2),
+        pytest.param("hexahedron", 1, marks=pytest.mark.slow),
+        pytest.param("tetrahedron", 1, marks=pytest.mark.slow),
+        pytest.param("tetrahedron", 2, marks=pytest.mark.slow),
+    ],
+)
+def test_faults_of_the_map_are_refused(kind, degree, fault, monkeypatch):
+    """What is right is certified, and each fault refused, though forces balance and no rigid motion strains a body."""
+    scene = bodies(2 if kind in ("quadrilateral", "triangle") else 3, kind, degree)
+    assert as_linear_bodies(scene).certificate.coupling < 1e-9
+    FAULTS[fault](monkeypatch)
+    with pytest.raises(ConvergenceError, match="certificate does not hold") as raised:
+        as_linear_bodies(scene)
+    assert raised.value.solution.certificate.coupling > 1e-4
+
+
+@pytest.mark.slow
+def test_functions_of_ties_are_refused_that_are_not_theirs(monkeypatch):
+    """Of sides that are tied on quadratic tetrahedra the functions of points are hats: dual ones are refused."""
+    scene = bodies(3, "tetrahedron", 2, bonded=True, sliding=False)
+    assert as_linear_bodies(scene).certificate.coupling < 1e-9
+    right = mortar_coupling.Tested.of
+    monkeypatch.setattr(mortar_coupling.Tested, "of", lambda *given, **_: right(*given, bonded=False))
+    with pytest.raises(ConvergenceError, match="certificate does not hold") as raised:
+        as_linear_bodies(scene)
+    assert raised.value.solution.certificate.coupling > 1e-4
+
+
+@pytest.mark.parametrize("width", [2, 3])
+@pytest.mark.parametrize("along", [1, 2])
+def test_nodal_functions(along, width):
+    """They are one at their own nodes and zero at the others, and their slopes are differences of values."""
+    each = np.linspace(0.0, 1.0, width)
+    places = np.stack(np.meshgrid(*[each] * along, indexing="ij"), axis=-1).reshape(-1, along)
+    functions = NodalFunctions(places)
+    assert functions.at(places) == pytest.approx(np.eye(len(places)), abs=1e-12)
+    at = np.random.default_rng(0).random((5, along))
+    for axis, slopes in enumerate(functions.slopes(at)):
+        step = 1e-30j * np.eye(along)[axis]  # a complex step has no differences in it
+        assert slopes == pytest.approx(functions.at(at + step).imag / 1e-30, abs=1e-12)
+
