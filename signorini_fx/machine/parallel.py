@@ -138,12 +138,14 @@ def machine_memory(comm: MPI.Comm) -> float:
     memory = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     with contextlib.suppress(OSError, ValueError):  # no control group, or one without a limit
         memory = min(memory, float(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
-    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    first = machine.rank == 0
+    first, ranks = True, 1
+    if comm.size > 1:
+        machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+        first, ranks = machine.rank == 0, machine.size
+        machine.Free()
     allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
     if allowed != resource.RLIM_INFINITY:
-        memory = min(memory, float(allowed) * machine.size)
-    machine.Free()
+        memory = min(memory, float(allowed) * ranks)
     return float(global_sum(comm, np.array(memory if first else 0.0)))
 
 

@@ -66,7 +66,7 @@ class JointStiffness:
         first, last = matrix.getOwnershipRange()
         here = (rows >= first) & (rows < last)
         shape = (last - first, matrix.getSize()[1])
-        added = sp.csr_array(sp.coo_array((values[here], (rows[here] - first, columns[here])), shape=shape))
+        added = sp.csr_array((values[here], (rows[here] - first, columns[here])), shape=shape)
         csr = added.indptr.astype(PETSc.IntType), added.indices.astype(PETSc.IntType), added.data
         more = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
         matrix.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -342,8 +343,14 @@ def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floa
     """
     # Not by the assemblies: bodies in contact are one, and move on their own all the same.
     alone = ~np.isin(np.arange(motions.pieces.count), motions.pieces.pins)
-    nearest = np.einsum("pij,pj->pi", np.linalg.pinv(supported, rcond=NOT_HELD, hermitian=True), moved)
+    nearest = np.einsum("pij,pj->pi", _inverse_of(supported.tobytes(), supported.shape), moved)
     return np.where(alone[:, None], nearest, 0.0).ravel()
+
+
+@lru_cache(maxsize=8)
+def _inverse_of(entries: bytes, shape: tuple[int, ...]) -> _Floats:
+    """Pseudo-inverse matrices of symmetric ones: in each iteration those of the same supports are asked for."""
+    return np.linalg.pinv(np.frombuffer(entries).reshape(shape), rcond=NOT_HELD, hermitian=True)
 
 
 def _at_supports(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -97,7 +98,7 @@ class SlidingSides:
         prescribed = from_owners(fixed.astype(np.float64), nodes, space.mesh.comm) > 0
         return cls(space, slave, master, points, facing.unable, facing.held, reach, prescribed, facets[0], index)
 
-    @property
+    @cached_property
     def nodes(self) -> npt.NDArray[np.int64]:
         """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
         return np.concatenate((self.slave.nodes, self.master.nodes))
@@ -108,7 +109,7 @@ class SlidingSides:
         comm: MPI.Comm = self.space.mesh.comm
         return comm
 
-    @property
+    @cached_property
     def mine(self) -> npt.NDArray[np.int64]:
         """Which of the points this rank owns."""
         first, last = self.space.dofmap.index_map.local_range
@@ -162,7 +163,7 @@ class SlidingSides:
         names = self.slave.nodes[self.points[self.mine]]
         return (names - self.space.dofmap.index_map.local_range[0]).astype(np.int32)
 
-    @property
+    @cached_property
     def across(self) -> Array:
         """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
         planes = self.slave.surface.across

@@ -19,8 +19,8 @@ from scipy.sparse.linalg import splu
 
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.mechanics.pairs.sparse_scaling import placed_rows, scaled_columns, scaled_rows
-from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, PASSED_ON, SAME_NUMBER, SINGULAR, WHOLE_WEIGHT
+from signorini_fx.mechanics.pairs.sparse_scaling import scaled_columns
+from signorini_fx.tuned import DENSE_CHAIN, KEPT_WEIGHT, MOSTLY_HELD, PASSED_ON, SAME_NUMBER, SINGULAR, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -254,10 +254,13 @@ def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indic
             np.concatenate((numbers, chain_number[column[chain_entries]])),
             np.concatenate((numbers, chain_number[row[chain_entries]])),
         )
-        within = sp.csc_array(
-            (np.concatenate((ones, -step[chain_entries])), transposed), shape=(chain.size, chain.size)
-        )
-        values = splu(within).solve(begin.T).T
+        within = np.concatenate((ones, -step[chain_entries]))
+        if chain.size <= DENSE_CHAIN:
+            dense: Array = np.zeros((chain.size, chain.size))
+            np.add.at(dense, transposed, within)
+            values = np.linalg.solve(dense, begin.T).T
+        else:
+            values = splu(sp.csc_array((within, transposed), shape=(chain.size, chain.size))).solve(begin.T).T
         of_keeping, of_chain = np.nonzero(values > SAME_NUMBER**2)
         places = np.concatenate((kept_nodes, keeping[of_keeping])), np.concatenate((kept_nodes, chain[of_chain]))
         entries = np.concatenate((own_portion[kept_nodes], values[of_keeping, of_chain])), places
@@ -293,8 +296,11 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     added = ((1.0 - portion[weak]) * weights[1][weak])[:, None] * mean
     added *= np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
     added /= np.maximum(1.0, 2.0 * added.sum(axis=0))
-    further = placed_rows(sp.csr_array(sp.csr_array(added) @ shares), weak, nodes.size)
-    return sp.csr_array(scaled_rows(1.0 - added.sum(axis=0), shares) + further)
+    kept = 1.0 - added.sum(axis=0)
+    (row, column), own = np.nonzero(added), np.flatnonzero(kept)
+    entries = np.concatenate((kept[own], added[row, column]))
+    places = np.concatenate((own, weak[row])), np.concatenate((own, column))
+    return sp.csr_array(sp.csr_array((entries, places), shape=(nodes.size, nodes.size)) @ shares)
 
 
 def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:

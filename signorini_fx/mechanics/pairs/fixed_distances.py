@@ -250,7 +250,7 @@ def _held_places(
             along = np.einsum("mij,mj->mi", loose[entries.col], ways[entries.row])
             holds = holds & (np.linalg.norm(along, axis=1) <= SAME_DIRECTION)
         places = entries.row, entries.col
-        still.append(sp.csr_array(sp.coo_array((np.where(holds, entries.data, 0.0), places), shape=part.shape)))
+        still.append(sp.csr_array((np.where(holds, entries.data, 0.0), places), shape=part.shape))
     sums = [np.clip(np.asarray(part.sum(axis=1)).ravel(), 0.0, 1.0) for part in still]
     theta = sums[0] * sums[1]  # of the node itself the sum is zero or one
     largest_theta = np.zeros(max(len(side.x) for side in sides))
@@ -272,7 +272,7 @@ def _held_places(
     between = np.flatnonzero(ahead.any(axis=1))
     if side.undeformed is None and flags.sum() > 1 and between.size:
         entries = np.repeat(np.arange(between.size), flags.sum()), np.tile(np.flatnonzero(flags), between.size)
-        arms = sp.csr_array(sp.coo_array((np.ones(entries[0].size), entries), shape=(between.size, flags.size)))
+        arms = sp.csr_array((np.ones(entries[0].size), entries), shape=(between.size, flags.size))
         turned = _inward(signed[between]) @ turning_of(arms, side.x, ahead[between])
         places = between, np.arange(between.size)
         placing = sp.coo_array((np.ones(between.size), places), shape=(nodes.size, between.size))
@@ -351,7 +351,7 @@ def _places(
 def _shares(nodes: Indices, values: Array, count: int) -> sp.csr_array:
     """Shares of the nodes of facets in places, sparse, shape (m, count)."""
     rows = np.broadcast_to(np.arange(len(nodes))[:, None], values.shape)
-    return sp.csr_array(sp.coo_array((values.ravel(), (rows.ravel(), nodes.ravel())), shape=(len(nodes), count)))
+    return sp.csr_array((values.ravel(), (rows.ravel(), nodes.ravel())), shape=(len(nodes), count))
 
 
 def _unit(vectors: Array) -> Array:
@@ -386,7 +386,7 @@ def _met(
     ):
         products = np.einsum("pqi,pqj->pij", weighted * part[:, None, None], values)
         at = tuple(np.broadcast_to(rows, products.shape).ravel() for rows in (points[:, :, None], nodes[:, None]))
-        integrals = sp.csr_array(sp.coo_array((products.ravel(), at), shape=(len(slave.x), len(side.x))))
+        integrals = sp.csr_array((products.ravel(), at), shape=(len(slave.x), len(side.x)))
         parts.append(sp.csr_array(integrals[:, numbers]))
     return sp.csr_array(sp.hstack(parts))
 

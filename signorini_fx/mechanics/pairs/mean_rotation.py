@@ -26,7 +26,7 @@ def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
     of_rows = row[:, None, None] * dim + np.arange(dim)[:, None]
     of_columns = arms.indices[:, None, None] * dim + np.arange(dim)
     at = tuple(np.broadcast_to(places, blocks.shape).ravel() for places in (of_rows, of_columns))
-    return without_round_off(sp.csr_array(sp.coo_array((blocks.ravel(), at), shape=(count * dim, len(x) * dim))))
+    return without_round_off(sp.csr_array((blocks.ravel(), at), shape=(count * dim, len(x) * dim)))
 
 
 def turning_blocks(arms: sp.csr_array, x: Array, distance: Array) -> tuple[Indices, Array]:

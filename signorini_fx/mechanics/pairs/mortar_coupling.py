@@ -117,8 +117,8 @@ class Coupling:
         rows, columns = (np.repeat(slave.nodes, count, axis=1), np.tile(slave.points, (1, slave.nodes.shape[1])))
         shape = (len(slave.x), len(slave.x))
         entries = np.tile(values.ravel(), len(slave.nodes)), (rows.ravel(), columns.ravel())
-        met = sp.csr_array(sp.coo_array(entries, shape=shape))
-        met.data /= np.asarray(sp.csr_array(sp.coo_array((np.ones(rows.size), entries[1]), shape=shape)).data)
+        met = sp.csr_array(entries, shape=shape)
+        met.data /= np.asarray(sp.csr_array((np.ones(rows.size), entries[1]), shape=shape).data)
         points = sp.csr_array(met[:, self.nodes])
         diagonal = np.asarray((self.slave @ points).diagonal())
         return sp.csr_array(points @ sp.diags_array(1.0 / diagonal))
@@ -454,6 +454,4 @@ def _nearest(slave: PairSurface, master: PairSurface) -> str:
 def sparse_sums(points: Indices, nodes: Indices, values: Array, rows: int, columns: int) -> sp.csr_array:
     """A matrix of values of shape (p, k, l) at numbers of rows, shape (p, k), and of columns, shape (p, l), summed."""
     row_numbers, column_numbers = (np.broadcast_to(at, values.shape) for at in (points[:, :, None], nodes[:, None]))
-    return sp.csr_array(
-        sp.coo_array((values.ravel(), (row_numbers.ravel(), column_numbers.ravel())), shape=(rows, columns))
-    )
+    return sp.csr_array((values.ravel(), (row_numbers.ravel(), column_numbers.ravel())), shape=(rows, columns))

@@ -64,4 +64,4 @@ def over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
         return matrix
     part = matrix.tocoo()
     at = parallel.gather_rows(comm, np.column_stack((part.row, part.col)))
-    return sp.csr_array(sp.coo_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape))
+    return sp.csr_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape)

@@ -274,7 +274,7 @@ def slide(
     count, dim = points.size, slave.dimension
     lonely = np.flatnonzero(~partnered)
     at_nodes = np.ones(lonely.size), (lonely, points[lonely])
-    itself = sp.csr_array(sp.coo_array(at_nodes, shape=(count, len(slave.x))))
+    itself = sp.csr_array(at_nodes, shape=(count, len(slave.x)))
 
     size = shares @ weight
     weights, covered = slave.area[points], np.zeros(count)
@@ -297,7 +297,7 @@ def slide(
     tangent_rows = _tangent_rows((slave, master), tangents, (sharing, opposite), (arms_of_points, at, distance))
     components = (dim * points[lonely])[:, None] + np.arange(dim)
     outward = normals[lonely].ravel(), (np.repeat(lonely, dim), components.ravel())
-    normal_rows = sp.csr_array(sp.coo_array(outward, shape=(count, tangent_rows.shape[1])))
+    normal_rows = sp.csr_array(outward, shape=(count, tangent_rows.shape[1]))
     gap = np.full(count, np.inf)
     pieces: _TurningPieces | None = None
     if at.size:
@@ -387,7 +387,7 @@ def _tangent_rows(
     values, row, node = (np.concatenate(parts) for parts in zip(*entries, strict=True))
     at = columns * row[:, None, None] + np.arange(columns)[:, None], dim * node[:, None, None] + np.arange(dim)
     places = tuple(np.broadcast_to(numbers, values.shape).ravel() for numbers in at)
-    return sp.csr_array(sp.coo_array((values.ravel(), places), shape=(columns * count, dim * first)))
+    return sp.csr_array((values.ravel(), places), shape=(columns * count, dim * first))
 
 
 def along_vectors(vectors: Array) -> sp.csr_array:

@@ -164,7 +164,7 @@ class PlanePieces:
         if near:
             entries.append(self.corners.entries(nodal))
         values, *at = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-        return sp.csr_array(sp.coo_array((values, tuple(at)), shape=(self.count, self.count)))
+        return sp.csr_array((values, tuple(at)), shape=(self.count, self.count))
 
     def shifted(self, shears: Array, displacement: Array) -> Array:
         """By how much forces of the slave on the master move on as places shift, at the nodes of both sides, force,
@@ -203,7 +203,7 @@ class PlanePieces:
         function, point, _ = self._met
         columns = self.unknowns[function // self.points.shape[1]]
         at = np.repeat(point, columns.shape[1]), columns.ravel()
-        return sp.csr_array(sp.coo_array((values.ravel(), at), shape=(self.mean.shape[0], self.count)))
+        return sp.csr_array((values.ravel(), at), shape=(self.mean.shape[0], self.count))
 
 
 @dataclass(frozen=True)
@@ -317,7 +317,7 @@ def turning_at_nodes(sides: Sequence[PairSurface]) -> sp.csr_array:
         entries.append((flat.ravel(), row, column))
         first += len(side.x)
     angles, *at_both = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-    return sp.csr_array(sp.coo_array((angles, tuple(at_both)), shape=(first, 2 * first)))
+    return sp.csr_array((angles, tuple(at_both)), shape=(first, 2 * first))
 
 
 def _turned_by_facets(side: PairSurface) -> Array:

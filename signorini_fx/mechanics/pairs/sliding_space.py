@@ -193,7 +193,7 @@ class SpacePieces:
         at = (3 * self.blocks[touched][..., None] + np.arange(3)).reshape(touched.size, size)
         rows, columns = np.repeat(at, size, axis=1), np.tile(at, (1, size))
         count = self.spread.shape[0]
-        joint = sp.csr_array(sp.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count)))
+        joint = sp.csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count))
         total = self.spread.T @ joint @ self.spread
         if near:
             kinks = self.edges.T @ (self.mean.T @ pressing)
@@ -228,7 +228,7 @@ class SpacePieces:
         rows = np.broadcast_to(self.points[:, :, None, None], entries.shape)
         columns = np.broadcast_to((3 * self.blocks[..., None] + np.arange(3))[:, None], entries.shape)
         shape = (self.mean.shape[1], self.spread.shape[0])
-        moments = sp.csr_array(sp.coo_array((entries.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
+        moments = sp.csr_array((entries.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
         return sp.csr_array(self.mean @ moments @ self.spread)
 
 
@@ -315,7 +315,7 @@ class _Edges:
         numbers = np.broadcast_to(np.arange(len(at))[:, None], functions.shape)
         entries = (functions * jump[:, None]).ravel(), (slave.points[facet[rows]].ravel(), numbers.ravel())
         return cls(
-            sp.csr_array(sp.coo_array(entries, shape=(len(slave.x), len(at)))),
+            sp.csr_array(entries, shape=(len(slave.x), len(at))),
             facet[rows],
             nodes,
             np.column_stack((-shape, of_edge)),
@@ -336,7 +336,7 @@ class _Edges:
         columns = 3 * blocks[..., None] + np.arange(3)
         rows = np.broadcast_to(np.arange(len(blocks))[:, None, None], values.shape)
         entries = values.ravel(), (rows.ravel(), columns.ravel())
-        return sp.csr_array(sp.coo_array(entries, shape=(len(blocks), count)))
+        return sp.csr_array(entries, shape=(len(blocks), count))
 
 
 def _around_facet(side: PairSurface) -> Indices:
@@ -401,7 +401,7 @@ def _facet_directions(slave: PairSurface, directions: Array) -> tuple[Array, sp.
     length = np.linalg.norm(sums, axis=1)
     ways = sums / length[:, None]
     at = np.repeat(np.arange(facets), len(shape)), slave.nodes.ravel()
-    mean = sp.csr_array(sp.coo_array((np.tile(shape, facets), at), shape=(facets, len(slave.x))))
+    mean = sp.csr_array((np.tile(shape, facets), at), shape=(facets, len(slave.x)))
     turned = turning_of(_around(slave), slave.x, directions)
     across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
     numbers = np.arange(facets + 1)
@@ -414,7 +414,7 @@ def _around(side: PairSurface) -> sp.csr_array:
     count = side.nodes.shape[1]
     areas = np.repeat(side.facet_areas, count * count)
     rows, columns = np.repeat(side.nodes, count, axis=1), np.tile(side.nodes, (1, count))
-    return sp.csr_array(sp.coo_array((areas, (rows.ravel(), columns.ravel())), shape=(len(side.x), len(side.x))))
+    return sp.csr_array((areas, (rows.ravel(), columns.ravel())), shape=(len(side.x), len(side.x)))
 
 
 def turned_normals_in_space(side: PairSurface) -> sp.csr_array:
@@ -436,7 +436,7 @@ def turned_normals_in_space(side: PairSurface) -> sp.csr_array:
     rows = 3 * side.nodes[:, :, None, None, None] + np.arange(3)[:, None]
     columns = 3 * side.nodes[:, None, :, None, None] + np.arange(3)
     places = tuple(np.broadcast_to(numbers, crossing.shape).ravel() for numbers in (rows, columns))
-    moments = sp.csr_array(sp.coo_array((crossing.ravel(), places), shape=(3 * count, 3 * count)))
+    moments = sp.csr_array((crossing.ravel(), places), shape=(3 * count, 3 * count))
     sums = np.zeros((count, 3))
     normal = np.cross(along[0], along[1]) * side.sign[:, None, None]
     np.add.at(sums, side.nodes, np.einsum("qk,fqd->fkd", values, normal))

@@ -724,7 +724,7 @@ class SlidingClaim:
             psi: the functions of the nodes.
         """
         at, size = np.searchsorted(self.carriers, able), self.carriers.size
-        placing = sp.csr_array(sp.coo_array((np.ones(at.size), (at, np.arange(at.size))), shape=(size, at.size)))
+        placing = sp.csr_array((np.ones(at.size), (at, np.arange(at.size))), shape=(size, at.size))
         of_points = sp.csr_array(placing @ shares)
         functions = sp.csr_array(of_points @ psi)
         partnered, weight = np.zeros(size, dtype=bool), np.array(self.surface.area[self.carriers])
@@ -737,7 +737,7 @@ class SlidingClaim:
         slave, master = self.chains
         lonely = np.flatnonzero(~partnered)
         entries = np.ones(lonely.size), (lonely, self.carriers[lonely])
-        itself = sp.csr_array(sp.coo_array(entries, shape=(partnered.size, slave.nodes.size)))
+        itself = sp.csr_array(entries, shape=(partnered.size, slave.nodes.size))
         sharing = sp.csr_array(mean @ self._at_nodes(slave, rays.facet, rays.at) + itself)
         return sharing, sp.csr_array(mean @ self._at_nodes(master, rays.over, rays.place))
 
@@ -759,7 +759,7 @@ class SlidingClaim:
             values += duals[rays.facet, :, k] * (hats[:, k] * rays.area)[:, None]
         numbers = np.broadcast_to(np.arange(len(values))[:, None], values.shape)
         places = slave.facets[rays.facet].ravel(), numbers.ravel()
-        return sp.csr_array(sp.coo_array((values.ravel(), places), shape=(slave.nodes.size, len(values))))
+        return sp.csr_array((values.ravel(), places), shape=(slave.nodes.size, len(values)))
 
     def _hats(self, places: Array, chain: Chain) -> Array:
         """The functions of the nodes of facets of a side at places, shape (r, k)."""
@@ -868,7 +868,7 @@ class SlidingClaim:
         values, nodes = self._hats(places, chain), chain.facets[facets]
         rows = np.broadcast_to(np.arange(len(values))[:, None], values.shape)
         entries = values.ravel(), (rows.ravel(), nodes.ravel())
-        return sp.csr_array(sp.coo_array(entries, shape=(len(values), chain.nodes.size)))
+        return sp.csr_array(entries, shape=(len(values), chain.nodes.size))
 
 
 def _at(chain: Chain, values: Array, facets: Numbers, places: Array) -> Array:

@@ -148,14 +148,12 @@ def times_columns(matrix: Any, factors: Array) -> Any:
 
 def _neighbours(facets: Numbers, count: int) -> Any:
     """One where two nodes, not the same, are on a facet, scipy sparse, shape (N, N)."""
-    width = facets.shape[1]
-    first, second = np.nonzero(~np.eye(width, dtype=bool))
-    places = facets[:, first].ravel(), facets[:, second].ravel()
-    neighbours = sp.csr_array(sp.coo_array((np.ones(places[0].size), places), shape=(count, count)))
-    neighbours.setdiag(0.0)  # a facet may have a node twice
-    neighbours.eliminate_zeros()
-    neighbours.data[:] = 1.0
-    return neighbours
+    pairs = np.concatenate(
+        [facets[:, [j, k]] for j in range(facets.shape[1]) for k in range(facets.shape[1]) if j != k]
+    )
+    pairs = np.unique(pairs, axis=0)
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    return sp.csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
 
 
 def _shares_of_all(portion: Array, tested: Flags, neighbours: Any) -> Any:
@@ -190,7 +188,7 @@ def _shares_of_all(portion: Array, tested: Flags, neighbours: Any) -> Any:
             ends = spsolve(within.T.tocsc(), starts[reaching].T.copy()).reshape(columns.size, reaching.size)
             of_column, of_row = np.nonzero(ends > SAME_NUMBER**2)
             places = resting[reaching[of_row]], columns[of_column]
-            shares = shares + sp.csr_array(sp.coo_array((ends[of_column, of_row], places), shape=(count, count)))
+            shares = shares + sp.csr_array((ends[of_column, of_row], places), shape=(count, count))
     sums = np.asarray(shares.sum(axis=0)).ravel()
     inverse = np.divide(1.0, sums, out=np.zeros(count), where=sums > 0.0)
     shares = times_columns(shares, inverse)
