@@ -255,7 +255,9 @@ def test_points_have_positive_weights():
     """A node whose own function has one, but takes over a larger negative one, carries no point: the next one does."""
     from types import SimpleNamespace
 
-    side = SimpleNamespace(points=np.array([[0, 1], [1, 2]]), area=np.ones(3), without_area=np.zeros(3, dtype=bool))
+    side = SimpleNamespace(
+        of_nodes={}, points=np.array([[0, 1], [1, 2]]), area=np.ones(3), without_area=np.zeros(3, dtype=bool)
+    )
     covered = np.array([0, 1])
     weight = np.array([-0.5, 0.1, 1.0])
     nodes, shares = carried(side, covered, weight, np.zeros(3, dtype=bool))

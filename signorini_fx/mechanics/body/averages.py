@@ -31,7 +31,6 @@ from petsc4py import PETSc
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body import forms
 from signorini_fx.mechanics.body.assembly import assemble, facet_entities, measure, node_positions
-from signorini_fx.mechanics.pairs.sparse_scaling import of_components
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import SINGULAR
 
@@ -106,6 +105,8 @@ class Averages:
         """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
         if self.between is not None:
             return self.between
+        from signorini_fx.mechanics.pairs.sparse_scaling import of_components
+
         translating = of_components(self.shares, self.x.shape[1])
         return translating if self.turning is None else sp.csr_array(translating + self.turning)
 

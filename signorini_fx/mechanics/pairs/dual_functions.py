@@ -353,7 +353,7 @@ class _Beside:
     @classmethod
     def _found(cls, side: PairSurface, facets: Indices) -> _Beside:
         """See ``of``."""
-        tests, count = side.points[facets], len(side.x)
+        tests, count = side.points[facets], len(side.area)
         tested_nodes = np.zeros(count, dtype=bool)
         tested_nodes[tests] = True
         rows = np.repeat(tests, tests.shape[1], axis=1).ravel()

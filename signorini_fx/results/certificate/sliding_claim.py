@@ -47,6 +47,7 @@ Numbers = npt.NDArray[np.int64]
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(9)
 # Of complex steps: derivatives have no differences in them.
 _STEP = 1e-30
+_STEPPED = 2**13  # rays that are stepped at once
 
 
 def _unit(vectors: Any) -> Any:
@@ -779,31 +780,39 @@ class SlidingClaim:
         places = both[nodes].astype(np.complex128)
         normals = self.surface.displaced(self.ends[0][:count]).in_planes(slave.normals(seen.x), np.arange(count))
         cosine, sine = np.sum(seen.ways * normals, axis=1)[own], _cross(normals, seen.ways)[own]
-        in_plane = self._in_plane
+        in_plane, outward_of = self._in_plane[own], normals[own]
         hats, there = _hats(rays.at, width), [(beside >= 0)[:, None] for beside in sides]
 
-        def distance(x: Any) -> Any:
+        def distance(x: Any, ray_of: Numbers) -> Any:
             sums = slave.moments(x[:, :width])
             before, behind = (slave.moments(x[:, first : first + width]) for first in (width, 2 * width))
-            sums[:, 0] += there[0] * before[:, 1]
-            sums[:, 1] += there[1] * behind[:, 0]
-            outward = np.where(in_plane[own][..., None], normals[own], _unit(sums))
+            sums[:, 0] += there[0][ray_of] * before[:, 1]
+            sums[:, 1] += there[1][ray_of] * behind[:, 0]
+            outward = np.where(in_plane[ray_of][..., None], outward_of[ray_of], _unit(sums))
             turned = np.stack((-outward[..., 1], outward[..., 0]), axis=-1)
-            ways = cosine[..., None] * outward + sine[..., None] * turned
-            start, ray = np.einsum("rk,rkd->rd", hats, x[:, :width]), _unit(np.einsum("rk,rkd->rd", hats, ways))
-            facet, over = x[:, 3 * width :], rays.place
+            ways = cosine[ray_of][..., None] * outward + sine[ray_of][..., None] * turned
+            own_hats = hats[ray_of]
+            start, ray = (np.einsum("rk,rkd->rd", own_hats, values) for values in (x[:, :width], ways))
+            ray = _unit(ray)
+            facet, over = x[:, 3 * width :], rays.place[ray_of]
             # One step of Newton's method has the derivative of the place.
             apart = np.einsum("rk,rkd->rd", _hats(over, master.width), facet) - start
             along = np.einsum("rk,rkd->rd", _slopes(over, master.width), facet)
             over = over - _cross(apart, ray) / _cross(along, ray)
             return np.sum((np.einsum("rk,rkd->rd", _hats(over, master.width), facet) - start) * ray, axis=1)
 
-        rates = np.zeros((*nodes.shape, 2))
-        for k in range(nodes.shape[1]):
-            for component in range(2):
-                stepped = places.copy()
-                stepped[:, k, component] += 1j * _STEP
-                rates[:, k, component] = distance(stepped).imag / _STEP
+        rates, size = np.zeros((*nodes.shape, 2)), len(nodes)
+        steps = [(k, component) for k in range(nodes.shape[1]) for component in range(2)]
+        together = max(1, _STEPPED // max(size, 1))
+        for first in range(0, len(steps), together):
+            group = steps[first : first + together]
+            stepped = np.tile(places, (len(group), 1, 1, 1))
+            for number, (k, component) in enumerate(group):
+                stepped[number, :, k, component] += 1j * _STEP
+            ray_of = np.tile(np.arange(size), len(group))
+            changes = distance(stepped.reshape(-1, *places.shape[1:]), ray_of).imag.reshape(len(group), size)
+            for (k, component), change in zip(group, changes, strict=True):
+                rates[:, k, component] = change / _STEP
         return nodes, rates
 
     def _add_couples(self, forces: Array, drag: Array) -> None:
