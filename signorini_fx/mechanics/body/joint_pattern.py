@@ -69,9 +69,9 @@ class JointPattern:
         if last is not None and last.more.size <= KEPT_ROOM * more.size:
             more = np.union1d(more, last.more)
         keys = np.union1d(by_forms, more)
-        ends = np.searchsorted(keys, size * np.arange(size + 1, dtype=np.int64))
-        named = (numbers.astype(PETSc.IntType) for numbers in (ends, keys % size))
-        return cls(tuple(forms), of_forms, keys, *named, np.searchsorted(keys, by_forms), more)
+        ends = np.searchsorted(keys, size * np.arange(size + 1, dtype=np.int64)).astype(PETSc.IntType)
+        columns, places = (keys % size).astype(PETSc.IntType), np.searchsorted(keys, by_forms)
+        return cls(tuple(forms), of_forms, keys, ends, columns, places, more)
 
     def has(self, joints: Numbers) -> bool:
         """Whether there is room for the entries of joints, by their keys."""

@@ -350,7 +350,8 @@ def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floa
 @lru_cache(maxsize=8)
 def _inverse_of(entries: bytes, shape: tuple[int, ...]) -> _Floats:
     """Pseudo-inverse matrices of symmetric ones: in each iteration those of the same supports are asked for."""
-    return np.linalg.pinv(np.frombuffer(entries).reshape(shape), rcond=NOT_HELD, hermitian=True)
+    matrices = np.frombuffer(entries, dtype=np.float64).reshape(shape)
+    return np.asarray(np.linalg.pinv(matrices, rcond=NOT_HELD, hermitian=True), dtype=np.float64)
 
 
 def _at_supports(

@@ -684,7 +684,7 @@ class SlidingClaim:
         seeing = self._place_over, self._place_under
         fixed = held_distances((sides[0], sides[1]), there.ways, partners, places, seeing)
         seen, _, _ = self._looked(values, fixed.of_nodes)
-        of_points = times_rows(1.0 / seen.weight, seen.shares) @ (psi @ fixed.at_rays)
+        of_points = times_rows(np.asarray(1.0 / seen.weight), seen.shares) @ (psi @ fixed.at_rays)
         gap = seen.gap - of_points @ fixed.distance(seen.x, seen.y)
         return replace(seen, gap=gap, uncounted=sp.csr_array(of_points @ fixed.slave))
 
@@ -731,7 +731,7 @@ class SlidingClaim:
         partnered, weight = np.zeros(size, dtype=bool), np.array(self.surface.area[self.carriers])
         partnered[at] = True
         weight[at] = shares @ np.asarray(psi.sum(axis=1)).ravel()
-        return of_points, functions, partnered, weight, times_rows(1.0 / weight, functions)
+        return of_points, functions, partnered, weight, times_rows(np.asarray(1.0 / weight), functions)
 
     def _shares_of(self, rays: Rays, mean: Any, partnered: npt.NDArray[np.bool_]) -> tuple[Any, Any]:
         """D and M, see ``SeenSides``, of functions over areas at rays."""
