@@ -118,7 +118,7 @@ def test_messages_name_the_figure():
     problem = block()
     judge = problem._solver._judge
 
-    def spoilt():
+    def spoilt(_):
         problem.u.x.array[2:4] += 1e-3
         return judge()
 
