@@ -178,4 +178,3 @@ def test_nodal_functions(along, width):
     for axis, slopes in enumerate(functions.slopes(at)):
         step = 1e-30j * np.eye(along)[axis]  # a complex step has no differences in it
         assert slopes == pytest.approx(functions.at(at + step).imag / 1e-30, abs=1e-12)
-

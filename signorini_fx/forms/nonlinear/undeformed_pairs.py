@@ -113,9 +113,7 @@ def _between(state: ContactState, points: npt.NDArray[np.bool_]) -> float:
     moved from; collective.
     """
     boundary = state.boundary
-    way, shear = (
-        np.einsum("nik,nk->ni", boundary.tangents, values)[points] for values in (state.u_t, state.shear)
-    )
+    way, shear = (np.einsum("nik,nk->ni", boundary.tangents, values)[points] for values in (state.u_t, state.shear))
     tractions = state.pressure[points, None] * boundary.normal[points] + shear
     total = moments(way, boundary.weight[points, None] * tractions).sum(axis=0)
     return float(np.linalg.norm(parallel.global_sum(boundary.comm, total)))
