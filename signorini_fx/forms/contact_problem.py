@@ -17,6 +17,7 @@ from signorini_fx.extensions import add_on
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.given_forms import given_forms
+from signorini_fx.forms.mechanics_of_forms import NO_STRESS
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.results import errors_of, findings_of_last, level_of, solution_of
 from signorini_fx.forms.solver import FormSolver
@@ -157,10 +158,11 @@ class ContactProblem(ProblemOfForms):
             FormError: this has another shape, or some strain has no stress.
         """
         solver = self.assembled
+        if solver.forms.stress is None:
+            raise RuntimeError(NO_STRESS)
         if self._stresses is None or self._stresses[0] is not solver.outcome:
             stress = solver.mechanics.stress(None, self.u.copy(), 0.0, {})
-            if isinstance(stress, str):
-                raise RuntimeError(stress)
+            assert not isinstance(stress, str)
             self._stresses = solver.outcome, stress
         return self._stresses[1]
 
