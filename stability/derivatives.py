@@ -40,7 +40,7 @@ def judged(seed: int) -> tuple[str, float]:
     PETSc.Options()["sfx_snes_rtol"] = _RESIDUAL
     try:
         parsed = parse_scene(given)
-        names = [*dict.fromkeys([*default_entries(parsed), *more])]
+        names = [*dict.fromkeys([*default_entries(parsed.statement), *more])]
         by = np.random.default_rng([seed, 1]).permutation(names)[:_DATA].tolist()
         found = sensitivity(parsed, of, by, COMM)
     except SceneError as error:
@@ -69,7 +69,8 @@ def _error(scene: Scene, of: list[str], path: str, k: int, found: list[Sensitivi
         step, values = share * unit, []
         try:
             for sign in (1, -1):
-                solved = sensitivity(varied(scene, path, sign * step, dimension), of, [], COMM)
+                changed = scene.model_copy(update=varied(scene.statement, path, sign * step, dimension))
+                solved = sensitivity(changed, of, [], COMM)
                 assert isinstance(solved, list)
                 if not _same_sets(solved[0], found[0]):
                     break

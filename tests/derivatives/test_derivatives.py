@@ -70,10 +70,8 @@ def agrees(scene, of, by, tolerance=1e-5):
     data = np.array([1.0 if datum == 0 or not np.isfinite(datum) else abs(datum) for datum in found[0].data])
     for k, path in enumerate(by):
         step = 1e-5 * data[k] if "gap" not in path and "foundation" not in path else 1e-5
-        high, low = (
-            np.array([one.value for one in sensitivity(varied(scene, path, sign * step, 3), of, [], COMM)])
-            for sign in (1, -1)
-        )
+        scenes = (scene.model_copy(update=varied(scene.statement, path, sign * step, 3)) for sign in (1, -1))
+        high, low = (np.array([one.value for one in sensitivity(changed, of, [], COMM)]) for changed in scenes)
         wanted = (high - low) / (2 * step)
         values = np.abs([one.value for one in found])
         least = 1e-7 * values / data[k] + 1e-11 * values.max() / step  # round-off of the solves

@@ -1,4 +1,4 @@
-"""The numbers of a scene that derivatives are taken by: found by their paths, and changed."""
+"""The numbers of a statement that derivatives are taken by: found by their paths, and changed."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.effect import Load, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.scenes.changes import PATH, PATH_PART
-from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import DIFFERENCE_STEP
 
 _EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
 
 
-def default_entries(scene: Scene) -> list[str]:
+def default_entries(statement: Statement) -> list[str]:
     """What derivatives are taken by if nothing is named: friction and gap of each contact, the material, each load."""
     entries = []
-    for number, effect in enumerate(scene.contact):
+    for number, effect in enumerate(statement.contact):
         if effect.friction.acts:
             entries += [f"contact[{number}].friction.{key}" for key in effect.friction.required]
         entries.append(f"contact[{number}].gap")
-    isotropic = [number for number, material in enumerate(scene.material) if material.isotropic]
+    isotropic = [number for number, material in enumerate(statement.material) if material.isotropic]
     entries += [f"material[{number}].{key}" for number in isotropic for key in ("young", "poisson")]
-    loads = [(path, effect) for path, effect in scene.statement.listed() if isinstance(effect, Load) and effect.acts]
+    loads = [(path, effect) for path, effect in statement.listed() if isinstance(effect, Load) and effect.acts]
     return entries + [path for path, effect in loads if not is_zero(*effect.given.values())]
 
 
-def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[float, float]:
+def entry_of(statement: Statement, path: str, extent: float, dimension: int) -> tuple[float, float]:
     """The number at a path, 1 for a load as a whole and nan for an expression, and the step for a difference.
 
     Args:
-        scene: the scene.
+        statement: what is stated of the problem.
         path: of the entry.
         extent: of the body, length.
         dimension: of space.
@@ -43,24 +43,24 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     Raises:
         SceneError: there is no such entry, or none that a derivative can be taken by.
     """
-    if path.startswith("material") and not all(material.isotropic for material in scene.material):
+    if path.startswith("material") and not all(material.isotropic for material in statement.material):
         raise SceneError([(path, "is possible where all materials are isotropic")])
     if any(part in path for part in (".friction.ratio", ".friction.along", ".foundation.spring")):
         raise SceneError([(path, "is none that a derivative can be taken by")])
     if path.endswith("grading"):
         number = "poisson" if path.endswith("poisson_grading") else "young"
         raise SceneError([(path, f"is none that a derivative can be taken by: take {number}, which it multiplies")])
-    value, parent = _entry_and_table(scene, path, dimension)
+    value, parent = _entry_and_table(statement, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3
     if isinstance(parent, FrictionLaw | Resistance) and value == 0.0:
         raise SceneError([(path, "is zero, so that nothing acts: give a small number to begin with")])
     root = path.partition("[")[0].partition(".")[0]
     if ".foundation.force" in path or ".foundation.moment" in path:
-        force = scene.statement.young * extent ** (dimension - 1) * (extent if ".moment" in path else 1.0)
+        force = statement.young * extent ** (dimension - 1) * (extent if ".moment" in path else 1.0)
         unit = abs(value) if not isinstance(value, Expression) and value != 0.0 else force
     elif isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
-        unit = extent if root in ("contact", "displacement") else scene.statement.young
+        unit = extent if root in ("contact", "displacement") else statement.young
         if any(part in path for part in ("rotation", "direction", ".friction.coefficient", ".poisson")):
             unit = 1.0
     else:
@@ -68,16 +68,18 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     return (float("nan") if isinstance(value, Expression) else float(value)), DIFFERENCE_STEP * unit
 
 
-def varied(scene: Scene, path: str, change: float, dimension: int) -> Scene:
-    """The scene with a number larger by ``change``; an expression gets it as another term, a load as a part of it."""
-    changed = _changed(scene, scene, _way(path), change, dimension)
-    assert isinstance(changed, Scene)
-    return changed
+def varied(statement: Statement, path: str, change: float, dimension: int) -> dict[str, Any]:
+    """What ``statement.changed`` takes for a number larger by ``change``; an expression gets it as another term, a load
+    as a part of it.
+    """
+    key, *way = _way(path)
+    entries = _changed(statement, statement.tables[str(key)], way, change, dimension)
+    return {str(key): entries if isinstance(entries, tuple) else (entries,)}
 
 
-def load_of(scene: Scene, path: str) -> Load | None:
+def load_of(statement: Statement, path: str) -> Load | None:
     """The load that an entry belongs to, or that it is; None: none."""
-    value: Any = scene
+    value: Any = statement.tables
     for key in _way(path):
         value = _single_entry(value, key)
         only = value[0] if isinstance(value, tuple) and len(value) == 1 else value
@@ -105,12 +107,12 @@ def _single_entry(value: Any, key: str | int) -> Any:
     return getattr(value, key) if isinstance(value, BaseModel) and key in type(value).model_fields else None
 
 
-def _entry_and_table(scene: Scene, path: str, dimension: int) -> tuple[Any, Any]:
+def _entry_and_table(statement: Statement, path: str, dimension: int) -> tuple[Any, Any]:
     """The entry and what it is in."""
     parent: Any = None
-    value: Any = scene
+    value: Any = statement.tables
     way = _way(path)
-    if way[0] not in scene.statement.effects:
+    if way[0] not in statement.effects:
         raise SceneError([(path, f"is no datum of the problem that a derivative can be taken by, {_EXAMPLE}")])
     for key in way:
         parent, value = value, _single_entry(value, key)
@@ -123,24 +125,24 @@ def _entry_and_table(scene: Scene, path: str, dimension: int) -> tuple[Any, Any]
     return value, parent
 
 
-def _changed(scene: Scene, value: Any, way: list[str | int], change: float, dimension: int) -> Any:
+def _changed(statement: Statement, value: Any, way: list[str | int], change: float, dimension: int) -> Any:
     if not way:
         if isinstance(value, Load):
             return value.model_copy(
-                update={"factors": tuple((1 + change) * factor for factor in scene.statement.factors_of(value))}
+                update={"factors": tuple((1 + change) * factor for factor in statement.factors_of(value))}
             )
         if isinstance(value, Expression):
             return Expression(f"({value.text}) + ({float(change)!r})", value.time, value.allows_time)
         return value + change
     key, *inner_way = way
     if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:
-        return (_changed(scene, value[0], way, change, dimension),)
+        return (_changed(statement, value[0], way, change, dimension),)
     if isinstance(key, int) and isinstance(value, BaseModel):
-        return _changed(scene, value, inner_way, change, dimension)
+        return _changed(statement, value, inner_way, change, dimension)
     inner = _single_entry(value, key)
     if inner is None:
         inner = (0.0,) * dimension
-    changed = _changed(scene, inner, inner_way, change, dimension)
+    changed = _changed(statement, inner, inner_way, change, dimension)
     if isinstance(key, int):
         return (*value[:key], changed, *value[key + 1 :])
     return value.model_copy(update={key: changed})

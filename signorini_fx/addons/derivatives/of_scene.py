@@ -133,7 +133,7 @@ def sensitivity(
         SceneError: a result or a datum is not known, or has no derivative.
         ConvergenceError: the scene has no solution.
     """
-    _check(scene)
+    _check(scene.statement)
     # Coarser meshes give a start, and change nothing of the solution.
     scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
     solved: list[_Step] = []
@@ -149,8 +149,8 @@ def sensitivity(
     if not solution.converged:
         raise ConvergenceError(solution)
     # Contact points may be on the other side than the scene says.
-    scene = scene.model_copy(update={"contact": solution.statement.contact})
-    sensitivities = _sensitivities(scene, solved, [of] if isinstance(of, str) else list(of), by, solution, seconds)
+    statement = scene.statement.changed(contact=solution.statement.contact)
+    sensitivities = _sensitivities(statement, solved, [of] if isinstance(of, str) else list(of), by, solution, seconds)
     return sensitivities[0] if isinstance(of, str) else sensitivities
 
 
@@ -187,26 +187,31 @@ class _Step:
         return cls(model, step.result.place, SolvedStep.of(*of))
 
 
-def _check(scene: Scene) -> None:
-    """Whether derivatives of the scene are known."""
-    if not scene.contact:
+def _check(statement: Statement) -> None:
+    """Whether derivatives of the problem are known."""
+    if not statement.contact:
         raise SceneError([("contact", "there is none: a problem without contact is linear")])
-    if reason := scene.statement.kinematics.refuses.get("derivatives"):
+    if reason := statement.kinematics.refuses.get("derivatives"):
         raise SceneError([("material.hypothesis", reason)])
-    refuse(scene.statement, REFUSES)
+    refuse(statement, REFUSES)
 
 
 def _sensitivities(
-    scene: Scene, steps: list[_Step], of: list[str], by: Sequence[str] | None, solution: Solution, seconds: float
+    statement: Statement,
+    steps: list[_Step],
+    of: list[str],
+    by: Sequence[str] | None,
+    solution: Solution,
+    seconds: float,
 ) -> list[Sensitivity]:
     model = steps[-1].model
-    paths = tuple(default_entries(scene) if by is None else by)
-    entries = [entry_of(scene, path, model.tagged.size, model.dimension) for path in paths]
+    paths = tuple(default_entries(statement) if by is None else by)
+    entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in paths]
     begin = time.perf_counter()
     quantities = [_at_step(steps, text) for text in of]
     adjoints = adjoints_of([step.solved for step in steps], quantities if paths else [])
     columns = [
-        derivatives(adjoints, quantities, _by(scene, steps, path, step, quantities))
+        derivatives(adjoints, quantities, _by(statement, steps, path, step, quantities))
         for path, (_, step) in zip(paths, entries, strict=True)
     ]
     end = time.perf_counter()
@@ -248,18 +253,21 @@ def _at_step(steps: list[_Step], text: str) -> tuple[int, Functional]:
     return number - 1, functional_of(steps[number - 1].model, words[0])
 
 
-def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Sequence[tuple[int, Functional]]) -> By:
-    """The derivatives of what depends on a number of the scene; collective.
+def _by(
+    statement: Statement, steps: list[_Step], path: str, step: float, quantities: Sequence[tuple[int, Functional]]
+) -> By:
+    """The derivatives of what depends on a number of the problem; collective.
 
     Args:
-        scene: the scene.
+        statement: what is stated of it.
         steps: its load steps.
         path: of the number.
         step: by how much it is changed.
         quantities: each with the number of its load step.
     """
-    above, below = (varied(scene, path, change, steps[0].model.dimension) for change in (step, -step))
-    load = load_of(scene, path)
+    changes = (varied(statement, path, change, steps[0].model.dimension) for change in (step, -step))
+    above, below = (statement.changed(**entries) for entries in changes)
+    load = load_of(statement, path)
     step_quantities = [[quantity for number, quantity in quantities if number == k] for k in range(len(steps))]
     if path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson"):
         residual = _by_modulus(above, below, step, steps)
@@ -267,8 +275,8 @@ def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Se
         residual = _by_load(above, below, step, steps, path)
     else:
 
-        def at(changed: Scene) -> By:
-            data = cache(_data(changed.statement, steps, path))
+        def at(changed: Statement) -> By:
+            data = cache(_data(changed, steps, path))
 
             def evaluated(k: int) -> Explicit:
                 previous = (steps[k - 1].solved, data(k - 1)) if k else None
@@ -280,19 +288,19 @@ def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Se
     return lambda k: Explicit([0.0] * len(step_quantities[k]), residual(k))
 
 
-def _by_modulus(above: Scene, below: Scene, step: float, steps: list[_Step]) -> Callable[[int], PETSc.Vec]:
+def _by_modulus(above: Statement, below: Statement, step: float, steps: list[_Step]) -> Callable[[int], PETSc.Vec]:
     """R_p of each load step, where p is a modulus: the forms of the body are linear in the Lame parameters, and are
     assembled with the derivatives of these in their place.
     """
     model, twice = steps[0].model, 2 * step
     forms: Sequence[fem.Form] | PETSc.Mat = model.forms[: len(model.forms) - len(model.resists or ())]
-    high, low = (lame_coefficients(entry.statement, model.tagged) for entry in (above, below))
+    high, low = (lame_coefficients(entry, model.tagged) for entry in (above, below))
     slopes = [(_values(entry) - _values(lower)) / twice for entry, lower in zip(high, low, strict=True)]
     if len(steps) > _FEW:
         with _lame(model, slopes):
             forms = sum_of(forms, [])
-    strained = any(entry.strains for _, entry in above.statement.listed())
-    prepared = [prepare(entry.statement, model.tagged, Timings()) for entry in (above, below)] if strained else []
+    strained = any(entry.strains for _, entry in above.listed())
+    prepared = [prepare(entry, model.tagged, Timings()) for entry in (above, below)] if strained else []
 
     def residual(k: int) -> PETSc.Vec:
         body = steps[k].model
@@ -307,13 +315,15 @@ def _by_modulus(above: Scene, below: Scene, step: float, steps: list[_Step]) -> 
     return residual
 
 
-def _by_load(above: Scene, below: Scene, step: float, steps: list[_Step], path: str) -> Callable[[int], PETSc.Vec]:
+def _by_load(
+    above: Statement, below: Statement, step: float, steps: list[_Step], path: str
+) -> Callable[[int], PETSc.Vec]:
     """R_p of each load step, where p belongs to a load that prescribes nothing: nothing else is assembled."""
     loads = []
-    for scene in (above, below):
-        load = load_of(scene, path)
+    for statement in (above, below):
+        load = load_of(statement, path)
         assert load is not None
-        loads.append(alone(steps[0].model, scene.statement, load))
+        loads.append(alone(steps[0].model, statement, load))
 
     def residual(k: int) -> PETSc.Vec:
         load_step, body = steps[k].place, steps[k].model

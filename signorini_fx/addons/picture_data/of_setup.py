@@ -23,8 +23,6 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file
 from signorini_fx.mechanics.statement.effect import Effect, Force
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.scene import Scene
 
 _SUFFIXES = (".png", ".pdf", ".svg")
 Floats = npt.NDArray[np.float64]
@@ -84,8 +82,8 @@ def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
     ]
 
 
-def draw_setup(scene: Scene, comm: MPI.Comm, file: Path) -> None:
-    """Draw a scene before it is solved, into a file whose suffix is .png, .pdf or .svg; collective.
+def draw_setup(load: Callable[[], TaggedMesh], statement: Statement, comm: MPI.Comm, file: Path) -> None:
+    """Draw a problem on the mesh that ``load`` gives, into a file whose suffix is .png, .pdf or .svg; collective.
 
     Raises:
         SceneError: the scene does not fit its mesh.
@@ -93,7 +91,7 @@ def draw_setup(scene: Scene, comm: MPI.Comm, file: Path) -> None:
         OutputError: the file cannot be written.
         PictureError: in space, PyVista is missing.
     """
-    _draw(lambda: gather_setup(load_mesh(scene, comm), scene.statement, scene.title), comm, file)
+    _draw(lambda: gather_setup(load(), statement, statement.title), comm, file)
 
 
 def draw_mesh(mesh: MeshFile, comm: MPI.Comm, file: Path) -> None:

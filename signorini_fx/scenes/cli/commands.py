@@ -338,10 +338,11 @@ def check(options: argparse.Namespace) -> int:
         scene = _read_scene(options)
         from signorini_fx.scenes.check_text import render, short_text
         from signorini_fx.scenes.checks import check_scene
+        from signorini_fx.scenes.mesh import load_mesh
 
         checked = check_scene(scene, comm)
         if options.picture is not None:
-            add_on("draw_setup")(scene, comm, options.picture)
+            add_on("draw_setup")(partial(load_mesh, scene, comm), scene.statement, comm, options.picture)
     except SignoriniError as error:
         if options.json:
             problems = error.problems if isinstance(error, SceneError) else [("mesh", str(error))]
