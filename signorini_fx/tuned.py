@@ -610,6 +610,13 @@ BALANCING_STEPS = 50
 # Where conjugate gradients for stresses in balance end: a share of the first residual, and a number of products.
 # Choice: the bound holds whatever they leave, which is added to it.
 BALANCING_RESIDUAL, BALANCING_PRODUCTS = 1e-7, 500
+# Points that a polynomial of a modulus is known from lie this far inside a cell: on its boundary it may have the values
+# beside a jump.  Choice.
+INSIDE_CELL = 0.9
+# Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the condition of a
+# tetrahedron.  Source: those of turned ones, which are the same, differ by a third of this at most, see
+# tests/bounds/test_lifted_tractions.py.
+ROUNDED_FORMS = 1e3
 
 # --- check: what it warns of -----------------------------------------------------------------------------------------
 
@@ -707,6 +714,8 @@ ADDRESS_SPACE, DATA_SEGMENT = 1.0e9, 0.5e9
 BYTES_PER_CELL = 1000.0
 # Seconds for one picture in space, and for a display to start.  Choice.
 PICTURE_PATIENCE, DISPLAY_PATIENCE = 300.0, 30.0
+# Seconds for a program that says its version.  Choice.
+VERSION_PATIENCE = 20.0
 
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
@@ -771,6 +780,18 @@ DIVIDED_AT_MOST = 100_000
 # Where a deck asks for NLGEOM and the strain that linear elasticity neglects is more than this share of its own, the
 # answer is another one.  Choice: as much as an accuracy that is usually asked for.
 LINEAR_IN_DECK = 0.01
+# A distance of surfaces that nothing closes, in sizes of the mesh.  Choice.
+NEVER_CLOSED = 2.0
+# The difference of places of a reference facet that gives its slopes: shape functions are polynomials.  Choice.
+FACET_DIFFERENCE = 1e-6
+# A load on an element of a study of Code_Aster is asked for this far from its middle to a corner.  Choice: nearly all
+# of the way.
+TOWARD_CORNERS = 0.95
+# A component of a unit normal below which contact there does not act along an axis: 6 degrees.  Choice.
+ACROSS_AXIS = 0.1
+# A point of time belongs to an interval of a course that it misses by this share of the times, which is round-off, and
+# in a case of Kratos by this share of a step.  Choice.
+COURSE_MISSED, KRATOS_SAME_TIME = 1e-9, 1e-6
 
 # --- contact between two bodies --------------------------------------------------------------------------------------
 
@@ -836,6 +857,12 @@ ALONG_CONTACT = 1e-3
 # Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off
 # of statics.  Choice.
 BEYOND_LIMIT = 1e-6
+# Of complex steps, whose derivatives have no differences in them: its square is nothing beside any number.  Choice.
+COMPLEX_STEP = 1e-30
+# Two values of a stress that are closer to each other than this share do not say how many digits it has.  Choice.
+CLOSE_STRESSES = 1e-3
+# Times the yield stress above which a share is no longer told in per cent.  Choice.
+FAR_ABOVE_YIELD = 10.0
 
 # --- studies ---------------------------------------------------------------------------------------------------------
 
@@ -853,6 +880,15 @@ FIRST_CELLS = 2.0
 OUTSIDE_OTHER_MESH = 1.0
 # Seconds that a run of a study may take, above which it is not repeated, and above which only three times.  Choice.
 TOO_LONG_RUN, LONG_RUN, MIDDLE_RUN = 30.0, 15.0, 0.5
+# Work-precision study: cells of its meshes relative to those of the scene, those of a uniform reference with the
+# unknowns of another one, and targets of adaptive meshes in the energy norm.  Choice: two decades of errors in minutes;
+# the quick one takes seconds.
+STUDIED_CELLS, QUICKLY_STUDIED_CELLS = (8.0, 4.0, 2.0, 1.0, 0.5), (4.0, 2.0)
+STUDY_REFERENCE, QUICK_STUDY_REFERENCE = (0.2, 300_000), (1.0, 30_000)
+STUDIED_TARGETS = {"P1": (0.2, 0.1, 0.05, 0.025), "P2": (0.05, 0.01, 3e-3, 1e-3)}
+QUICKLY_STUDIED_TARGETS = (0.05, 0.02)
+# Errors at which its conclusions compare methods.  Choice: two a decade.
+COMPARED_ERRORS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 
 # --- uniqueness ------------------------------------------------------------------------------------------------------
 
@@ -1048,6 +1084,8 @@ ELONGATED = 4.0
 # Along a normal of a shape of a user's own its distance may grow by so much less than a distance does: normals that are
 # smoothed where facets meet.  Choice: eight degrees.
 WRONG_NORMAL = 1e-2
+# Strains at which a material is tried before it is used.  Choice: none, small, and those of rubber.
+TRIED_STRAINS = (0.0, 1e-3, 0.02, 0.2)
 
 # --- judge: thresholds for results of other programs -----------------------------------------------------------------
 
@@ -1133,6 +1171,16 @@ JUDGED_SAME_TIME = 1e-4
 # The guaranteed error of a result is sought on meshes of ours with sides halved at most so often, as long as there are
 # at most so many unknowns in the plane and in space: 2 s with 8,514 in the plane, half a minute with that in space.
 JUDGED_HALVINGS, JUDGED_FINEST = 3, {2: 12_000, 3: 3_000}
+# Pieces that are tried for a node that a program has adjusted, and by how much it may be beside one: of the size of the
+# mesh, and of its distance, as normals of neighbours differ.  Choice.
+ADJUSTED_TRIED, ADJUSTED_BESIDE, ADJUSTED_BESIDE_OF_DISTANCE = 16, 1e-6, 0.1
+# Distances that differ by less than this share of the size of the mesh are equal up to round-off.  Choice.
+ADJUSTED_SAME = 1e-12
+# A point is not above a facet that it is beside by more than this share of the length of the facet.  Choice.
+JUDGED_BESIDE = 0.02
+# The square of the share of the normal that supports must leave free, so that the force along it is that of contact.
+# Choice.
+JUDGED_FREE_NORMAL = 0.5
 
 # --- soft contact ----------------------------------------------------------------------------------------------------
 

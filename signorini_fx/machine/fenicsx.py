@@ -14,12 +14,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from signorini_fx.errors import InstallationError
+from signorini_fx.tuned import VERSION_PATIENCE
 
 # As the extra ``fenicsx`` of pyproject.toml has them, whose markers say where there are such wheels.
 WHEELS = ("dolfinx-solver-real>=0.11", "gmsh>=4.12")
 _OLDEST_PYTHON, _SYSTEM, _PROCESSOR = (3, 12), "Linux", "x86_64"
 _NEWER = ("python3.14", "python3.13", "python3.12")
-_PATIENCE = 20.0  # seconds for a program that says its version
 _CONDA = "install -c conda-forge fenics-dolfinx mpich python-gmsh"
 _ELSEWHERE = """or, on other machines, by one of
     apt install python3-dolfinx python3-gmsh                              (Debian 13 or later, Python of the system)
@@ -122,7 +122,7 @@ def _runs(program: str) -> bool:
     """See ``Surroundings``: what is on the path may be a placeholder that starts nothing."""
     arguments = ["-c", "import ensurepip, venv"] if "python" in program else ["--version"]
     try:
-        ended = subprocess.run([program, *arguments], capture_output=True, check=False, timeout=_PATIENCE)
+        ended = subprocess.run([program, *arguments], capture_output=True, check=False, timeout=VERSION_PATIENCE)
     except (OSError, subprocess.TimeoutExpired):
         return False
     return ended.returncode == 0

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from signorini_fx.tuned import CLOSE_STRESSES
+
 # Digits of a figure without an estimate, and the most that are shown of one with an estimate.
 _UNKNOWN, _MOST_DIGITS = 4, 6
-# Two values of a stress that are closer to each other than this do not say how many digits it has.
-_CLOSE = 1e-3
 
 
 def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -28,7 +28,7 @@ def between(stress: Mapping[str, Any]) -> float | None:
     if None in values or not max(values) > 0:
         return None
     apart = float((max(values) - min(values)) / max(values))
-    return apart if apart > _CLOSE else None
+    return apart if apart > CLOSE_STRESSES else None
 
 
 def figure(value: Any, error: float | None = None) -> str:

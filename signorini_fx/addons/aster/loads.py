@@ -11,11 +11,10 @@ from signorini_fx.addons.aster.command_file import depends_on, value_at
 from signorini_fx.addons.aster.study import AsterStudy, NodalForce, Relation, Support, SurfaceLoad
 from signorini_fx.addons.aster.values import AsterCommand, CommandError, Concept
 from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.tuned import TOWARD_CORNERS
 
 _COMPONENTS = {"DX": 0, "DY": 1, "DZ": 2}
 _FORCES = {"FX": 0, "FY": 1, "FZ": 2}
-# How far from the middle of an element to a corner a load on it is asked for: nearly all of the way.
-_TOWARD_CORNERS = 0.95
 
 
 def read_excitation(study: AsterStudy, solve: AsterCommand, entry: dict[str, Any]) -> None:
@@ -150,7 +149,7 @@ def _varying_load(
         for row in np.flatnonzero(mark):
             corners = study.mesh.points[rows[row][: {"l": 2, "t": 3, "q": 4}[kind[0]]]]
             # Between the middle and the corners, where a quadrature of the boundary has its points.
-            at = corners.mean(axis=0) + _TOWARD_CORNERS * (corners - corners.mean(axis=0))
+            at = corners.mean(axis=0) + TOWARD_CORNERS * (corners - corners.mean(axis=0))
             vectors = np.zeros((len(at), len(study.instants), width))
             for key, axis in components.items():
                 for point, x in enumerate(at):

@@ -22,12 +22,11 @@ from signorini_fx.addons.aster.values import AsterCommand, CommandError, Concept
 from signorini_fx.addons.aster.zones import read_contact
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.reading import read_separately
+from signorini_fx.tuned import ACROSS_AXIS
 
 # Kinds of DEFORMATION for which displacements are small.
 SMALL = ("PETIT", "PETIT_REAC")
 SOLVES = ("STAT_NON_LINE", "MECA_NON_LINE", "MECA_STATIQUE")
-# A component of a unit normal below which contact does not act along an axis: 6 degrees.
-_ACROSS = 0.1
 # More instants than these are not solved one after the other.
 _MOST_INSTANTS = 400
 
@@ -121,7 +120,7 @@ def _exclude_nodes(study: AsterStudy, excluded: ExcludedNodes) -> None:
     loose = [
         node
         for row, node in enumerate(map(int, excluded.nodes))
-        if any(abs(excluded.acting[row, k]) > _ACROSS and (node, k) not in held for k in range(study.dim))
+        if any(abs(excluded.acting[row, k]) > ACROSS_AXIS and (node, k) not in held for k in range(study.dim))
     ]
     if loose and excluded.directed:
         study.lose("", f"{excluded.origin}: friction acts in all directions at {len(loose)} nodes")

@@ -28,10 +28,8 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.cut_simplices import cut
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.quantities.proved_statements import Refused
-from signorini_fx.tuned import SAME_NUMBER
+from signorini_fx.tuned import INSIDE_CELL, SAME_NUMBER
 
-# How far the points that a polynomial is known from are inside: on its boundary it may have the values beside a jump.
-_INSIDE = 0.9
 # Gamma, but for a factor of each cell, at points of cells, shape (m, q), of positions, length, shape (m, q, d).
 _Grading = Callable[[Ints, Array], Array]
 
@@ -264,7 +262,7 @@ def _bounds(t: Simplices, grading: _Grading, values: list[Any], degree: int) -> 
     """
     count = t.dimension + 1
     powers = np.array([exponents for exponents in product(range(degree + 1), repeat=count) if sum(exponents) == degree])
-    points = _INSIDE * powers / max(degree, 1) + (1 - _INSIDE * (degree > 0)) / count
+    points = INSIDE_CELL * powers / max(degree, 1) + (1 - INSIDE_CELL * (degree > 0)) / count
     multinomials = [factorial(degree) / prod(factorial(int(power)) for power in exponents) for exponents in powers]
     basis = np.array(multinomials) * np.prod(points[:, None] ** powers, axis=2)
     rows, places = cut(t.x[t.corners], values)

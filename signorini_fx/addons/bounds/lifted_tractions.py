@@ -31,14 +31,11 @@ from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.korn import REGULAR
 from signorini_fx.addons.bounds.simplices import TWICE, Moduli, Simplices
+from signorini_fx.tuned import ROUNDED_FORMS
 
 # Tetrahedra whose systems are solved at the same time.
 _CHUNK = 16
 _EPS = float(np.finfo(float).eps)
-# Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the condition of a
-# tetrahedron: those of turned ones, which are the same, differ by a third of this at most, see
-# tests/bounds/test_lifted_tractions.py.
-_ROUNDED = 1e3
 
 
 @dataclass(frozen=True)
@@ -170,12 +167,12 @@ class Liftings:
 
 
 def _rounded(corners: Array, moduli: Moduli) -> Array:
-    """Round-off of forms as a share of their norm, see ``_ROUNDED``, shape (n,)."""
+    """Round-off of forms as a share of their norm, see ``ROUNDED_FORMS``, shape (n,)."""
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ np.linalg.inv((REGULAR[1:] - REGULAR[0]).T)
     root = np.sqrt(TWICE[3])
     stiffness = moduli.stress(np.tile(np.eye(6), (len(corners), 1, 1))).transpose(0, 2, 1) * root[:, None] / root
     sizes = np.linalg.eigvalsh(stiffness)
-    return np.asarray(_ROUNDED * _EPS * sizes[:, -1] / sizes[:, 0] * np.linalg.cond(edges) ** 4)
+    return np.asarray(ROUNDED_FORMS * _EPS * sizes[:, -1] / sizes[:, 0] * np.linalg.cond(edges) ** 4)
 
 
 def _forms(face: DividedFace, corners: Array, moduli: Moduli) -> Array:

@@ -11,9 +11,7 @@ import numpy as np
 from signorini_fx.addons.cases.located_json import JsonObject
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.expressions import Expression
-
-# A point of time belongs to an interval that it misses by round-off.
-_ROUND_OFF = 1e-9
+from signorini_fx.tuned import COURSE_MISSED
 
 
 class Course:
@@ -33,7 +31,7 @@ class Course:
     def _acts(self, interval: tuple[float, float]) -> list[int]:
         """The instants within an interval of time."""
         begin, end = interval
-        near = _ROUND_OFF * max(1.0, *map(abs, self.instants))
+        near = COURSE_MISSED * max(1.0, *map(abs, self.instants))
         return [n for n, time in enumerate(self.instants) if begin - near <= time <= end + near]
 
     def hold(

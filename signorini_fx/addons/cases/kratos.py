@@ -17,6 +17,7 @@ from signorini_fx.addons.cases.mdpa import ELEMENT_KINDS, SubModelPart, read_mdp
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import KRATOS_SAME_TIME
 
 CHECKS = "from_json_check_result_process"
 _CONTACTS = ("alm_contact_process", "penalty_contact_process", "mpc_contact_process", "mesh_tying_process")
@@ -27,8 +28,6 @@ _THICKNESS, _YOUNG, _POISSON = "THICKNESS", "YOUNG_MODULUS", "POISSON_RATIO"
 _FRICTION = "FRICTION_COEFFICIENT"
 _AXES = "XYZ"
 _MOST_INSTANTS = 400
-# A moment is one of a list, and a point of time in an interval, to this share of a step.
-SAME_TIME = 1e-6
 _FORMULATIONS = {
     "alm_contact_process": "by a mortar method with an augmented Lagrangian, on the deformed surfaces",
     "penalty_contact_process": "by a mortar method with a penalty, on the deformed surfaces",
@@ -256,7 +255,7 @@ class _KratosCase:
             for key in sorted(intervals):  # as Kratos keeps its objects
                 where = intervals.part(key)
                 begin, end = _interval(where)
-                if begin - SAME_TIME <= time <= end:
+                if begin - KRATOS_SAME_TIME <= time <= end:
                     step = where.number("time_step")
                     break
             else:
@@ -273,7 +272,7 @@ class _KratosCase:
             return times
         wanted = [time for path, _ in study.checks for time in times_of(path)]
         step = min(np.diff([0.0, *times]))
-        enough = [time for time in times if any(abs(time - value) <= SAME_TIME * step for value in wanted)]
+        enough = [time for time in times if any(abs(time - value) <= KRATOS_SAME_TIME * step for value in wanted)]
         return enough or times[-1:]
 
     def _checks(self) -> list[tuple[Path, tuple[str, ...]]]:

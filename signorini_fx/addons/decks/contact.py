@@ -13,10 +13,8 @@ from signorini_fx.addons.decks.ties import distances, tie_nodes
 from signorini_fx.addons.decks.tools import of_time, tool_keys
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, quoted, real, real_or_none
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
-from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
+from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT, NEVER_CLOSED
 
-# A distance of surfaces that nothing closes, in sizes of the mesh.
-_FAR = 2.0
 _PIECES = 64  # straight ones that an arc of a rigid surface becomes
 
 
@@ -248,7 +246,7 @@ def _in_steps(
 
 def _far(deck: Deck) -> float:
     """A distance that nothing closes, length."""
-    return float(f"{_FAR * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0))):.3g}")
+    return float(f"{NEVER_CLOSED * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0))):.3g}")
 
 
 def _at_nodes(deck: Deck, nodes: Ints) -> str:

@@ -16,11 +16,10 @@ from signorini_fx.mechanics.mesh.files.abaqus_sectors import Sectors, asks_for_c
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import Cell
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
-from signorini_fx.tuned import SAME_LENGTH, SAME_POSITION, TIED_AT_MOST
+from signorini_fx.tuned import FACET_DIFFERENCE, SAME_LENGTH, SAME_POSITION, TIED_AT_MOST
 
 # Steps of Newton's method for the closest place of a facet, and facets that are tried for each node.
 _STEPS, _FACETS_OF_NODE = 12, 8
-_DIFFERENCE = 1e-6  # of places of the reference facet, whose shape functions are polynomials
 
 
 def surface_nodes(deck: Deck, name: str) -> Ints:
@@ -185,9 +184,9 @@ def _weights_at(cell: Cell, x: Floats, point: Floats) -> Floats:
     at = np.mean(np.array(cell.corners, dtype=np.float64), axis=0)
     dim = cell.dim
     for _ in range(_STEPS):
-        steps = np.vstack((at, at + _DIFFERENCE * np.eye(dim), at - _DIFFERENCE * np.eye(dim)))
+        steps = np.vstack((at, at + FACET_DIFFERENCE * np.eye(dim), at - FACET_DIFFERENCE * np.eye(dim)))
         positions = cell.shape(steps) @ x
-        slopes = (positions[1 : dim + 1] - positions[dim + 1 :]) / (2 * _DIFFERENCE)
+        slopes = (positions[1 : dim + 1] - positions[dim + 1 :]) / (2 * FACET_DIFFERENCE)
         move = np.linalg.lstsq(slopes.T, point - positions[0], rcond=None)[0]
         at = _inside(cell, at + move)
         if np.abs(move).max() < SAME_LENGTH:

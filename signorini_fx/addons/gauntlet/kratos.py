@@ -12,7 +12,7 @@ import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the l
 import numpy as np
 
 from signorini_fx.addons.aster.draft import StudyDraft
-from signorini_fx.addons.cases.kratos import SAME_TIME, KratosStudy, read_kratos, times_of
+from signorini_fx.addons.cases.kratos import KratosStudy, read_kratos, times_of
 from signorini_fx.addons.decks.node_results import NodeResults
 from signorini_fx.addons.gauntlet.case_run import StudyRun
 from signorini_fx.addons.gauntlet.case_values import DISPLACEMENT, PRESSURE, WantedValue, with_values
@@ -20,6 +20,7 @@ from signorini_fx.addons.gauntlet.outcomes import GauntletCase, in_short
 from signorini_fx.addons.gauntlet.solved_drafts import SolvedDraft, without_folders
 from signorini_fx.addons.gauntlet.sources import KRATOS
 from signorini_fx.errors import MeshError
+from signorini_fx.tuned import KRATOS_SAME_TIME
 
 # Of the variables that Kratos writes the quantity and the component.
 _VARIABLES = {
@@ -67,7 +68,7 @@ def wanted_values(study: KratosStudy) -> tuple[list[WantedValue], int]:
     collected, further = [], 0
     rows = {int(number): row + 1 for row, number in enumerate(study.numbers)}
     steps = np.diff([0.0, *study.instants])
-    near = SAME_TIME * float(steps.min())
+    near = KRATOS_SAME_TIME * float(steps.min())
     for path, variables in study.checks:
         times = times_of(path)
         instants = [

@@ -14,6 +14,7 @@ from signorini_fx.addons.judging.problem_data import JudgedMesh
 from signorini_fx.addons.judging.projection import outward_signs
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import real_or_none
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import ADJUSTED_BESIDE, ADJUSTED_BESIDE_OF_DISTANCE, ADJUSTED_SAME, ADJUSTED_TRIED
 
 # The straight pieces of each kind of facet, whose corners come first.
 _PIECES = {
@@ -24,11 +25,6 @@ _PIECES = {
     "triangle6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
     "quad8": ((0, 4, 7), (4, 1, 5), (6, 5, 2), (7, 6, 3), (7, 4, 6), (4, 5, 6)),
 }
-# Pieces that are tried for a node, and by how much it may be beside one: of the size of the mesh, and of its distance,
-# as normals of neighbours differ.
-_TRIED, _BESIDE, _BESIDE_OF_DISTANCE = 16, 1e-6, 0.1
-# Distances that differ by less than this share of the size of the mesh are equal up to round-off.
-_ROUND_OFF = 1e-12
 
 
 def adjusted_points(deck: Deck, mesh: JudgedMesh) -> tuple[Floats, list[str]]:
@@ -53,7 +49,7 @@ def adjusted_points(deck: Deck, mesh: JudgedMesh) -> tuple[Floats, list[str]]:
             nodes = nodes[np.isin(deck.numbers[nodes], deck.nodes(adjustment))]
         distance, normal = _above(mesh, points, mesh.boundaries[master], nodes)
         near = distance <= limit
-        equal = np.isfinite(distance) & (np.abs(distance - limit) <= _ROUND_OFF * mesh.size)
+        equal = np.isfinite(distance) & (np.abs(distance - limit) <= ADJUSTED_SAME * mesh.size)
         if equal.any():
             name = mesh.names[nodes[np.argmax(equal)]]
             unclear.append(f"ADJUST={adjustment}: node {name} is at this very distance: say a little more or less")
@@ -83,7 +79,7 @@ def _above(mesh: JudgedMesh, points: Floats, facets: Ints, nodes: Ints) -> tuple
         opposite_sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
         heights /= np.linalg.norm(opposite_sides, axis=2)
     x = points[nodes]
-    count = min(_TRIED, len(corners))
+    count = min(ADJUSTED_TRIED, len(corners))
     _, near = cKDTree(corners.mean(axis=1)).query(x, k=count)
     near = near.reshape(len(x), count)
     from_first = x[:, None] - corners[near, 0]
@@ -94,7 +90,7 @@ def _above(mesh: JudgedMesh, points: Floats, facets: Ints, nodes: Ints) -> tuple
     shares = np.linalg.solve(gram[near], along[..., None])[..., 0]
     shares = np.concatenate((1 - shares.sum(axis=2, keepdims=True), shares), axis=2)
     beside = (-shares * heights[near]).max(axis=2)
-    allowed = _BESIDE * mesh.size + _BESIDE_OF_DISTANCE * np.abs(distance)
+    allowed = ADJUSTED_BESIDE * mesh.size + ADJUSTED_BESIDE_OF_DISTANCE * np.abs(distance)
     chosen = np.argmin(np.where(beside <= allowed, np.abs(distance), np.inf), axis=1)
     rows = np.arange(len(x))
     opposite = (beside <= allowed)[rows, chosen]

@@ -11,11 +11,10 @@ from scipy.spatial import cKDTree
 from signorini_fx.addons.judging.problem_data import JudgedMesh, facet_points
 from signorini_fx.addons.judging.reference_elements import ReferenceElement
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import JUDGED_BESIDE
 
 # Samples of each facet along an axis, facets that are tried for a point, and steps of Gauss and Newton.
 _SAMPLES, _NEAREST, _STEPS = 5, 4, 8
-# A point is not above a facet that it is beside by more than this share of the length of the facet.
-_BESIDE = 0.02
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def closest_points(mesh: JudgedMesh, facets: Ints, nodal: Floats, x: Floats) -> 
     distance = np.einsum("nd,nd->n", x - foot, normal)
     beside = np.linalg.norm(x - foot - distance[:, None] * normal, axis=1)
     length = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
-    distance = np.where(beside > _BESIDE * length + np.abs(distance), np.inf, distance)
+    distance = np.where(beside > JUDGED_BESIDE * length + np.abs(distance), np.inf, distance)
     return ClosestPoints(facet, shape, distance, normal)
 
 

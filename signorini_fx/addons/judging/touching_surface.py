@@ -20,7 +20,7 @@ from signorini_fx.addons.judging.projection import closest_points, rotated_by
 from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss, reference_element
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.expressions import in_space, sample
-from signorini_fx.tuned import JUDGED_APART, JUDGED_FACET_POINTS
+from signorini_fx.tuned import JUDGED_APART, JUDGED_FACET_POINTS, JUDGED_FREE_NORMAL
 
 _LINEAR = {"line": "line", "line3": "line", "triangle": "triangle", "triangle6": "triangle"}
 
@@ -146,7 +146,7 @@ def touching_surface(
     # Along what a support holds it has a share of the force.
     across = np.where(along, 0.0, toward)
     square = np.einsum("cd,cd->c", across, across)
-    push = -np.einsum("cd,cd->c", force, across) / np.maximum(square, _ACROSS)
+    push = -np.einsum("cd,cd->c", force, across) / np.maximum(square, JUDGED_FREE_NORMAL)
     shear = force + push[:, None] * toward
     mean_slip = mean_slip - np.einsum("cd,cd->c", mean_slip, toward)[:, None] * toward
     shared_nodes = problem.linked.copy()  # what links exert is no contact
@@ -154,7 +154,7 @@ def touching_surface(
         if rival is not contact:
             shared_nodes[rival.nodes] = True
     shared = weights @ (shared_nodes | held.all(axis=1)).astype(float) > 0
-    judged = ~shared & (square > _ACROSS)
+    judged = ~shared & (square > JUDGED_FREE_NORMAL)
     sliding = judged & ~along.any(axis=1)
     graph = coo_array(
         (np.ones(width * width * len(local)), (np.repeat(local, width, 1).ravel(), np.tile(local, width).ravel())),
@@ -255,10 +255,6 @@ def _least(element: ReferenceElement, shape: Floats, gap: Floats) -> Floats:
 
 # Places along each axis of a facet of degree 2 where the clearance is looked at.
 _SAMPLES = 17
-
-
-# The square of the share of the normal that supports must leave free, so that the force along it is that of contact.
-_ACROSS = 0.5
 
 
 def _hats_at_nodes(facets: Ints, local: Ints, values: Floats, corners: int, nodes: int) -> csr_array:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from signorini_fx.addons.studies.work_precision import QUANTITIES, Row, Study
-from signorini_fx.tuned import EQUAL_ERRORS, NO_ERROR, TIED_TIMES
+from signorini_fx.tuned import COMPARED_ERRORS, EQUAL_ERRORS, NO_ERROR, TIED_TIMES
 
-TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 _LABELS = {
     "energy": "displacement in the energy norm",
     "pressure": "contact pressure",
@@ -73,7 +72,7 @@ def advice(study: Study) -> str:
     parts = [f"{study.scene.title or 'The scene'}: errors relative to {study.reference}, times of whole solves."]
     for quantity in quantities_with_errors(study):
         best: list[tuple[str, float, Row]] = []
-        for target in TARGETS:
+        for target in COMPARED_ERRORS:
             row = choice(rows, quantity, target) if target > 2 * (study.floor[quantity] or 0.0) else None
             if row is not None and best and best[-1][2]["method"] == row["method"]:
                 best[-1] = (best[-1][0], target, row)
@@ -98,7 +97,7 @@ def _not_accurate_enough(study: Study, quantity: str) -> str:
     """The text for a quantity that no run has computed accurately enough."""
     best = min((e for e in lasting_errors(study.rows, quantity) if e is not None), default=None)
     floor = study.floor[quantity]
-    text = f"No run has the {_LABELS[quantity]} within {_percent(TARGETS[0])} beyond doubt"
+    text = f"No run has the {_LABELS[quantity]} within {_percent(COMPARED_ERRORS[0])} beyond doubt"
     text += f": the best is wrong by {100 * best:.2g} %" if best is not None else ""
     return text + (f", the reference itself perhaps by {100 * floor:.2g} %." if floor else ".")
 

@@ -26,7 +26,17 @@ from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.tuned import LONG_RUN, MIDDLE_RUN, TOO_LONG_RUN
+from signorini_fx.tuned import (
+    LONG_RUN,
+    MIDDLE_RUN,
+    QUICK_STUDY_REFERENCE,
+    QUICKLY_STUDIED_CELLS,
+    QUICKLY_STUDIED_TARGETS,
+    STUDIED_CELLS,
+    STUDIED_TARGETS,
+    STUDY_REFERENCE,
+    TOO_LONG_RUN,
+)
 
 Row = dict[str, Any]
 QUANTITIES = {
@@ -37,12 +47,6 @@ QUANTITIES = {
     "force": "contact and friction force",
 }
 PHASES = ("mesh", "compile", "assemble", "condense", "iterate", "certify")
-# Elements of the study's meshes, relative to those of the scene; those of a uniform reference, unknowns of another.
-_FACTORS, _QUICK_FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5), (4.0, 2.0)
-_REFERENCE, _QUICK_REFERENCE = (0.2, 300_000), (1.0, 30_000)
-# Targets of adaptive meshes for the error in the energy norm.
-_ASKED = {"P1": (0.2, 0.1, 0.05, 0.025), "P2": (0.05, 0.01, 3e-3, 1e-3)}
-_QUICK_ASKED = (0.05, 0.02)
 
 
 @dataclass(frozen=True)
@@ -83,15 +87,15 @@ def run_study(
     if not scene.contact or scene.statement.several_steps:
         raise SceneError([("contact", "a study needs a scene with contact and one load step")])
     begin = time.perf_counter()
-    factors = _QUICK_FACTORS if quick else _FACTORS
-    reference, floor = reference_solution(scene, *(_QUICK_REFERENCE if quick else _REFERENCE))
+    factors = QUICKLY_STUDIED_CELLS if quick else STUDIED_CELLS
+    reference, floor = reference_solution(scene, *(QUICK_STUDY_REFERENCE if quick else STUDY_REFERENCE))
     about = f"{reference.about}, {reference.solution.model.dofs} unknowns"
     report(f"reference: {about}; {time.perf_counter() - begin:.1f} s")
     natural = reference.solution.model.scales.gamma
     runs = []
     for method in methods(scene.statement, quick=quick):
         if method.adaptive:
-            targets = _QUICK_ASKED if quick else _ASKED[method.element]
+            targets = QUICKLY_STUDIED_TARGETS if quick else STUDIED_TARGETS[method.element]
             runs += [_Run(method, 1.0, scene, natural, asked=target) for target in targets]
             continue
         # Quadratic elements on twice as large cells have as many unknowns.

@@ -275,7 +275,7 @@ def growth(change: Any) -> Any:
 
 
 def strain_beyond_growth(change: Any) -> Any:
-    """tr E - (J - 1) from grad u, with Green's strain E, UFL: quadratic in small changes, without their difference."""
+    """Tr E - (J - 1) from grad u, with Green's strain E, UFL: quadratic in small changes, without their difference."""
     import ufl
 
     return (ufl.inner(change, change) - ufl.tr(change) ** 2 + ufl.tr(change * change)) / 2 - ufl.det(change)

@@ -14,10 +14,7 @@ from signorini_fx.mechanics.materials.nonlinear import (
     inverse_transposed,
 )
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
-from signorini_fx.tuned import ENERGY_DIFFERENCE, SAME_STRESS
-
-# Strains that a body may have, without shear across a plane mesh.
-_STRAINS = (0.0, 1e-3, 0.02, 0.2)
+from signorini_fx.tuned import ENERGY_DIFFERENCE, SAME_STRESS, TRIED_STRAINS
 
 
 def fault_of_nonlinear(material: NonlinearMaterial) -> str:
@@ -40,7 +37,7 @@ def fault_of_nonlinear(material: NonlinearMaterial) -> str:
 def _gradients() -> list[Array]:
     """Deformation gradients, with the same numbers in every run."""
     drawn, gradients = np.random.default_rng(0), []
-    for size in _STRAINS:
+    for size in TRIED_STRAINS:
         gradient = np.eye(3)
         gradient[:2, :2] += size * drawn.standard_normal((2, 2))
         gradient[2, 2] += size * drawn.random()

@@ -13,9 +13,7 @@ from signorini_fx.quantities.kinds import ExtremeOfStress, Number, Row, describe
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.text import digits, point_in_words, row
 from signorini_fx.quantities.validity import validity_of
-
-# Times the yield stress above which a share is no longer told in per cent.
-_FAR = 10.0
+from signorini_fx.tuned import FAR_ABOVE_YIELD
 
 
 class RecoveredExtremes(Row):
@@ -180,8 +178,8 @@ def share_in_words(summary: Summary, of: str = "") -> str:
     largest, apart = summary["utilisation"], between(summary["stress"])
     share = largest["value"]
     if share is not None and share > 1 and largest.get("no_limit"):
-        return f"{'far ' * (share > _FAR)}above {of or '100 %'}"
-    if share is not None and share > _FAR:
+        return f"{'far ' * (share > FAR_ABOVE_YIELD)}above {of or '100 %'}"
+    if share is not None and share > FAR_ABOVE_YIELD:
         return f"{figure(share, apart)} times{' ' * bool(of)}{of}"
     return f"{figure(None if share is None else 100 * share, apart)} %{' of ' * bool(of)}{of}"
 

@@ -38,16 +38,15 @@ from signorini_fx.results.certificate.taken_functions import (
     taken_functions,
     times_rows,
 )
-from signorini_fx.tuned import FACING_SIDES, SAME_DIRECTION, SAME_PLACE_IN_CELL
+from signorini_fx.tuned import COMPLEX_STEP, FACING_SIDES, SAME_DIRECTION, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 # Points of a part of a facet between two vertices of the other side.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(9)
-# Of complex steps: derivatives have no differences in them.
-_STEP = 1e-30
-_STEPPED = 2**13  # rays that are stepped at once
+# Rays that are stepped at once.
+_STEPPED = 2**13
 
 
 def _unit(vectors: Any) -> Any:
@@ -808,11 +807,11 @@ class SlidingClaim:
             group = steps[first : first + together]
             stepped = np.tile(places, (len(group), 1, 1, 1))
             for number, (k, component) in enumerate(group):
-                stepped[number, :, k, component] += 1j * _STEP
+                stepped[number, :, k, component] += 1j * COMPLEX_STEP
             ray_of = np.tile(np.arange(size), len(group))
             changes = distance(stepped.reshape(-1, *places.shape[1:]), ray_of).imag.reshape(len(group), size)
             for (k, component), change in zip(group, changes, strict=True):
-                rates[:, k, component] = change / _STEP
+                rates[:, k, component] = change / COMPLEX_STEP
         return nodes, rates
 
     def _add_couples(self, forces: Array, drag: Array) -> None:

@@ -47,13 +47,11 @@ from signorini_fx.results.certificate.sliding_claim import (
     at_ends,
 )
 from signorini_fx.results.certificate.taken_functions import times_rows
-from signorini_fx.tuned import FACING_SIDES, NO_PART, SAME_PLACE_IN_CELL
+from signorini_fx.tuned import COMPLEX_STEP, FACING_SIDES, NO_PART, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
-# Of complex steps: derivatives have no differences in them.
-_STEP = 1e-30
 # Points along each side of a square, from which those of a triangle are made: on triangles products of two linear
 # functions are integrated, on quadrilaterals what is rational.
 _POINTS = {3: 3, 4: 5}
@@ -442,9 +440,9 @@ class SpaceSlidingClaim(SlidingClaim):
             rates = [np.zeros(values.shape) for values in vectors]
             for values, rate in zip(vectors, rates, strict=True):
                 for component in range(3):
-                    values[:, component] += 1j * _STEP
-                    rate[:, component] = _distance(*vectors).imag / _STEP
-                    values[:, component] -= 1j * _STEP
+                    values[:, component] += 1j * COMPLEX_STEP
+                    rate[:, component] = _distance(*vectors).imag / COMPLEX_STEP
+                    values[:, component] -= 1j * COMPLEX_STEP
             by_master = over[..., None] * rates[1][:, None]
             by_master += sum(slope[..., None] * rate[:, None] for slope, rate in zip(slopes, rates[2:4], strict=True))
             yield part, hats[..., None] * rates[0][:, None], by_master, rates[4]

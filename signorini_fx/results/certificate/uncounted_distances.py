@@ -18,13 +18,13 @@ from signorini_fx.results.certificate.held_distances import DisplacedSide, HeldD
 from signorini_fx.results.certificate.mortar_integrals import MortarIntegrals, TestedSides
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.partner_points import PartnerPoints, SideFacets
-from signorini_fx.tuned import NO_FORCE, SAME_PLACE_IN_CELL, ZERO_COMPONENT
+from signorini_fx.tuned import COMPLEX_STEP, NO_FORCE, SAME_PLACE_IN_CELL, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-# Steps of Newton's method to a place on a facet, and of complex steps, which have no differences in them.
-_STEPS, _STEP = 20, 1e-30
+# Steps of Newton's method to a place on a facet.
+_STEPS = 20
 
 
 def error_of_uncounted(claim: Claim, found: MortarIntegrals, tested: TestedSides, loose: tuple[Array, Array]) -> float:
@@ -134,8 +134,8 @@ def _root(side: SideFacets, missed: Callable[[Any, Any], Any], count: int) -> tu
         slopes: Array = np.zeros((count, along + 1, along + 1))
         for k in range(along + 1):
             stepped = unknowns.astype(np.complex128)
-            stepped[:, k] += 1j * _STEP
-            slopes[:, :, k] = missed(stepped[:, :along], stepped[:, along]).imag / _STEP
+            stepped[:, k] += 1j * COMPLEX_STEP
+            slopes[:, :, k] = missed(stepped[:, :along], stepped[:, along]).imag / COMPLEX_STEP
         value = missed(unknowns[:, :along], unknowns[:, along])
         regular = np.linalg.cond(slopes) < 1.0 / np.finfo(float).eps
         change[regular] = -np.linalg.solve(slopes[regular], value[regular][..., None])[..., 0]
