@@ -7,6 +7,7 @@ degree would leave the yield surface at the nodes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -204,7 +205,7 @@ def _fill(function: fem.Function, at_points: PointStress, values: Array) -> None
     space = function.function_space
     coefficients = through_points(space.element.basix_element, at_points.points, at_points.weights)
     assert coefficients is not None
-    rows = values.reshape(*values.shape[:2], -1)
+    rows = values.reshape(*values.shape[:2], math.prod(values.shape[2:]))  # also where a rank has no cells
     fitted = np.einsum("nq,cqm->cnm", coefficients, rows)
     if values.ndim == 2:
         fitted = np.clip(fitted, rows.min(axis=1, keepdims=True), rows.max(axis=1, keepdims=True))

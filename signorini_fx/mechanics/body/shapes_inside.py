@@ -272,6 +272,8 @@ class BodyCells:
     def _positions(self, places: Array, cells: npt.NDArray[np.int64], at: Array) -> Array:
         """Positions of points of the reference cell, shape (m, v, d), in these cells, shape (m,)."""
         count, points, dim = at.shape
+        if not at.size:  # a rank without cells: Basix 0.9 ends the program where it is given no point
+            return np.zeros((count, points, places.shape[1]))
         functions = self.element.tabulate(0, at.reshape(-1, dim))[0, :, :, 0].reshape(count, points, -1)
         return np.asarray(np.einsum("pvn,pnd->pvd", functions, places[self.nodes[cells]]))
 
