@@ -339,7 +339,7 @@ def test_a_step_that_does_not_end(tmp_path, capsys):
 
 
 def test_amplitudes(tmp_path, capsys):
-    """What acts at the end of each step."""
+    """What acts at the end of each step; what follows total times does so in steps that do not give it again."""
     lines = [
         "*AMPLITUDE, NAME=Up",
         "0., 0., 4., 2.",
@@ -364,10 +364,31 @@ def test_amplitudes(tmp_path, capsys):
         {
             "boundary": "WALL",
             "x": pytest.approx(0.3),
-            "factors": [1.0, pytest.approx(2 / 3)] * 1 + [pytest.approx(2 / 3)],
+            "factors": [1.0, pytest.approx(2 / 3), pytest.approx(1 / 3)],
         }
     ]
     assert lines_of(said) == ["DSLOAD: the amplitude 'NONE': the whole load is taken"]
+
+
+def test_amplitudes_of_total_time_go_on(tmp_path, capsys):
+    """In later steps, as CalculiX 2.20 does it, until a load is given again or removed, also from zero; what does not
+    follow them, such as a temperature, is named.
+    """
+    course = ["*AMPLITUDE, NAME=COURSE, TIME=TOTAL TIME", "0., 0., 1., 0., 2., .5, 3., 2., 4., 1."]
+    steps = [
+        ["*DSLOAD, AMPLITUDE=COURSE", "LID, P, 4.", "*BOUNDARY, AMPLITUDE=COURSE", "WALL, 1, 1, 0.1"],
+        ["*TEMPERATURE, AMPLITUDE=COURSE", "1, 10."],
+        ["*BOUNDARY", "WALL, 1, 1, 0.3"],
+        ["*DSLOAD, OP=NEW"],
+    ]
+    lines = [line for step in steps for line in ("*STEP", "*STATIC", "1., 1.", *step, "*END STEP")]
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *course, *lines], capsys)
+    (load,), (support,) = data["traction"], data["displacement"]
+    assert [load["pressure"] * factor for factor in load["factors"]] == [0.0, 2.0, 8.0, 0.0]
+    assert [support["x"] * factor for factor in support["factors"]] == pytest.approx([0.0, 0.05, 0.3, 0.3])
+    assert lines_of(said) == [
+        "TEMPERATURE: its amplitude goes on in later steps: the value at the end of this one stays"
+    ]
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -121,6 +121,7 @@ SAID = {
         ["*AMPLITUDE, NAME=A, DEFINITION=PERIODIC", "1, 2., 0., 1."],
         ["*DSLOAD, AMPLITUDE=A", "UP_TOP, P, 1."],
     ),
+    ("AMPLITUDE", "TIME=TOTAL TIME, of temperatures, bolts and loads on shells"): ELSEWHERE,
     ("BOUNDARY", "of other nodes"): ([*NODE, "*BOUNDARY", "900, 1"], []),
     ("BOUNDARY", "of tied other nodes"): ([*NODE, "*EQUATION", "2", "900,1,1.,111,1,1.", "*BOUNDARY", "900, 1"], []),
     ("DLOAD", "body force or weight on a part"): ([], ["*DLOAD", "LOW, BY, -1."]),

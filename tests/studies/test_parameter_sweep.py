@@ -236,3 +236,11 @@ def test_values_are_refused_by_their_place():
         sweep(leaning(), MPI.COMM_SELF, path="contact[2].gap", values=[1.0])
     with pytest.raises(SceneError, match="path and values"):
         sweep(leaning(), MPI.COMM_SELF, loads=[1.0], path="material.young", values=[1.0])
+    for wrong in (
+        {"loads": [1.0, np.nan]},
+        {"loads": [np.inf]},
+        {"coefficients": [np.nan]},
+        {"coefficients": [0.1, -0.3]},
+    ):
+        with pytest.raises(SceneError, match="must be finite numbers"):
+            sweep(leaning(), MPI.COMM_SELF, **wrong)

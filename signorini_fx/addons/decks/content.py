@@ -41,6 +41,7 @@ class DeckLoad:
         lines: of its table besides the keys.
         values: step -> value; None: it ends with this step.
         within: where it acts, a condition of a scene; empty: everywhere.
+        parts: step -> the keywords that give its value there, and what each gives before its amplitude is applied.
     """
 
     table: str
@@ -51,6 +52,7 @@ class DeckLoad:
     lines: tuple[str, ...] = ()
     values: dict[int, float | None] = field(default_factory=dict)
     within: str = ""
+    parts: dict[int, list[tuple[DeckBlock, float]]] = field(default_factory=dict)
 
     @property
     def keyword(self) -> str:
@@ -147,7 +149,8 @@ class Deck:
     change them. ``unpaired`` has pairs of surfaces that are lost, as they are in contact between sectors;
     ``vanished`` those that the first step removes, and ``clearances`` the distances of others, length. ``links``
     has the linear relations of nodes (``nodal.DeckLink``), and ``grounded`` the place among them of each that holds
-    a component of one node. ``ends`` has the times at the ends of steps. ``apart`` says that all contact is lost.
+    a component of one node. ``ends`` has the times at the ends of steps, ``kept`` the loads that keep what they
+    reach in a step, with the step, whatever their amplitude does later. ``apart`` says that all contact is lost.
     ``untouched`` and ``smooth`` have the nodes of slave surfaces without contact, and without friction, by
     interactions.
     ``shells`` has the elements of sets of shells in space, and ``areas`` those that only carry a pressure to a side of
@@ -175,6 +178,7 @@ class Deck:
     period: float = 1.0
     time: float = 0.0
     ends: dict[int, float] = field(default_factory=dict)
+    kept: list[tuple[int, DeckBlock]] = field(default_factory=list)
     loads: dict[tuple[Any, ...], DeckLoad] = field(default_factory=dict)
     ended: set[tuple[int, str]] = field(default_factory=set)
     amplitudes: dict[str, DeckBlock] = field(default_factory=dict)

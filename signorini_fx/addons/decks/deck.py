@@ -40,7 +40,13 @@ from signorini_fx.addons.decks.keywords import (
     Grade,
 )
 from signorini_fx.addons.decks.load_areas import find_load_areas
-from signorini_fx.addons.decks.loads import read_body_forces, read_boundary, read_forces, read_surface_loads
+from signorini_fx.addons.decks.loads import (
+    follow_amplitudes,
+    read_body_forces,
+    read_boundary,
+    read_forces,
+    read_surface_loads,
+)
 from signorini_fx.addons.decks.material import read_constants, read_section
 from signorini_fx.addons.decks.nodal import read_constraints, read_equations
 from signorini_fx.addons.decks.nonlinear_material import has_rubber, read_hardening, read_rubber
@@ -135,6 +141,10 @@ def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> De
                 case _:
                     _read(deck, block)
         changed, behaving = "", False
+    try:
+        follow_amplitudes(deck)
+    except DeckError as error:
+        raise MeshError(f"{file}: {error.text}") from None
     return deck
 
 

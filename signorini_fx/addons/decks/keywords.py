@@ -50,6 +50,7 @@ WITHOUT_EFFECT = "without effect in static steps"
 SMALL = "NLGEOM: displacements and rotations are taken as small"
 FINITE = "NLGEOM: finite strains, law = 'saint-venant-kirchhoff', linear in the strain of Green"
 PARTNERS = "points in contact keep their partners"
+GOES_ON = "its amplitude goes on in later steps: the value at the end of this one stays"
 PERTURBATION = "PERTURBATION: contact may open and close here, and does not in such a step"
 TURNED = "axes are rectangular, R, or cylindrical, C; those of space are taken"
 NO_SECTORS = "cyclic symmetry without *CYCLIC SYMMETRY MODEL"
@@ -141,6 +142,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, OTHER_PROCEDURE, *PROCEDURES),
     *_rules(Grade.TAKEN, "factors of load steps", "AMPLITUDE"),
     *_rules(Grade.LOST, "the whole load is taken", "AMPLITUDE", case="DEFINITION other than TABULAR, SMOOTH STEP"),
+    *_rules(Grade.LOST, GOES_ON, "AMPLITUDE", case="TIME=TOTAL TIME, of temperatures, bolts and loads on shells"),
     *_rules(Grade.TAKEN, "displacement, prescribed motion of rigid bodies", "BOUNDARY"),
     *_rules(Grade.NOTED, "no part of the body", "BOUNDARY", case="of other nodes"),
     *_rules(

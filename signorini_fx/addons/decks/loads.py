@@ -12,6 +12,7 @@ import numpy as np
 from signorini_fx.addons.decks.bolts import drive, hold
 from signorini_fx.addons.decks.content import Deck, DeckLoad, give_to_ends, plain_name
 from signorini_fx.addons.decks.couplings import spread
+from signorini_fx.addons.decks.keywords import GOES_ON
 from signorini_fx.addons.decks.load_areas import read_area_loads
 from signorini_fx.addons.decks.nodal import direction, ground
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import (
@@ -47,7 +48,7 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
     if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER"}:
         deck.lose(block, "what is prescribed is no displacement that the file gives")
         return
-    factor = share_of(deck, block)
+    factor = _share_now(deck, block)
     groups = deck.model.groups.get(block.number, [])
     prescribed: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
@@ -162,7 +163,8 @@ def _outward_sides(deck: Deck, where: str, axis: Floats) -> Floats:
 def _drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, value: float) -> None:
     """What moves a rigid body, at its reference node, or at the node that turns it."""
     if node in deck.bolts:
-        drive(deck, block, kind, node, component, value)
+        share = kept_share(deck, block) if _goes_on(deck, block) else 1.0
+        drive(deck, block, kind, node, component, share * value)
         return
     if node in deck.turners:
         node, component = deck.turners[node], component + 3
@@ -206,7 +208,7 @@ def _say_what_differs(deck: Deck, block: DeckBlock, name: str, set_nodes: Ints, 
 def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
     """Tractions and pressures on surfaces, *DSLOAD."""
     _forget(deck, block)
-    factor, inside = share_of(deck, block), 0
+    factor, inside = _share_now(deck, block), 0
     for name, kind, *words in block.rows:
         where = deck.boundary(name)
         if where is None:
@@ -233,7 +235,7 @@ def _say_inside(deck: Deck, block: DeckBlock, faces: int) -> None:
 def read_body_forces(deck: Deck, block: DeckBlock) -> None:
     """Pressures on faces of elements, and forces in the whole body, *DLOAD."""
     _forget(deck, block)
-    factor, inside = share_of(deck, block), 0
+    factor, inside = _share_now(deck, block), 0
     for group in deck.model.groups.get(block.number, []):
         if (where := deck.boundary(group.name)) is None:
             inside += len(group.values)
@@ -242,7 +244,7 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             _set_load(deck, load, factor * group.values[0])
             inside += deck.inside(where)
     _say_inside(deck, block, inside)
-    on_areas = read_area_loads(deck, block, factor)
+    on_areas = read_area_loads(deck, block, kept_share(deck, block))
     whole, done = _on_the_whole_body(deck, block), set[tuple[str, ...]]()
     for row in (row for number, row in enumerate(block.rows) if number not in on_areas):
         if (at := _kind_of_body_force(row)) is None:
@@ -290,7 +292,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
     and have the moment of their sum; else one by one.
     """
     _forget(deck, block)
-    factor = share_of(deck, block)
+    factor = _share_now(deck, block)
     drives: dict[tuple[int, int], float] = {}
     for name, *words in block.rows:
         if (mover := deck.mover(name)) is not None:  # several forces at a node in one block add up
@@ -405,6 +407,62 @@ def _unit(vector: list[float]) -> tuple[float, ...]:
 
 def share_of(deck: Deck, block: DeckBlock) -> float:
     """The share of the values of a load that acts at the end of the step, by its amplitude."""
+    return _share_between(deck, block, deck.time, deck.time + deck.period)
+
+
+def kept_share(deck: Deck, block: DeckBlock) -> float:
+    """The same of what does not follow its amplitude in later steps, which the end of the deck says where it matters."""
+    if (deck.step, block) not in deck.kept:
+        deck.kept.append((deck.step, block))
+    return share_of(deck, block)
+
+
+def _goes_on(deck: Deck, block: DeckBlock) -> bool:
+    """Whether a load follows its amplitude in later steps too, in which it need not be given again.
+
+    That is so where the times of the amplitude are total times.  With times of the step, a load keeps what it has
+    reached: CalculiX 2.20 does so, and Abaqus.
+    """
+    amplitude = deck.amplitudes.get(block.parameters.get("AMPLITUDE", "").upper())
+    return amplitude is not None and "TIME" in amplitude.parameters
+
+
+def _share_now(deck: Deck, block: DeckBlock) -> float:
+    """The share that acts at the end of the step; 1 where ``_set_load`` applies the amplitude, as it goes on."""
+    return 1.0 if _goes_on(deck, block) else share_of(deck, block)
+
+
+def follow_amplitudes(deck: Deck) -> None:
+    """Give loads whose amplitude goes on their values in the steps that give them no others."""
+    for load in deck.loads.values():
+        for step, parts in load.parts.items():
+            if not any(_goes_on(deck, block) for block, _ in parts):
+                continue
+            end = deck.ends.get(step, step + 1.0)
+            following = min((later for later in load.values if later > step), default=len(deck.steps))
+            for later in range(step + 1, following):
+                begin, end = end, deck.ends.get(later, end + 1.0)
+                load.values[later] = sum(
+                    value * (_share_between(deck, block, begin, end) if _goes_on(deck, block) else 1.0)
+                    for block, value in parts
+                )
+    for step, block in deck.kept:
+        following = min((later for later, other in deck.kept if later > step), default=len(deck.steps))
+        ends = [deck.ends.get(at, at + 1.0) for at in range(step, following)]
+        shares = {_share_between(deck, block, end, end) for end in ends if _goes_on(deck, block)}
+        if len(shares) > 1:
+            deck.lose(block, GOES_ON)
+
+
+def _share_between(deck: Deck, block: DeckBlock, begin: float, end: float) -> float:
+    """The share of the values of a load that acts at the end of a step, by its amplitude.
+
+    Args:
+        deck: the deck.
+        block: the load.
+        begin: the total time at which the step begins.
+        end: likewise, at which it ends.
+    """
     if (name := block.parameters.get("AMPLITUDE")) is None:
         return 1.0
     amplitude = deck.amplitudes.get(name.upper())
@@ -416,13 +474,14 @@ def share_of(deck: Deck, block: DeckBlock) -> float:
         deck.lose(block, f"the amplitude {name!r}: the whole load is taken")
         return 1.0
     given_times, values = _course_of(amplitude)
-    start = deck.time if "TIME" in amplitude.parameters else 0.0
+    if not _goes_on(deck, block):
+        begin, end = 0.0, end - begin
     times = given_times + (parameter(block, "TIMEDELAY") if "TIMEDELAY" in block.parameters else 0.0)
-    if np.count_nonzero(times == start + deck.period) > 1:
+    if np.count_nonzero(times == end) > 1:
         deck.lose(block, f"the amplitude {name!r} jumps at the end of the step: its value after it is taken")
-    within = values[(times > start) & (times < start + deck.period)]
-    share = float(np.interp(start + deck.period, times, values))
-    course = np.diff([float(np.interp(start, times, values)), *within, share])
+    within = values[(times > begin) & (times < end)]
+    share = float(np.interp(end, times, values))
+    course = np.diff([float(np.interp(begin, times, values)), *within, share])
     if (course > 0).any() and (course < 0).any():
         deck.lose(block, f"the amplitude {name!r} within the step: its value at the end is taken")
     return share
@@ -450,9 +509,13 @@ def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
 def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
     """Loads that a step gives several times add up; what earlier steps gave is replaced, as are displacements."""
     key = (load.table, load.target, load.keys, load.direction, load.keyword, load.lines)
-    values = deck.loads.setdefault(key, load).values
-    earlier = values.get(deck.step) if load.keyword in _LOADS else None
-    values[deck.step] = value + (earlier or 0.0)
+    kept, block = deck.loads.setdefault(key, load), load.block
+    adds_up = load.keyword in _LOADS
+    parts = kept.parts.get(deck.step, []) if adds_up else []
+    kept.parts[deck.step] = [*parts, (block, value)]
+    share = share_of(deck, block) if _goes_on(deck, block) else 1.0
+    earlier = kept.values.get(deck.step) if adds_up else None
+    kept.values[deck.step] = share * value + (earlier or 0.0)
 
 
 def _forget(deck: Deck, block: DeckBlock) -> None:
@@ -463,3 +526,4 @@ def _forget(deck: Deck, block: DeckBlock) -> None:
     for load in deck.loads.values():
         if load.keyword == block.keyword:
             load.values[deck.step] = None
+            load.parts.pop(deck.step, None)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck
-from signorini_fx.addons.decks.loads import share_of
+from signorini_fx.addons.decks.loads import kept_share
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, real
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import ZERO_IN_SOLUTION
@@ -32,7 +32,7 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
         return
     anew = parameters.get("OP", "MOD").upper() == "NEW" and deck.step not in deck.temperatures
     temperatures = _at(deck, -1 if anew else deck.step).copy()
-    share = share_of(deck, block)
+    share = kept_share(deck, block)
     if "LINTEMP" in parameters:
         _along_a_line(deck, block, temperatures, share)
     else:
