@@ -411,9 +411,8 @@ def share_of(deck: Deck, block: DeckBlock) -> float:
 
 
 def kept_share(deck: Deck, block: DeckBlock) -> float:
-    """The same of what does not follow its amplitude in later steps, which the end of the deck says where it matters."""
-    if (deck.step, block) not in deck.kept:
-        deck.kept.append((deck.step, block))
+    """The same of what does not follow its amplitude in later steps; where that matters, the draft says so."""
+    deck.kept.append((deck.step, block))
     return share_of(deck, block)
 
 
