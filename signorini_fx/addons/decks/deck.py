@@ -34,6 +34,7 @@ from signorini_fx.addons.decks.keywords import (
     SECTOR,
     SMALL,
     STATIC,
+    TOGETHER,
     TURNED,
     UNKNOWN,
     WRITTEN,
@@ -60,6 +61,8 @@ from signorini_fx.mechanics.mesh.files.arrays import from_raw
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
 # How a contact pair is discretised, which a scene chooses itself.
 _KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "PGLINMORTAR", "MASSLESS")
+# What a step loads or displaces a body by.
+_LOADS = ("BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
 # What a step does, unless it is static.
 _PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
 
@@ -109,6 +112,8 @@ def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> De
             match block.keyword:
                 case "CHANGEFRICTION":
                     changed = block.parameters["INTERACTION"].upper()
+                    if _has_loads(deck, block):
+                        deck.lose(block, TOGETHER)
                     continue
                 case "CHANGESURFACEBEHAVIOR":
                     deck.lose(block, OTHER_BEHAVIOUR)
@@ -422,6 +427,15 @@ def _friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
         deck.sticking[interaction] = _stiffness_of(block.rows[0][1])
     if len(block.rows) > 1 or any(len(row) > 2 for row in block.rows):
         deck.lose(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
+
+
+def _has_loads(deck: Deck, block: DeckBlock) -> bool:
+    """Whether the step of a keyword gives loads or displacements, too."""
+    blocks = deck.model.blocks
+    number = next(k for k, other in enumerate(blocks) if other is block)
+    before = itertools.takewhile(lambda other: other.keyword != "STEP", reversed(blocks[:number]))
+    behind = itertools.takewhile(lambda other: other.keyword != "ENDSTEP", blocks[number:])
+    return any(other.keyword in _LOADS for other in (*before, *behind))
 
 
 def _change_friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
