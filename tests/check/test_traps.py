@@ -304,3 +304,13 @@ def test_a_direction_that_leads_into_the_body(direction, opposite):
     found = warned(check(block(**contact(direction=direction))).findings).get("contact[0].direction")
     assert (found is None) == (opposite is None)
     assert found is None or f"direction = {opposite} is the opposite" in found
+
+
+@pytest.mark.parametrize(
+    ("direction", "said"), [([1.0, 0.0], "along"), ([0.0, 1.0], "into the body"), ([0.1, -1.0], "")]
+)
+def test_directions_that_find_no_foundation(direction, said):
+    """Along a straight boundary no foundation holds anything, and the force is 0."""
+    foundation = {"boundary": "bottom", "gap": 0.0, "direction": direction}
+    message = warned(check(tall(contact=foundation)).findings).get("contact[0].direction", "")
+    assert (said in message) if said else not message

@@ -37,6 +37,7 @@ from signorini_fx.tuned import (
     HARDLY_MOVED,
     LARGEST_GAMMA,
     NO_FORCE,
+    SAME_DIRECTION,
     SLOPE_OF_HEIGHT,
     START_GAMMA,
     TURNED_NORMALS,
@@ -238,7 +239,7 @@ def _gaps(body: Model, data: RegularisedData, moved: float, *, estimates: bool) 
 
 
 def _inwards(body: Model) -> list[Finding]:
-    """Directions that lead into the body, and not from it to its foundation."""
+    """Directions that lead into the body or along its boundary, and not from the body to its foundation."""
     findings = []
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     for index, effect in enumerate(body.statement.contact):
@@ -254,6 +255,15 @@ def _inwards(body: Model) -> list[Finding]:
                 f"leads into the body on {inwards:.0f} of {total:.0f} facets: it is the direction from the body to the "
                 f"foundation; direction = [{turned}] is the opposite"
             )
+            findings.append(Finding("warning", f"contact[{index}].direction", message))
+            continue
+        across = 0.0
+        if len(facets):
+            corners = mesh.geometry.x[dmesh.entities_to_geometry(mesh, dim - 1, facets)][:, :dim, :dim]
+            normals = np.linalg.svd(corners - corners.mean(axis=1, keepdims=True))[2][:, -1]
+            across = float(np.abs(normals @ np.array(effect.direction)).max())
+        if parallel.global_max(body.comm, across) <= SAME_DIRECTION:
+            message = "leads along the boundary everywhere, so that no foundation holds the body there"
             findings.append(Finding("warning", f"contact[{index}].direction", message))
     return findings
 
