@@ -145,8 +145,9 @@ def refuse_other_than_comm(comm: object) -> None:
     Raises:
         TypeError: it is not.
     """
-    if not isinstance(comm, MPI.Comm):
-        raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {kind_of(comm)}")
+    if not isinstance(comm, MPI.Comm) or comm == MPI.COMM_NULL:
+        name = "MPI.COMM_NULL" if isinstance(comm, MPI.Comm) else kind_of(comm)
+        raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {name}")
 
 
 def _solve_nested(

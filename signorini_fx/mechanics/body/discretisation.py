@@ -43,6 +43,7 @@ from signorini_fx.mechanics.body.pieces import find_pieces
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.body.scene_contact import foundations_of
 from signorini_fx.mechanics.body.supports import Conditions, Supports, at_rest, check_overlap
+from signorini_fx.mechanics.body.tried_functions import try_functions
 from signorini_fx.mechanics.kinematics.trial import fault_of as fault_of_kinematics
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
@@ -97,6 +98,7 @@ def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_
         from signorini_fx.mechanics.mesh.section import section_in_space
 
         tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
+    try_functions(statement, tagged)
     try:
         return _prepared(statement.placed(path_step), tagged, timings)
     except FormError as error:  # of a foundation; the allowance of a pair is the gap of a scene

@@ -226,12 +226,24 @@ class FormCoefficients:
         if hasattr(value, "ufl_domain"):
             return value
         function = fem.Function(fem.functionspace(mesh, ("Lagrange", self.space.element.basix_element.degree)))
-        function.interpolate(lambda x: sample(value, x), cells0=cells)
+        error: SceneError | None = None
+        try:
+            function.interpolate(lambda x: sample(value, x), cells0=cells)
+        except Exception as failure:  # of a user's function, perhaps on one rank only
+            path = _path_of(value, self.statement)
+            error = SceneError([(path, f"cannot be evaluated at the nodes of the whole mesh: {failure}")])
+        parallel.raise_together(mesh.comm, error)
         return function
 
     def vector(self, values: tuple[Any, ...]) -> Any:
         """Values along the axes as a vector, shape (d,)."""
         return ufl.as_vector([self.value(value) for value in values[: self.space.mesh.geometry.dim]])
+
+
+def _path_of(value: Any, statement: Statement) -> str:
+    """Where a scene has a value."""
+    keys = ((path, key, given) for path, entry in statement.listed() for key, given in vars(entry).items())
+    return next((f"{path}.{key}" for path, key, given in keys if given is value), "scene")
 
 
 Facets = Callable[[str], npt.NDArray[np.int32]]

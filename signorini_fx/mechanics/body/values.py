@@ -70,7 +70,10 @@ class NodalValues:
                 function.interpolate(expression, cells0=self._cells)
                 nodal_values[self.nodes] = function.x.array.reshape(-1, self._space.dofmap.bs)[self.nodes, :components]
             else:
-                point_values = np.asarray(value(in_space(x[self.nodes])) if callable(value) else value, dtype=float)
+                point_values = np.asarray(value(in_space(x[self.nodes])) if callable(value) else value)
+                if np.iscomplexobj(point_values):
+                    raise ValueError("the values are complex numbers, and real ones are expected")
+                point_values = point_values.astype(float)
                 if point_values.ndim < 2 and components > 1:  # one vector for all points
                     point_values = point_values[:, None]
                 rows = (

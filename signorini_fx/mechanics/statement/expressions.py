@@ -443,11 +443,19 @@ def product_of(*values: Any) -> Any:
 
 
 def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n), shape (n,)."""
+    """Values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n), shape (n,).
+
+    Raises:
+        ValueError: they are no real numbers, one or n of them.
+    """
     if isinstance(value, int | float):
         return np.full(x.shape[1], float(value))
-    result = np.asarray(value(x), dtype=float)
-    return np.broadcast_to(result, (x.shape[1],)).copy()
+    result = np.asarray(value(x))
+    if np.iscomplexobj(result):
+        raise ValueError("the values are complex numbers, and real ones are expected")
+    if result.shape not in ((), (1,), (x.shape[1],)):
+        raise ValueError(f"the values have the shape {result.shape}, and {(x.shape[1],)} is expected")
+    return np.broadcast_to(result.astype(float), (x.shape[1],)).copy()
 
 
 def in_space(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
