@@ -1,7 +1,6 @@
 """Loads as a stress in equilibrium can hold them: moments with linear functions, and what these miss.
 
-In the plane any load is integrated, and the constants of Korn's inequality bound the work of what is missed.  In space
-none of use is known: there loads have to be linear on facets and constant in cells.
+Constants of Korn's inequality, in ``korn``, bound the work of what is missed.
 """
 
 from __future__ import annotations
@@ -14,15 +13,16 @@ import numpy as np
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints, DensityPoints, profile_of
 from signorini_fx.addons.bounds.equilibrated_stress import Loads
-from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein, coefficients
-from signorini_fx.addons.bounds.integrated_loads import in_triangles, integral, on_edges
+from signorini_fx.addons.bounds.facets import coefficients
+from signorini_fx.addons.bounds.integrated_loads import Integrated, in_simplices, integral, on_edges
 from signorini_fx.addons.bounds.johnson_mercier import constant_forces
-from signorini_fx.addons.bounds.korn import missed_squares
-from signorini_fx.addons.bounds.simplices import Simplices
-from signorini_fx.mechanics.statement.cut_simplices import cut
+from signorini_fx.addons.bounds.korn import missed_in_space, missed_squares
+from signorini_fx.addons.bounds.simplices import CORNERS_OF_PARTS, EDGES, EDGES_OF_FACET, Simplices
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.proved_statements import Refused
-from signorini_fx.tuned import ZERO_SUM
+
+# Sizes of the rules in the plane: of the one that counts, and of the one that it is compared with.
+_SIZES_IN_PLANE = (8, 5)
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,72 @@ class Acting:
         return np.asarray(self.factor * np.broadcast_to(self.load.density_at(asked), points.x.shape))
 
 
-# Points in a tetrahedron at which a body force has to be constant.
-_INSIDE: Array = (np.ones((4, 4)) + 12 * np.eye(4)) / 16
-_INSIDE = np.concatenate((_INSIDE, np.eye(4) * 0.94 + 0.015, np.full((1, 4), 0.25)))
+@dataclass(frozen=True)
+class BodyLoads:
+    """Forces in n cells.
+
+    Attributes:
+        t: the cells.
+        moments: integrals times the barycentric coordinates, force, shape (n, d + 1, d).
+        bubbles: those times 4 l_a l_b of each edge, in the order of ``EDGES``, force, shape (n, 3 or 6, d).
+        missed: integrals of the products of the components of what constants on the parts of cells miss, (n, d, d).
+        unknown: of the moments what quadrature does not know, force, shape (n,).
+        unknown_bubbles: the same of ``bubbles``, shape (n, 3 or 6, d).
+    """
+
+    t: Simplices
+    moments: Array
+    bubbles: Array
+    missed: Array
+    unknown: Array
+    unknown_bubbles: Array
+
+    @classmethod
+    def of(cls, t: Simplices, loads: list[Acting]) -> BodyLoads:
+        """Of some loads, all of which act in cells."""
+        n, d = len(t.corners), t.dimension
+        moments, missed, unknown = np.zeros((n, d + 1, d)), np.zeros((n, d, d)), np.zeros(n)
+        bubbles, unknown_bubbles = np.zeros((2, n, len(EDGES[d]), d))
+        if not loads:
+            return cls(t, moments, bubbles, missed, unknown, unknown_bubbles)
+
+        def density(owner: Ints, points: BoundPoints) -> Array:
+            return np.asarray(sum((load.at(owner, points) for load in loads), np.zeros_like(points.x)))
+
+        values, means = [value for load in loads for value in load.profile(d)], []
+        varies = not all(isinstance(value, float) for value in values)
+        sizes = _SIZES_IN_PLANE[: 1 + varies] if d == 2 else None
+        share = t.volume[:, None, None] / (d + 1)
+        for corners in CORNERS_OF_PARTS[d]:  # so that the constants are seen
+            integrated = in_simplices(corners @ t.x[t.corners], density, values, sizes=sizes)
+            # Barycentric coordinates of the cell are linear in those of the part, and so are their products.
+            pairs = 4 * np.array([np.outer(corners[:, a], corners[:, b]).ravel() for a, b in EDGES[d]])
+            moments += share * np.einsum("kc,nkd->ncd", corners, integrated.moments[:, : d + 1])
+            bubbles += share * np.einsum("ck,nkd->ncd", pairs, integrated.moments[:, d + 1 :])
+            unknown_bubbles += share * np.einsum("ck,nkd->ncd", pairs, integrated.unknown[:, d + 1 :])
+            unknown += (share * integrated.unknown[:, : d + 1]).sum(axis=(1, 2))
+            missed += share * integrated.missed
+            means.append(integrated.means)
+        # The constants have the moments of the force, and differ from its means.
+        differ = constant_forces(t, moments) - np.stack(means, axis=1)
+        missed += share * np.einsum("npi,npj->nij", differ, differ)
+        return cls(t, moments, bubbles, missed, unknown, unknown_bubbles)
+
+    def work(self, y: Array, middle: Array) -> float:
+        """On a displacement of degree 2, an energy."""
+        above = self._above(y, middle)
+        inside = np.einsum("ncd,ncd->", self.moments, y[self.t.corners])
+        return float(inside + np.einsum("ncd,ncd->", self.bubbles, above))
+
+    def unknown_work(self, y: Array, middle: Array) -> float:
+        """How far that work is not known by quadrature, an energy."""
+        largest = np.abs(y[self.t.corners]).max(axis=(1, 2))
+        inside = self.unknown @ largest + np.einsum("ncd,ncd->", self.unknown_bubbles, np.abs(self._above(y, middle)))
+        return float(inside)
+
+    def _above(self, y: Array, middle: Array) -> Array:
+        """What a displacement is at the middles of edges above the linear one, length, shape (n, 3 or 6, d)."""
+        return np.asarray((middle - y[self.t.edges].mean(axis=1))[self.t.edges_of])
 
 
 class PlaneLoads:
@@ -87,14 +150,12 @@ class PlaneLoads:
 
     def __init__(self, t: Simplices, held: Array, forces: list[Acting]) -> None:
         self._t, self._held = t, held
-        self.body, self.missed_inside = np.zeros((len(t.corners), 3, 2)), np.zeros(len(t.corners))
+        self._inside = BodyLoads.of(t, [force for force in forces if force.facets is None])
+        self.body, self.missed_inside = self._inside.moments, np.einsum("nii->n", self._inside.missed)
         self.traction, self._missed_on_edges = np.zeros((len(t.facets), 2, 2)), np.zeros(len(t.facets))
-        self._bubbles, self._unknown_bubbles = np.zeros((2, len(t.corners), 3, 2))
         self._on_edges, self._unknown_on_edges = np.zeros((2, len(t.facets), 3, 2))
         # Of the loads on each triangle what quadrature does not know, force.
-        self._unknown = np.zeros(len(t.corners))
-        self._integrate_body([force for force in forces if force.facets is None])
-        self._unknown_inside = self._unknown.copy()
+        self._unknown = self._inside.unknown.copy()
         self._integrate_tractions([(force, force.facets) for force in forces if force.facets is not None])
 
     @property
@@ -163,46 +224,18 @@ class PlaneLoads:
         missed = np.sqrt(integrated.missed)
         return linear + missed, missed
 
-    def _integrate_body(self, loads: list[Acting]) -> None:
-        """Moments of the body force, and the square of what constants on the thirds miss of it in each triangle."""
-        t = self._t
-        if not loads:
-            return
-
-        def density(owner: Ints, points: BoundPoints) -> Array:
-            return np.asarray(sum((load.at(owner, points) for load in loads), np.zeros_like(points.x)))
-
-        values, means = [value for load in loads for value in load.profile(2)], []
-        for third in range(3):  # so that the constants are seen
-            corners = np.full((3, 3), 1 / 3)
-            corners[0], corners[1] = np.eye(3)[(third + 1) % 3], np.eye(3)[(third + 2) % 3]
-            integrated = in_triangles(np.einsum("kc,ncd->nkd", corners, t.x[t.corners]), density, values)
-            # Barycentric coordinates of the triangle are linear in those of the third, and so are their products.
-            pairs = [np.outer(corners[:, (i + 1) % 3], corners[:, (i + 2) % 3]).ravel() for i in range(3)]
-            share = t.volume[:, None, None] / 3
-            moments, unknown = integrated.moments, integrated.unknown
-            self.body += share * np.einsum("kc,nkd->ncd", corners, moments[:, :3])
-            self._bubbles += share * 4 * np.einsum("ck,nkd->ncd", np.array(pairs), moments[:, 3:])
-            self._unknown_bubbles += share * 4 * np.einsum("ck,nkd->ncd", np.array(pairs), unknown[:, 3:])
-            self._unknown += (share * unknown[:, :3]).sum(axis=(1, 2))
-            self.missed_inside += t.volume / 3 * integrated.missed
-            means.append(integrated.means)
-        # The constants have the moments of the force, and differ from its means.
-        differ = constant_forces(t, self.body) - np.stack(means, axis=1)
-        self.missed_inside += np.einsum("n,nid->n", t.volume / 3, differ**2)
-
     def work(self, y: Array, middle: Array) -> float:
         """Of the loads on a displacement of degree 2, without what supports take of them, energy per thickness."""
-        t, on_edges, above = self._t, *self._parts(y, middle)
-        inside = np.einsum("ncd,ncd->", self.body, y[t.corners]) + np.einsum("ncd,ncd->", self._bubbles, above)
-        return float(t.area @ np.einsum("ebd,ebd->e", self._on_edges, on_edges) + inside)
+        along = self._along(y, middle)
+        on_edges = self._t.area @ np.einsum("ebd,ebd->e", self._on_edges, along)
+        return float(on_edges) + self._inside.work(y, middle)
 
     def size_of_work(self, y: Array, middle: Array) -> float:
         """The sizes of what is summed up to that work, energy per thickness.
 
         In the moments of an edge or a triangle cancels what linear functions, or constants, miss there.
         """
-        t, along = self._t, self._parts(y, middle)[0]
+        t, along = self._t, self._along(y, middle)
         on_edges = t.area * np.abs(self._on_edges).sum(axis=(1, 2)) + np.sqrt(t.area * self._missed_on_edges)
         inside = np.abs(self.body).sum(axis=(1, 2)) + np.sqrt(t.volume * self.missed_inside)
         largest = np.abs(along).max(axis=(1, 2))
@@ -210,113 +243,114 @@ class PlaneLoads:
 
     def unknown_work(self, y: Array, middle: Array) -> float:
         """How far that work is not known by quadrature, energy per thickness."""
-        t, on_edges, above = self._t, *self._parts(y, middle)
-        largest = np.abs(y[t.corners]).max(axis=(1, 2))
-        inside = self._unknown_inside @ largest + np.einsum("ncd,ncd->", self._unknown_bubbles, np.abs(above))
-        return float(inside) + float(t.area @ np.einsum("ebd,ebd->e", self._unknown_on_edges, np.abs(on_edges)))
+        along = np.abs(self._along(y, middle))
+        on_edges = self._t.area @ np.einsum("ebd,ebd->e", self._unknown_on_edges, along)
+        return float(on_edges) + self._inside.unknown_work(y, middle)
 
-    def _parts(self, y: Array, middle: Array) -> tuple[Array, Array]:
-        """A displacement along the edges, coefficients (e, 3, 2), and its parts that vanish at corners, (n, 3, 2)."""
-        t, middles = self._t, y[self._t.edges].mean(axis=1)
-        along = np.stack((y[t.edges[:, 0]], 2 * middle - middles, y[t.edges[:, 1]]), axis=1)
-        return along, (middle - middles)[t.facets_of]
+    def _along(self, y: Array, middle: Array) -> Array:
+        """A displacement along the edges, coefficients of Bernstein, shape (e, 3, 2)."""
+        t = self._t
+        return coefficients(np.concatenate((y[t.facets], middle[t.edges_of_facets]), axis=1))
 
 
-class LinearLoads:
-    """Loads on tetrahedra that are linear on faces and constant in cells: the stress holds them.
+class SpatialLoads:
+    """Loads on tetrahedra.
 
     Attributes:
         body: see ``equilibrated_stress.Loads``.
         traction: see ``body``.
-        unknown_share: see ``PlaneLoads``.
     """
 
-    unknown_share = 0.0
-
     def __init__(self, t: Simplices, held: Array, forces: list[Acting]) -> None:
-        self._t = t
-        self.body, self.traction = np.zeros((len(t.corners), 4, 3)), np.zeros((len(t.facets), 3, 3))
-        for force in forces:
-            if force.doubtful > ZERO_SUM:
-                raise Refused(
-                    "in space a guaranteed bound is for forces whose spread is a polynomial: that on "
-                    f"{force.load.where!r} is not"
-                )
-            if force.facets is None:
-                self.body += (t.volume[:, None] / 4 * self._constant(force))[:, None]
-            else:
-                self.traction[force.facets] += self._linear(force, force.facets)
-        self.traction -= np.einsum("fij,faj->fai", held, self.traction)
+        self._t, self._held = t, held
+        self._inside = BodyLoads.of(t, [force for force in forces if force.facets is None])
+        self.body, self.traction = self._inside.moments, np.zeros((len(t.facets), 3, 3))
+        loads = [(force, force.facets) for force in forces if force.facets is not None]
+        self._faces: Ints = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(faces for _, faces in loads)]))
+        m = len(self._faces)
+        # On the faces that are loaded: moments with the polynomials of Bernstein of degree 2 and how far these are not
+        # known, stress; mean products of the components of what linear functions miss, stress squared.
+        self._moments, self._unknown_moments = np.zeros((2, m, 6, 3))
+        self._missed = np.zeros((m, 3, 3))
+        self._unknown = self._inside.unknown.copy()
+        if loads:
+            self._integrate_tractions(loads)
 
     @property
     def acting(self) -> Loads:
         """See ``PlaneLoads``."""
-        return Loads(self.body, self.traction)
+        return Loads(self.body, self.traction, self._unknown)
+
+    @property
+    def unknown_share(self) -> float:
+        """See ``PlaneLoads``."""
+        of_faces = self._t.area[self._faces, None, None] * np.abs(self._moments)
+        size = float(of_faces.sum() + np.abs(self.body).sum())
+        return float(self._unknown.sum()) / size if size > 0 else 0.0
 
     def missed_beside(self, contact: Array) -> Array:
-        """See ``PlaneLoads``: nothing, and for tractions of contact no constants are known."""
+        """See ``PlaneLoads``; tractions of contact are linear in space.
+
+        Raises:
+            Refused: they are not.
+        """
         if contact.any():
-            raise Refused("in space a guaranteed bound is for tractions that are linear on each facet")
-        return np.zeros(len(self.body))
+            raise Refused("in space a guaranteed bound is for tractions of contact that are linear on each facet")
+        on_faces = self._t.area[self._faces, None, None] * self._missed
+        return missed_in_space(self._t, self._inside.missed, self._faces, on_faces)
 
-    def _linear(self, load: Acting, faces: Ints) -> Array:
-        """A traction at the vertices of faces, shape (m, 3, 3)."""
-        t, points, weights, cells = self._t, POINTS[3], WEIGHTS[3], self._t.sides[faces, 0]
-        x = np.einsum("qc,fcd->fqd", points, t.x[t.facets[faces]])
-        at = BoundPoints(x, np.broadcast_to(t.normal[faces][:, None], x.shape))
-        tractions = load.at(cells, at)
-        moments = np.einsum("q,qa,qb->ab", weights, points, points)
-        linear = np.linalg.solve(moments, np.einsum("q,qa,fqd->fad", weights, points, tractions))
-        inside, owner, corners = _in_parts(t.x[t.facets[faces]], t.normal[faces], load)
-        away = load.at(cells[owner], corners) - inside @ linear[owner]
-        size = np.abs(tractions).max(initial=0.0)
-        if max(np.abs(tractions - points @ linear).max(initial=0.0), np.abs(away).max(initial=0.0)) > ZERO_SUM * size:
-            raise Refused(
-                "in space a guaranteed bound is for tractions that are linear on each facet: that of "
-                f"{load.load.where!r} is not"
-            )
-        return np.asarray(linear)
+    def _integrate_tractions(self, loads: list[tuple[Acting, Ints]]) -> None:
+        """Linear tractions with the moments of those given, and what they miss."""
+        t, faces = self._t, self._faces
+        held = self._held[faces]
 
-    def _constant(self, load: Acting) -> Array:
-        """A force per volume, shape (n, 3)."""
-        corners = self._t.x[self._t.corners]
-        x = np.einsum("qc,ncd->nqd", _INSIDE, corners)
-        densities = load.at(np.arange(len(corners)), BoundPoints(x, np.zeros_like(x)))
-        means = densities.mean(axis=1)
-        _, owner, points = _in_parts(corners, np.zeros((len(corners), 3)), load)
-        away = load.at(owner, points) - means[owner][:, None]
-        if max(np.ptp(densities, axis=1).max(), np.abs(away).max()) > ZERO_SUM * np.abs(densities).max():
-            raise Refused("in space a guaranteed bound is for body forces that are constant in each cell")
-        return np.asarray(means)
+        def integrated(selected: list[tuple[Acting, Ints]]) -> tuple[Integrated, Array]:
+            """Without what supports take of some loads; and the linear tractions at vertices, shape (m, 3, 3)."""
+
+            def density(owner: Ints, points: BoundPoints) -> Array:
+                force = np.zeros_like(points.x)
+                for load, loaded_faces in selected:
+                    rows = np.flatnonzero(np.isin(faces[owner], loaded_faces))
+                    at = BoundPoints(points.x[rows], points.normal[rows])
+                    force[rows] += load.at(t.sides[faces[owner[rows]], 0], at)
+                return np.asarray(force - np.einsum("mij,mqj->mqi", held[owner], force))
+
+            values = [value for load, _ in selected for value in load.profile(3)]
+            found = in_simplices(t.x[t.facets[faces]], density, values, normal=t.normal[faces])
+            linear = 12 * found.moments[:, :3] - 3 * found.moments[:, :3].sum(axis=1, keepdims=True)
+            return found, linear
+
+        def of_bernstein(moments: Array) -> Array:
+            """Those of degree 2, from those with products of barycentric coordinates."""
+            products = moments[:, 3:].reshape(-1, 3, 3, 3)
+            first, second = EDGES_OF_FACET[3].T
+            return np.concatenate((products[:, range(3), range(3)], 2 * products[:, first, second]), axis=1)
+
+        found, linear = integrated(loads)
+        self.traction[faces] = linear
+        self._moments, self._missed = of_bernstein(found.moments), found.missed
+        self._unknown_moments = of_bernstein(found.unknown)
+        for load, loaded_faces in loads:
+            if (share := load.doubtful) > 0:
+                alone, linear = integrated([(load, loaded_faces)])
+                # A moment is at most the root of the mean square.
+                largest = np.linalg.norm(linear, axis=2).max(axis=1) + np.sqrt(np.einsum("mii->m", alone.missed))
+                self._unknown_moments += share * largest[:, None, None]
+                # |a + s b|^2 <= (1 + s) (|a|^2 + s |b|^2)
+                self._missed = (1 + share) * (self._missed + share * alone.missed)
+        np.add.at(self._unknown, t.sides[faces, 0], t.area[faces] * self._unknown_moments.sum(axis=(1, 2)))
 
     def work(self, y: Array, middle: Array) -> float:
-        """Of the loads on a displacement of degree 2, an energy."""
-        t = self._t
-        bubble = (middle - y[t.edges].mean(axis=1))[t.edges_of].sum(axis=1) / 5  # integrals of 4 l_a l_b
-        inside = (self.body.sum(axis=1) * (y[t.corners].mean(axis=1) + bubble)).sum()
-        loaded = np.flatnonzero(self.traction.any(axis=(1, 2)))
-        nodal = np.concatenate((y[t.facets[loaded]], middle[t.edges_of_facets[loaded]]), axis=1)
-        values = (bernstein(POINTS[3]) @ coefficients(nodal) * (POINTS[3] @ self.traction[loaded])).sum(axis=2)
-        return float(inside + t.area[loaded] @ values @ WEIGHTS[3])
+        """See ``PlaneLoads``, an energy."""
+        on_faces = np.einsum("fbd,fbd->f", self._moments, self._on_faces(y, middle))
+        return float(self._t.area[self._faces] @ on_faces) + self._inside.work(y, middle)
 
-    def unknown_work(self, y: Array, middle: Array) -> float:  # all of it is known
-        """See ``PlaneLoads``."""
-        return 0.0
+    def unknown_work(self, y: Array, middle: Array) -> float:
+        """See ``PlaneLoads``, an energy."""
+        on_faces = np.einsum("fbd,fbd->f", self._unknown_moments, np.abs(self._on_faces(y, middle)))
+        return float(self._t.area[self._faces] @ on_faces) + self._inside.unknown_work(y, middle)
 
-
-def _in_parts(x: Array, normal: Array, load: Acting) -> tuple[Array, Ints, BoundPoints]:
-    """A point in each corner of the parts of faces or tetrahedra in which a load does not jump.
-
-    Args:
-        x: corners, length, shape (n, k, 3).
-        normal: shape (n, 3).
-        load: whose expressions say where it may jump.
-
-    Returns:
-        Their barycentric coordinates, shape (m, k, k), the face or tetrahedron that each part is in, shape (m,), and
-        the points.
-    """
-    owner, parts = cut(x, load.profile(3))
-    inside = 0.99 * parts + 0.01 * parts.mean(axis=1, keepdims=True)
-    at = inside @ x[owner]
-    return inside, owner, BoundPoints(at, np.broadcast_to(normal[owner][:, None], at.shape))
+    def _on_faces(self, y: Array, middle: Array) -> Array:
+        """A displacement on the faces that are loaded, coefficients of Bernstein, shape (m, 6, 3)."""
+        t, faces = self._t, self._faces
+        return coefficients(np.concatenate((y[t.facets[faces]], middle[t.edges_of_facets[faces]]), axis=1))

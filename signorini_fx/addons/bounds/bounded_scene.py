@@ -344,8 +344,7 @@ def _data(model: Model, place: float) -> Iterator[_Datum]:
         if isinstance(entry, TemperatureChange):
             yield from (_Datum(entry.label, entry.name, value, KNOWN_DEGREE, True) for value in entry.given.values())
         elif isinstance(entry, Force):
-            degree = 1 if entry.where is None and dimension == 3 else 5
-            yield from (_Datum(entry.label, name, value, degree, True) for value in profile_of(entry, dimension))
+            yield from (_Datum(entry.label, name, value, KNOWN_DEGREE, True) for value in profile_of(entry, dimension))
         else:
             for key, value in entry.given.items():
                 yield _Datum(entry.label, name, value, 4 if key == "rotation" else 5)  # multiplied by a distance

@@ -79,16 +79,21 @@ class FreeStrain:
         return replace(self, stress=factor[:, None] * self.stress, prevented=factor * self.prevented)
 
     def rules(self, power: int) -> tuple[int, ...]:
-        """Sizes of ``simplex_rule`` for the products of two such strains with polynomials of degree 2 ``power``.
+        """``sizes_of_rules`` for the products of two such strains with polynomials of degree 2 ``power``."""
+        return sizes_of_rules(self.values, power)
 
-        One that is exact for polynomials of ``KNOWN_DEGREE`` at most; of other strains the finest of three counts, with
-        what the others differ from it.
-        """
-        degree = max((value.degree for value in self.values if isinstance(value, Expression)), default=0)
-        exact = degree <= KNOWN_DEGREE and all(
-            isinstance(value, float) or (isinstance(value, Expression) and value.cuts_exactly) for value in self.values
-        )
-        return (int(degree) + power + 1,) if exact else tuple(KNOWN_DEGREE + power + k for k in (2, 1, 0))
+
+def sizes_of_rules(values: list[Any], power: int) -> tuple[int, ...]:
+    """Sizes of ``simplex_rule`` for the products of two values of a scene with polynomials of degree 2 ``power``.
+
+    One that is exact for polynomials of ``KNOWN_DEGREE`` at most; of others the finest of three counts, with what the
+    others differ from it.
+    """
+    degree = max((value.degree for value in values if isinstance(value, Expression)), default=0)
+    exact = degree <= KNOWN_DEGREE and all(
+        isinstance(value, float) or (isinstance(value, Expression) and value.cuts_exactly) for value in values
+    )
+    return (int(degree) + power + 1,) if exact else tuple(KNOWN_DEGREE + power + k for k in (2, 1, 0))
 
 
 @dataclass(frozen=True)

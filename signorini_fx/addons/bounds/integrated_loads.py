@@ -1,4 +1,4 @@
-"""Integrals of loads over edges and triangles that are cut where expressions may jump, and how far they are not known.
+"""Integrals of loads over facets and cells that are cut where expressions may jump, and how far they are not known.
 
 Two rules are compared, the finer one of which counts: their difference is what no statement may rest on.
 """
@@ -14,28 +14,30 @@ import numpy as np
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints
 from signorini_fx.addons.bounds.facets import GAUSS, POINTS, WEIGHTS
+from signorini_fx.addons.bounds.initial_stress import simplex_rule, sizes_of_rules
 from signorini_fx.addons.bounds.simplices import Simplices
 from signorini_fx.mechanics.statement.cut_simplices import cut, halved
 
-# Of the coarser rule inside triangles.
-_COARSE = (np.polynomial.legendre.leggauss(5)[0] + 1) / 2, np.polynomial.legendre.leggauss(5)[1] / 2
+# Points at which loads are looked at together.
+_POINTS = 500_000
 # How often the parts of edges are halved for the rules that are compared.
 _HALVED = (2, 0, 1)
 
-# The force per area or volume at points, shape (m, q, 2), on parts of cells or edges, shape (m,).
+# The force per area or volume at points, shape (m, q, d), on parts of cells or facets, shape (m,).
 Density = Callable[[Ints, BoundPoints], Array]
 
 
 @dataclass(frozen=True)
 class Integrated:
-    """A load on edges or triangles.
+    """A load on facets or in cells.
 
     Attributes:
         moments: integrals with the functions that it is tested with over the length or area, stress or force per
-            volume, shape (n, functions, 2).
+            volume, shape (n, functions, d).
         unknown: how far these are not known, see ``moments``.
-        missed: mean square of what constants or linear functions miss of it, shape (n,).
-        means: mean values, shape (n, 2).
+        missed: mean square of what constants or linear functions miss of it, shape (n,), or mean products of the
+            components of that, shape (n, d, d).
+        means: mean values, shape (n, d).
     """
 
     moments: Array
@@ -102,32 +104,49 @@ def on_edges(t: Simplices, edges: Ints, density: Density, values: list[Any]) -> 
     return _compared(rules, rules[0][0].sum(axis=1))
 
 
-def in_triangles(x: Array, density: Density, values: list[Any]) -> Integrated:
-    """Moments of a load with the barycentric coordinates, and with their products, and what constants miss of it.
+def in_simplices(
+    x: Array, density: Density, values: list[Any], *, normal: Array | None = None, sizes: tuple[int, ...] | None = None
+) -> Integrated:
+    """Moments of a load with the barycentric coordinates, and with their products, and what constants miss of it in
+    cells and linear functions on facets.
 
     Args:
-        x: corners of triangles, length, shape (n, 3, 2).
+        x: corners of triangles or tetrahedra, length, shape (n, k, d).
         density: at points of these.
         values: of the scene that it is made of.
+        normal: of facets, shape (n, d); None: they are cells.
+        sizes: of the rules; None: those that the values need.
     """
-    varies = not all(isinstance(value, float) for value in values)
+    n, count, d = x.shape
     owner, parts = cut(x, values)
     share = np.abs(np.linalg.det(parts))
+    across = np.zeros((n, d)) if normal is None else normal
     rules: list[tuple[Array, Array]] = []
-    for s, w in (GAUSS, _COARSE) if varies else (GAUSS,):
-        a, b = (grid.ravel() for grid in np.meshgrid(s, s, indexing="ij"))
-        weight = np.outer(w * (1 - s), w).ravel() * 2
-        places = np.column_stack((1 - a - b * (1 - a), a, b * (1 - a))) @ parts
-        at = np.einsum("mqc,mcd->mqd", places, x[owner])
-        force = density(owner, BoundPoints(at, np.zeros_like(at)))
-        products = [places[..., i] * places[..., j] for i in range(3) for j in range(3)]
-        tested = np.concatenate((places, np.stack(products, axis=2)), axis=2) * (share[:, None] * weight)[:, :, None]
-        moments = np.zeros((len(x), 12, 2))
-        np.add.at(moments, owner, np.einsum("mqb,mqd->mbd", tested, force))
-        means = moments[:, :3].sum(axis=1)
-        squares = share * np.einsum("q,mqd->m", weight, (force - means[owner][:, None]) ** 2)
-        rules.append((moments, np.bincount(owner, squares, len(x)).astype(np.float64)))
-    return _compared(rules, rules[0][0][:, :3].sum(axis=1))
+    linear = np.zeros((n, count, d))
+    for size in sizes or sizes_of_rules(values, 1):
+        local, weight = simplex_rule(count - 1, size)
+        moments, squares = np.zeros((n, count + count**2, d)), np.zeros((n, d, d))
+        chunks = np.array_split(np.arange(len(owner)), len(owner) * len(local) // _POINTS + 1)
+        forces = []
+        for rows in chunks:
+            places, of = local @ parts[rows], owner[rows]
+            at = np.einsum("mqc,mcd->mqd", places, x[of])
+            force = density(of, BoundPoints(at, np.broadcast_to(across[of][:, None], at.shape)))
+            products = np.einsum("mqi,mqj->mqij", places, places).reshape(*places.shape[:2], -1)
+            tested = np.concatenate((places, products), axis=2) * (share[rows, None] * weight)[:, :, None]
+            np.add.at(moments, of, np.einsum("mqb,mqd->mbd", tested, force))
+            forces.append(force)
+        closest = moments[:, :count]
+        if normal is None:
+            linear = np.repeat(closest.sum(axis=1, keepdims=True), count, axis=1)
+        else:
+            linear = count * (count + 1) * closest - count * closest.sum(axis=1, keepdims=True)
+        for rows, force in zip(chunks, forces, strict=True):
+            left = force - np.einsum("mqc,mcd->mqd", local @ parts[rows], linear[owner[rows]])
+            products = np.einsum("q,mqi,mqj->mij", weight, left, left)
+            np.add.at(squares, owner[rows], share[rows, None, None] * products)
+        rules.append((moments, squares))
+    return _compared(rules, rules[0][0][:, :count].sum(axis=1))
 
 
 def _compared(rules: list[tuple[Array, Array]], means: Array) -> Integrated:
@@ -138,7 +157,10 @@ def _compared(rules: list[tuple[Array, Array]], means: Array) -> Integrated:
         if further_rules
         else np.zeros_like(moments)
     )
-    missed_change = (
-        np.max([np.abs(estimate - missed) for _, estimate in further_rules], axis=0) if further_rules else 0.0
-    )
+    if further_rules and missed.ndim == 3:
+        sizes = np.max([np.linalg.norm(estimate - missed, axis=(1, 2)) for _, estimate in further_rules], axis=0)
+        missed_change = sizes[:, None, None] * np.eye(missed.shape[2])
+    else:
+        differences = [np.abs(estimate - missed) for _, estimate in further_rules]
+        missed_change = np.max(differences, axis=0) if differences else np.zeros_like(missed)
     return Integrated(moments, unknown, missed + missed_change, means)

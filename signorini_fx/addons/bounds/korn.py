@@ -1,16 +1,24 @@
-"""Constants of Korn's inequality and of traces on triangles, and one of traces on faces of tetrahedra.
+"""Constants of Korn's inequality and of traces on triangles, and of what is beside linear functions on tetrahedra.
 
-Of a displacement w of a tetrahedron K what is left on a face F beside linear functions is bounded by the strain alone:
+Of a displacement w of a tetrahedron K what is left on a face F, and in K, beside linear functions is bounded by the
+strain alone:
 
-    min over linear p of |w - p| in L2(F)  <=  c |eps(w)| in L2(K).
+    min over linear p of |w - p| in L2(F) or L2(K)  <=  c |eps(w)| in L2(K).
 
-``lifted_tractions`` proves that c is at most ``BESIDE_LINEAR`` on the regular tetrahedron with edges of length 1; on
-others w(A xi + b) = A^-T v(xi) has the strain A^-T eps(v) A^-1, and linear functions stay linear.
+``lifted_tractions`` proves that c is at most ``BESIDE_LINEAR`` on a face of the regular tetrahedron with edges of
+length 1.  In the tetrahedra of ``HILL`` c is at most the number there.  They have the corners 0, a, a + b, a + b + c,
+where a, b and c have the length 1 and equal angles (M. J. M. Hill, Proc. London Math. Soc. 27 (1896) 39-53): parallels
+to their faces divide them in m^3 that are like them.  A force r that is orthogonal to linear vectors in K is the sum of
+P r, its projection onto functions that are linear on each part, and of r - P r, which is orthogonal to these there: with
+the largest norm C of stresses that are in equilibrium with P r alone, c^2 <= C^2 + (c / m)^2, so that
+c^2 <= C^2 / (1 - 1 / m^2).
+
+On others w(A xi + b) = A^-T v(xi) has the strain A^-T eps(v) A^-1, and linear functions stay linear.
 """
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 
@@ -23,6 +31,17 @@ REGULAR: Array = np.array(
     [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.75**0.5, 0.0], [0.5, 0.75**0.5 / 3, (2 / 3) ** 0.5]]
 )
 BESIDE_LINEAR = 1.68
+
+
+def hill(cosine: float) -> Array:
+    """The corners of a tetrahedron on a path of three vectors of length 1 with these cosines between them, (4, 3)."""
+    steps = np.linalg.cholesky(np.full((3, 3), cosine) + (1 - cosine) * np.eye(3))
+    return np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
+
+
+# The cosines of two of them and bounds of their c, which tests/bounds/test_lifted_forces.py computes: six of the first
+# make a cube, the second is the nearest one to the regular tetrahedron.
+HILL = ((0.0, 0.82), (-1 / 3, 0.44))
 
 
 def korn(t: Simplices) -> tuple[Array, Array]:
@@ -89,3 +108,43 @@ def work_beside_linear(t: Simplices, faces: Ints, squares: Array) -> Array:
         bounds = np.minimum(bounds, np.linalg.norm(map_, 2, axis=(1, 2)) ** 2 * np.sqrt(size))
     area, volume = 3**0.5 / 4, 2**0.5 / 12
     return np.asarray(BESIDE_LINEAR * np.sqrt(t.area[faces] / area * volume / t.volume[cell]) * bounds)
+
+
+def work_inside(t: Simplices, squares: Array) -> Array:
+    """Bounds of the work of forces r that are orthogonal to linear vectors in tetrahedra, per unit of the norm of the
+    strain there, shape (n,).
+
+    The work is that of A^-1 r on v, so that it is at most c |A^-1 r| |A|^2 |eps(w)|.  The best of the tetrahedra of
+    ``HILL`` and of the orders of the vertices is taken.
+
+    Args:
+        t: the tetrahedra.
+        squares: integrals of the products of the components of r, shape (n, 3, 3).
+    """
+    bounds = np.full(len(squares), np.inf)
+    for (cosine, constant), order in product(HILL, permutations(range(4))):
+        if order[0] > order[3]:  # the path backwards
+            continue
+        corners = hill(cosine)
+        place = t.x[t.corners[:, order]]
+        map_ = (place[:, 1:] - place[:, :1]).transpose(0, 2, 1) @ np.linalg.inv((corners[1:] - corners[0]).T)
+        inverse = np.linalg.inv(map_)
+        size = np.einsum("mij,mjk,mik->m", inverse, squares, inverse, optimize=True).clip(min=0.0)
+        largest = np.linalg.eigvalsh(map_ @ map_.transpose(0, 2, 1))[:, -1]
+        bounds = np.minimum(bounds, constant * largest * np.sqrt(size))
+    return bounds
+
+
+def missed_in_space(t: Simplices, inside: Array, faces: Ints, on_faces: Array) -> Array:
+    """Squares of the bounds of the work of loads that are orthogonal to linear vectors, per unit of the energy norm, by
+    tetrahedron, shape (n,).
+
+    Args:
+        t: the tetrahedra.
+        inside: integrals of the products of the components of the loads in them, shape (n, 3, 3).
+        faces: of the boundary that are loaded, shape (m,).
+        on_faces: the same on these, shape (m, 3, 3).
+    """
+    bounds = work_inside(t, inside)
+    np.add.at(bounds, t.sides[faces, 0], work_beside_linear(t, faces, on_faces))
+    return np.asarray(bounds**2 / t.moduli.softest)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.bounds.applied_loads import Acting, LinearLoads, PlaneLoads
+from signorini_fx.addons.bounds.applied_loads import Acting, PlaneLoads, SpatialLoads
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.balanced_tractions import onto_disc
 from signorini_fx.addons.bounds.biquadratic_cells import StrainBeyond, on_triangles
@@ -325,7 +325,7 @@ class PlainProblem:
             for factor, load in acting
             if factor != 0
         ]
-        self.loads = (PlaneLoads if self._dimension == 2 else LinearLoads)(self.t, self.held, forces)
+        self.loads = (PlaneLoads if self._dimension == 2 else SpatialLoads)(self.t, self.held, forces)
         self.tools: list[MovingTool] = []
         if contact is not None and (bodies := self._statement.rigid_bodies):
             self.tools = tools_of(bodies, y, contact, self._statement.time_at(step), model.tagged.size)
