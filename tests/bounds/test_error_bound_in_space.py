@@ -286,8 +286,6 @@ def test_an_accuracy_that_is_certified():
     ("more", "reason"),
     [
         ({"mesh": box("hexahedra", (1, 1, 1))}, "in space a guaranteed bound is for tetrahedra"),
-        ({"traction": {"boundary": "top", "z": "-1 - x[0]**2"}}, "tractions that are linear on each facet"),
-        ({"body_force": {"z": "-x[0]"}}, "body forces that are constant in each cell"),
         (
             {"contact": TABLE | {"friction": {"law": "tresca", "bound": 1.0, "ratio": 0.5}}},
             "friction that depends on the direction",
@@ -295,7 +293,7 @@ def test_an_accuracy_that_is_certified():
     ],
 )
 def test_what_this_proof_does_not_know(more, reason):
-    """Refused with the reason; a pressure that is linear is not."""
+    """Refused with the reason."""
     scene = {
         "mesh": box("tetrahedra", (1, 1, 1)),
         "material": {"young": 1000.0, "poisson": 0.3},
@@ -311,4 +309,4 @@ def test_a_pressure_that_is_linear():
     scene = block(3, "tetrahedra")
     loads = (scene.traction[0].model_copy(update={"y": 0.0, "z": 0.0, "pressure": Expression("1 + x[0]")}),)
     bound = alone(scene.model_copy(update={"traction": loads})).error_bound
-    assert bound.data == 0
+    assert bound.data < 1e-12 * bound.size

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from signorini_fx.addons.bounds.korn import BESIDE_LINEAR, REGULAR, work_beside_linear
-from signorini_fx.addons.bounds.lifted_tractions import Liftings, _forms, _rounded, divided_face, finest
+from signorini_fx.addons.bounds.lifted_tractions import Liftings, _forms, divided_face, finest, rounded
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, Simplices
 
 # A tetrahedron without any symmetry, in units of its own.
@@ -169,7 +169,7 @@ def test_round_off_of_forms(moduli, thin, axis):
     chance = np.random.default_rng(5)
     turn, tip = (np.linalg.qr(chance.normal(size=(3, 3)))[0] for _ in range(2))
     corners = REGULAR @ tip * np.where(np.arange(3) == axis, thin, 1.0)
-    share = _rounded(corners[None], moduli)[0]
+    share = rounded(corners[None], moduli)[0]
     form, turned = (_forms(divided_face(2), x[None], moduli)[0] for x in (corners, corners @ turn.T))
     unit = np.kron(np.eye(12), turn)
     counted = Liftings.of(corners[None], moduli, 2).forms[0, 0]

@@ -45,12 +45,12 @@ def loaded(scene, seed, kind):
             f"{-size / high}*(x[0] + 0.2)",
             f"where(x[0] < {0.37 * length}, {-size / high}, 0)",
         ]
-        gravity = {up: str(chance.choice(values if plane else values[:1]))}
+        gravity = {up: str(chance.choice(values))}
         fields["gravity"] = [gravity | {"x": float(size / high * chance.normal())}]
     elif kind == "force":
         spreads = ["1", "x[0] + 0.1", f"max(0, {0.37 * length} - x[0])", f"where(x[0] < {0.41 * length}, 1, 0.2)"]
         spreads += ["1 + sin(3*x[0])"] * 2
-        spread = str(chance.choice(spreads if plane else spreads[:2]))
+        spread = str(chance.choice(spreads))
         fields["force"] = [
             {"boundary": top, up: float(-size * length), "x": float(size * chance.normal()), "spread": spread}
         ]
@@ -65,12 +65,9 @@ def loaded(scene, seed, kind):
     elif kind == "fluid":
         low = high - (high if not scene.body else scene.body[0].mesh.parameters["height"])
         levels = [low + (high - low) * float(chance.uniform(0.2, 1.5)), f"{high} - 0.3*x[0]"]
-        above = -0.2
-        if not plane:  # facets have to be wet or dry as a whole
-            levels, above = [high * float(chance.uniform(1, 1.5)), f"{high} + 0.3*x[1]"], 0.1
         fields["fluid"] = [{"boundary": right, "level": levels[int(chance.integers(2))], "weight": 3 * size / high}]
         if chance.random() < 0.5:
-            fields["fluid"].append({"boundary": top, "level": f"{high + above} + 0.6*x[0]", "weight": size / high})
+            fields["fluid"].append({"boundary": top, "level": f"{high - 0.2} + 0.6*x[0]", "weight": size / high})
     elif kind == "springs":
         fields |= _on_springs(scene, chance, (top, right), up, young / high)
     elif kind == "pressed springs":  # where contact is

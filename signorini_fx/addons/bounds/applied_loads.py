@@ -14,9 +14,10 @@ from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints, DensityPoints, profile_of
 from signorini_fx.addons.bounds.equilibrated_stress import Loads
 from signorini_fx.addons.bounds.facets import coefficients
-from signorini_fx.addons.bounds.integrated_loads import Integrated, in_simplices, integral, on_edges
+from signorini_fx.addons.bounds.integrated_loads import Integrated, closest_linear, in_simplices, integral, on_edges
 from signorini_fx.addons.bounds.johnson_mercier import constant_forces
-from signorini_fx.addons.bounds.korn import missed_in_space, missed_squares
+from signorini_fx.addons.bounds.korn import missed_squares, work_beside_linear, work_inside
+from signorini_fx.addons.bounds.lifted_forces import lifted_forces
 from signorini_fx.addons.bounds.simplices import CORNERS_OF_PARTS, EDGES, EDGES_OF_FACET, Simplices
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.proved_statements import Refused
@@ -79,7 +80,8 @@ class BodyLoads:
         t: the cells.
         moments: integrals times the barycentric coordinates, force, shape (n, d + 1, d).
         bubbles: those times 4 l_a l_b of each edge, in the order of ``EDGES``, force, shape (n, 3 or 6, d).
-        missed: integrals of the products of the components of what constants on the parts of cells miss, (n, d, d).
+        missed: the square of what constants on the parts of cells miss of them, shape (n,).
+        beyond: integrals of the products of the components of what linear functions in cells miss, shape (n, d, d).
         unknown: of the moments what quadrature does not know, force, shape (n,).
         unknown_bubbles: the same of ``bubbles``, shape (n, 3 or 6, d).
     """
@@ -88,6 +90,7 @@ class BodyLoads:
     moments: Array
     bubbles: Array
     missed: Array
+    beyond: Array
     unknown: Array
     unknown_bubbles: Array
 
@@ -95,15 +98,15 @@ class BodyLoads:
     def of(cls, t: Simplices, loads: list[Acting]) -> BodyLoads:
         """Of some loads, all of which act in cells."""
         n, d = len(t.corners), t.dimension
-        moments, missed, unknown = np.zeros((n, d + 1, d)), np.zeros((n, d, d)), np.zeros(n)
+        moments, beyond, unknown = np.zeros((n, d + 1, d)), np.zeros((n, d, d)), np.zeros(n)
         bubbles, unknown_bubbles = np.zeros((2, n, len(EDGES[d]), d))
         if not loads:
-            return cls(t, moments, bubbles, missed, unknown, unknown_bubbles)
+            return cls(t, moments, bubbles, np.zeros(n), beyond, unknown, unknown_bubbles)
 
         def density(owner: Ints, points: BoundPoints) -> Array:
             return np.asarray(sum((load.at(owner, points) for load in loads), np.zeros_like(points.x)))
 
-        values, means = [value for load in loads for value in load.profile(d)], []
+        values, at_corners = [value for load in loads for value in load.profile(d)], []
         varies = not all(isinstance(value, float) for value in values)
         sizes = _SIZES_IN_PLANE[: 1 + varies] if d == 2 else None
         share = t.volume[:, None, None] / (d + 1)
@@ -115,12 +118,22 @@ class BodyLoads:
             bubbles += share * np.einsum("ck,nkd->ncd", pairs, integrated.moments[:, d + 1 :])
             unknown_bubbles += share * np.einsum("ck,nkd->ncd", pairs, integrated.unknown[:, d + 1 :])
             unknown += (share * integrated.unknown[:, : d + 1]).sum(axis=(1, 2))
-            missed += share * integrated.missed
-            means.append(integrated.means)
-        # The constants have the moments of the force, and differ from its means.
-        differ = constant_forces(t, moments) - np.stack(means, axis=1)
-        missed += share * np.einsum("npi,npj->nij", differ, differ)
-        return cls(t, moments, bubbles, missed, unknown, unknown_bubbles)
+            beyond += share * integrated.missed
+            at_corners.append(closest_linear(integrated.moments[:, : d + 1]))
+        # What linear functions on the parts miss is orthogonal to the differences of these.
+        on_parts = np.stack(at_corners, axis=1)
+
+        def differing(others: Array) -> Array:
+            """Integrals of the products of the components of these differences, shape (n, d, d)."""
+            differ = on_parts - others
+            whole = differ.sum(axis=2)
+            products = np.einsum("npci,npcj->nij", differ, differ) + np.einsum("npi,npj->nij", whole, whole)
+            return np.asarray(share / ((d + 1) * (d + 2)) * products)
+
+        missed = np.einsum("nii->n", beyond + differing(constant_forces(t, moments)[:, :, None]))
+        linear = closest_linear(moments / t.volume[:, None, None])
+        beyond = beyond + differing(np.einsum("pkc,ncd->npkd", CORNERS_OF_PARTS[d], linear))
+        return cls(t, moments, bubbles, missed, beyond, unknown, unknown_bubbles)
 
     def work(self, y: Array, middle: Array) -> float:
         """On a displacement of degree 2, an energy."""
@@ -151,7 +164,7 @@ class PlaneLoads:
     def __init__(self, t: Simplices, held: Array, forces: list[Acting]) -> None:
         self._t, self._held = t, held
         self._inside = BodyLoads.of(t, [force for force in forces if force.facets is None])
-        self.body, self.missed_inside = self._inside.moments, np.einsum("nii->n", self._inside.missed)
+        self.body, self.missed_inside = self._inside.moments, self._inside.missed
         self.traction, self._missed_on_edges = np.zeros((len(t.facets), 2, 2)), np.zeros(len(t.facets))
         self._on_edges, self._unknown_on_edges = np.zeros((2, len(t.facets), 3, 2))
         # Of the loads on each triangle what quadrature does not know, force.
@@ -296,8 +309,11 @@ class SpatialLoads:
         """
         if contact.any():
             raise Refused("in space a guaranteed bound is for tractions of contact that are linear on each facet")
-        on_faces = self._t.area[self._faces, None, None] * self._missed
-        return missed_in_space(self._t, self._inside.missed, self._faces, on_faces)
+        t, faces, inside = self._t, self._faces, self._inside
+        bounds = work_inside(t, inside.beyond)
+        np.add.at(bounds, t.sides[faces, 0], work_beside_linear(t, faces, t.area[faces, None, None] * self._missed))
+        linear = lifted_forces(t, closest_linear(inside.moments / t.volume[:, None, None]))
+        return np.asarray((bounds / np.sqrt(t.moduli.softest) + linear) ** 2)
 
     def _integrate_tractions(self, loads: list[tuple[Acting, Ints]]) -> None:
         """Linear tractions with the moments of those given, and what they miss."""
@@ -317,8 +333,7 @@ class SpatialLoads:
 
             values = [value for load, _ in selected for value in load.profile(3)]
             found = in_simplices(t.x[t.facets[faces]], density, values, normal=t.normal[faces])
-            linear = 12 * found.moments[:, :3] - 3 * found.moments[:, :3].sum(axis=1, keepdims=True)
-            return found, linear
+            return found, closest_linear(found.moments[:, :3])
 
         def of_bernstein(moments: Array) -> Array:
             """Those of degree 2, from those with products of barycentric coordinates."""

@@ -107,8 +107,8 @@ def on_edges(t: Simplices, edges: Ints, density: Density, values: list[Any]) -> 
 def in_simplices(
     x: Array, density: Density, values: list[Any], *, normal: Array | None = None, sizes: tuple[int, ...] | None = None
 ) -> Integrated:
-    """Moments of a load with the barycentric coordinates, and with their products, and what constants miss of it in
-    cells and linear functions on facets.
+    """Moments of a load with the barycentric coordinates, and with their products, and what linear functions miss of
+    it.
 
     Args:
         x: corners of triangles or tetrahedra, length, shape (n, k, d).
@@ -122,7 +122,6 @@ def in_simplices(
     share = np.abs(np.linalg.det(parts))
     across = np.zeros((n, d)) if normal is None else normal
     rules: list[tuple[Array, Array]] = []
-    linear = np.zeros((n, count, d))
     for size in sizes or sizes_of_rules(values, 1):
         local, weight = simplex_rule(count - 1, size)
         moments, squares = np.zeros((n, count + count**2, d)), np.zeros((n, d, d))
@@ -136,17 +135,23 @@ def in_simplices(
             tested = np.concatenate((places, products), axis=2) * (share[rows, None] * weight)[:, :, None]
             np.add.at(moments, of, np.einsum("mqb,mqd->mbd", tested, force))
             forces.append(force)
-        closest = moments[:, :count]
-        if normal is None:
-            linear = np.repeat(closest.sum(axis=1, keepdims=True), count, axis=1)
-        else:
-            linear = count * (count + 1) * closest - count * closest.sum(axis=1, keepdims=True)
+        linear = closest_linear(moments[:, :count])
         for rows, force in zip(chunks, forces, strict=True):
             left = force - np.einsum("mqc,mcd->mqd", local @ parts[rows], linear[owner[rows]])
             products = np.einsum("q,mqi,mqj->mij", weight, left, left)
             np.add.at(squares, owner[rows], share[rows, None, None] * products)
         rules.append((moments, squares))
     return _compared(rules, rules[0][0][:, :count].sum(axis=1))
+
+
+def closest_linear(moments: Array) -> Array:
+    """The values at the corners of simplices of the linear functions with given moments, shape (n, k, ...).
+
+    Args:
+        moments: mean values of the products with the barycentric coordinates, shape (n, k, ...).
+    """
+    count = moments.shape[1]
+    return np.asarray(count * (count + 1) * moments - count * moments.sum(axis=1, keepdims=True))
 
 
 def _compared(rules: list[tuple[Array, Array]], means: Array) -> Integrated:

@@ -36,20 +36,16 @@ class LocalStress:
 
     def __init__(self, t: Simplices) -> None:
         self._t, d = t, t.dimension
-        rows, columns = ROWS[d], COLUMNS[d]
         rank = np.argsort(np.argsort(t.corners[:, FACETS[d]], axis=2), axis=2)
         self.places: Ints = d * t.facets_of[:, :, None] + rank
         self._determinant, self._inverse = factorial(d) * t.volume, np.linalg.inv(t.jacobian)
-        f = t.jacobian / self._determinant[:, None, None]
         # sigma = F s F^T / J^2; tractions times areas are F (s n) / J, the divergence F (div s) / J^2.
-        once = f[:, rows][:, :, rows] * f[:, columns][:, :, columns]
-        twice = f[:, rows][:, :, columns] * f[:, columns][:, :, rows]
-        self._turn = once + np.where(rows == columns, 0.0, twice)
+        self._turn = turn_of(t.jacobian / self._determinant[:, None, None])
         n, k, forces = len(t.corners) // t.parts, d * d * (d + 1), d * (d + 1)
         self.compliance: Array = np.zeros((n, k, k))
         self.energy: Array = np.zeros(n)
         self._alone: Array = np.zeros((n, k, forces))
-        step = max(_CHUNK // ((d + 1) ** 2 * len(rows) * k), 1)
+        step = max(_CHUNK // ((d + 1) ** 2 * len(ROWS[d]) * k), 1)
         for first in range(0, n, step):
             self._invert(slice(first, min(first + step, n)))
 
@@ -80,7 +76,7 @@ class LocalStress:
         root_of_compliance = free @ np.linalg.inv(r)
         self.compliance[chunk] = root_of_compliance @ root_of_compliance.transpose(0, 2, 1)
         # Forces of the parts on the reference cell from the integrals of the force, and its resultants.
-        divided = _forces_of_parts(d) / t.volume[chunk, None, None]
+        divided = forces_of_parts(d) / t.volume[chunk, None, None]
         forces = -np.einsum("nij,nkl->nikjl", divided, self._inverse[chunk] * self._determinant[chunk, None, None] ** 2)
         inside = operator[:, k:].reshape(parts * len(ROWS[d]), -1) @ forces.reshape(n, d * count, d * count)
         opposite = -loaded @ np.linalg.solve(lengths[:, :rank].transpose(0, 2, 1), _resultants(arm))
@@ -167,6 +163,18 @@ class LocalStress:
         return stress.reshape(n, d + 1, d + 1, -1), missed_share
 
 
+def turn_of(f: Array) -> Array:
+    """From the components of symmetric tensors s to those of F s F^T, shape (n, 3, 3) or (n, 6, 6).
+
+    Args:
+        f: F, shape (n, d, d).
+    """
+    rows, columns = ROWS[f.shape[1]], COLUMNS[f.shape[1]]
+    once = f[:, rows][:, :, rows] * f[:, columns][:, :, columns]
+    twice = f[:, rows][:, :, columns] * f[:, columns][:, :, rows]
+    return np.asarray(once + np.where(rows == columns, 0.0, twice))
+
+
 def _resultants(arm: Array) -> Array:
     """Force, and couple by the arms, of forces at q points, shape (n, 3 or 6, d q)."""
     n, q, d = arm.shape
@@ -230,7 +238,7 @@ def reference(d: int) -> tuple[Array, Array]:
     return np.linalg.pinv(conditions) @ right, np.column_stack((conditions, right))
 
 
-def _forces_of_parts(d: int) -> Array:
+def forces_of_parts(d: int) -> Array:
     """From integrals times barycentric coordinates, over the volume, to constants on the parts."""
     share = (np.full((d + 1, d + 1), d + 2.0) - (d + 1) * np.eye(d + 1)) / (d + 1) ** 3  # int of l_j over the i-th part
     return np.asarray(np.linalg.inv(share))
@@ -238,4 +246,4 @@ def _forces_of_parts(d: int) -> Array:
 
 def constant_forces(t: Simplices, body: Array) -> Array:
     """The force per volume, constant on parts, with given integrals times barycentric coordinates, (n, d + 1, d)."""
-    return np.einsum("ij,njd->nid", _forces_of_parts(t.dimension), body) / t.volume[:, None, None]
+    return np.einsum("ij,njd->nid", forces_of_parts(t.dimension), body) / t.volume[:, None, None]

@@ -134,17 +134,3 @@ def work_inside(t: Simplices, squares: Array) -> Array:
         bounds = np.minimum(bounds, constant * largest * np.sqrt(size))
     return bounds
 
-
-def missed_in_space(t: Simplices, inside: Array, faces: Ints, on_faces: Array) -> Array:
-    """Squares of the bounds of the work of loads that are orthogonal to linear vectors, per unit of the energy norm, by
-    tetrahedron, shape (n,).
-
-    Args:
-        t: the tetrahedra.
-        inside: integrals of the products of the components of the loads in them, shape (n, 3, 3).
-        faces: of the boundary that are loaded, shape (m,).
-        on_faces: the same on these, shape (m, 3, 3).
-    """
-    bounds = work_inside(t, inside)
-    np.add.at(bounds, t.sides[faces, 0], work_beside_linear(t, faces, on_faces))
-    return np.asarray(bounds**2 / t.moduli.softest)

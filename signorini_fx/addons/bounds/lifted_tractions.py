@@ -128,7 +128,7 @@ class Liftings:
             for first in range(0, 2 * n, _CHUNK)
         ]
         form = np.concatenate(forms)
-        form += (_rounded(pairs, moduli.of(owner)) * np.linalg.norm(form, 2, axis=(1, 2)))[:, None, None] * np.eye(
+        form += (rounded(pairs, moduli.of(owner)) * np.linalg.norm(form, 2, axis=(1, 2)))[:, None, None] * np.eye(
             9 * m * m
         )
         area = np.linalg.norm(np.cross(pairs[:, 1] - pairs[:, 0], pairs[:, 2] - pairs[:, 0]), axis=1) / 2
@@ -166,7 +166,7 @@ class Liftings:
         return total
 
 
-def _rounded(corners: Array, moduli: Moduli) -> Array:
+def rounded(corners: Array, moduli: Moduli) -> Array:
     """Round-off of forms as a share of their norm, see ``ROUNDED_FORMS``, shape (n,)."""
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ np.linalg.inv((REGULAR[1:] - REGULAR[0]).T)
     root = np.sqrt(TWICE[3])
