@@ -417,7 +417,9 @@ def test_work_in_space(kind):
     slopes = np.random.default_rng(1).normal(size=(6, 3))
 
     def displacement(x):
-        return np.stack([x[:, i] * x[:, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1) @ slopes
+        return (
+            np.stack([x[:, i] * x[:, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1) @ slopes
+        )
 
     s, w = (np.polynomial.legendre.leggauss(5)[k] / 2 + 0.5 * (k == 0) for k in (0, 1))
     rules = [

@@ -9,8 +9,8 @@ strain alone:
 length 1.  In the tetrahedra of ``HILL`` c is at most the number there.  They have the corners 0, a, a + b, a + b + c,
 where a, b and c have the length 1 and equal angles (M. J. M. Hill, Proc. London Math. Soc. 27 (1896) 39-53): parallels
 to their faces divide them in m^3 that are like them.  A force r that is orthogonal to linear vectors in K is the sum of
-P r, its projection onto functions that are linear on each part, and of r - P r, which is orthogonal to these there: with
-the largest norm C of stresses that are in equilibrium with P r alone, c^2 <= C^2 + (c / m)^2, so that
+P r, its projection onto functions that are linear on each part, and of r - P r, which is orthogonal to these there:
+with the largest norm C of stresses that are in equilibrium with P r alone, c^2 <= C^2 + (c / m)^2, so that
 c^2 <= C^2 / (1 - 1 / m^2).
 
 On others w(A xi + b) = A^-T v(xi) has the strain A^-T eps(v) A^-1, and linear functions stay linear.
@@ -133,4 +133,3 @@ def work_inside(t: Simplices, squares: Array) -> Array:
         largest = np.linalg.eigvalsh(map_ @ map_.transpose(0, 2, 1))[:, -1]
         bounds = np.minimum(bounds, constant * largest * np.sqrt(size))
     return bounds
-
