@@ -98,7 +98,9 @@ class BodyLoads:
     def of(cls, t: Simplices, loads: list[Acting]) -> BodyLoads:
         """Of some loads, all of which act in cells."""
         n, d = len(t.corners), t.dimension
-        moments, beyond, unknown = np.zeros((n, d + 1, d)), np.zeros((n, d, d)), np.zeros(n)
+        moments: Array = np.zeros((n, d + 1, d))
+        beyond: Array = np.zeros((n, d, d))
+        unknown: Array = np.zeros(n)
         bubbles, unknown_bubbles = np.zeros((2, n, len(EDGES[d]), d))
         if not loads:
             return cls(t, moments, bubbles, np.zeros(n), beyond, unknown, unknown_bubbles)
@@ -284,7 +286,7 @@ class SpatialLoads:
         # On the faces that are loaded: moments with the polynomials of Bernstein of degree 2 and how far these are not
         # known, stress; mean products of the components of what linear functions miss, stress squared.
         self._moments, self._unknown_moments = np.zeros((2, m, 6, 3))
-        self._missed = np.zeros((m, 3, 3))
+        self._missed: Array = np.zeros((m, 3, 3))
         self._unknown = self._inside.unknown.copy()
         if loads:
             self._integrate_tractions(loads)

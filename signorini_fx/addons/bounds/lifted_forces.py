@@ -26,7 +26,7 @@ from signorini_fx.tuned import SAME_NUMBER
 # Tetrahedra whose systems are solved at the same time.
 _CHUNK = 500
 # Functions of degree 2 in a quarter: those of its corners, and of its edges.
-_NODES = [(k,) for k in range(4)] + [tuple(pair) for pair in EDGES[3].tolist()]
+_NODES = [*combinations(range(4), 1), *combinations(range(4), 2)]
 
 
 @dataclass(frozen=True)
@@ -54,17 +54,16 @@ class Quarters:
             x: vertices, length, shape (v, 3).
             corners: of them, shape (n, 4).
         """
-        quarters = np.array(
-            [[*cell[facet], len(x) + k] for k, cell in enumerate(corners) for facet in FACETS[3]], dtype=np.int64
-        )
+        centroids = np.tile(len(x) + np.arange(len(corners))[:, None, None], (1, 4, 1))
+        quarters: Ints = np.concatenate((corners[:, FACETS[3]], centroids), axis=2).reshape(-1, 4)
         x = np.concatenate((x, x[corners].mean(axis=1)))
         steps = x[quarters][:, 1:] - x[quarters][:, :1]
         gradients = np.linalg.inv(steps.transpose(0, 2, 1))
         gradients = np.concatenate((-gradients.sum(axis=1, keepdims=True), gradients), axis=1)
         sides: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-        for quarter, vertices in enumerate(quarters):
-            for place in range(4):
-                sides.setdefault(tuple(sorted(vertices[FACETS[3][place]].tolist())), []).append((quarter, place))
+        for quarter, faces in enumerate(np.sort(quarters[:, FACETS[3]], axis=2).tolist()):
+            for place, face in enumerate(faces):
+                sides.setdefault(tuple(face), []).append((quarter, place))
         tractions = []
         for face, beside in sides.items():
             normal = gradients[beside[0]] / np.linalg.norm(gradients[beside[0]])
@@ -96,8 +95,8 @@ def _times(vector: Array) -> Array:
 def _slopes(place: Array) -> Array:
     """Derivatives of the functions of degree 2 of the nodes by the barycentric coordinates, at a place, (10, 4)."""
     edges = np.zeros((6, 4))
-    for k, (a, b) in enumerate(EDGES[3]):
-        edges[k, a], edges[k, b] = 4 * place[b], 4 * place[a]
+    first, second = EDGES[3].T
+    edges[range(6), first], edges[range(6), second] = 4 * place[second], 4 * place[first]
     return np.concatenate((np.diag(4 * place - 1), edges))
 
 
