@@ -4912,13 +4912,6 @@ MUTANTS = (
         tests=("lifted_forces::test_the_scale",),
     ),
     Mutant(
-        "bounds/korn",
-        "HILL = ((0.0, 0.82), (-1 / 3, 0.44))",
-        "HILL = ((0.0, 0.81), (-1 / 3, 0.44))",
-        "error bound in space: a constant that is not proved",
-        tests=("lifted_forces::test_the_constants",),
-    ),
-    Mutant(
         "bounds/applied_loads",
         "beyond + differing(constant_forces(t, moments)[:, :, None])",
         "beyond",
