@@ -63,6 +63,27 @@ def test_interior_facets_are_no_boundary():
     assert type(tagged)(tagged.mesh, tags, {"bottom": 3}).facets("bottom").size == 0
 
 
+@pytest.mark.parametrize("use", ["contact", "traction", "displacement"])
+def test_facets_inside_of_a_boundary_are_told(use):
+    """A boundary of which some facets are inside of the body is refused wherever it is used, with both counts."""
+    tagged = rectangle(nx=4, ny=2)
+    inside = mesh.locate_entities(tagged.mesh, 1, lambda x: np.isclose(x[1], 0.5))
+    extra = mesh.meshtags(tagged.mesh, 1, inside, np.full(inside.size, 9, dtype=np.int32))
+    merged = np.concatenate((tagged.facet_tags.indices, extra.indices))
+    values = np.concatenate((tagged.facet_tags.values, extra.values))
+    order = np.argsort(merged)
+    tags = mesh.meshtags(tagged.mesh, 1, merged[order], values[order])
+    scene = example1(nx=4, ny=2)
+    name = getattr(scene, use)[0].boundary
+    boundaries = dict(tagged.boundaries)
+    boundaries[name] = (boundaries[name], 9)
+    before = tagged.facets(name).size
+    found = mistakes(on_mesh(scene, type(tagged)(tagged.mesh, tags, boundaries)))
+    assert list(found) == [f"{use}[0].boundary"]
+    text = f"{inside.size} of the {inside.size + before} facets of boundary {name!r} are inside of the body"
+    assert text in found[f"{use}[0].boundary"]
+
+
 def test_contact_and_normal_support_on_the_same_facets():
     """Where the normal displacement is prescribed nothing is left for contact."""
     found = mistakes(small(displacement=(PrescribedDisplacement(boundary="bottom", y=0.0),)))
@@ -174,3 +195,22 @@ def test_mesh_file(tmp_path):
     assert ours.model.dofs == 2 * 7 * 3
     theirs = alone(example1(nx=6, ny=2, cell="triangle", generator="block"))
     assert ours.contact.pressure.max() == pytest.approx(theirs.contact.pressure.max(), rel=0.1)
+
+
+def test_facets_of_a_file_inside_of_a_boundary_are_told(tmp_path):
+    """So are those that a file names: only where the name is used."""
+    names = '1 1 "left"\n1 2 "bottom"\n1 3 "top"\n1 4 "unused"\n2 5 "body"'
+    nodes = "\n".join(f"{k + 1} {k % 3} {k // 3} 0" for k in range(6))
+    lines = ["1 4 1", "2 1 2", "2 2 3", "2 2 5", "3 4 5", "3 5 6", "4 2 5", "4 3 6"]  # 2 5 is between both cells
+    elements = [f"{k + 1} 1 2 {tag} {tag} {a} {b}" for k, (tag, a, b) in enumerate(line.split() for line in lines)]
+    elements += ["9 3 2 5 5 1 2 5 4", "10 3 2 5 5 2 3 6 5"]
+    (file := tmp_path / "plate.msh").write_text(
+        f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n5\n{names}\n$EndPhysicalNames\n$Nodes\n6\n{nodes}\n"
+        f"$EndNodes\n$Elements\n{len(elements)}\n" + "\n".join(elements) + "\n$EndElements\n"
+    )
+    tagged = read_mesh(file, MPI.COMM_SELF)
+    assert dict(tagged.left_out) == {"bottom": 1, "unused": 1}
+    scene = on_mesh(example1(nx=6, ny=2), MeshFile(file=file))
+    found = mistakes(scene.model_copy(update={"displacement": (PrescribedDisplacement(boundary="left", x=0.0, y=0.0),)}))
+    assert list(found) == ["contact[0].boundary"]
+    assert "1 of the 3 facets of boundary 'bottom' are inside of the body" in found["contact[0].boundary"]

@@ -35,7 +35,7 @@ class BodyArrays:
         facets: facets with tags.
         middles: of the cells, shape (m, d).
         corners: nodes of the facets, corners first, shape (f, nodes of each, d).
-        boundaries, regions, origin, note, subdivided: those of the ``TaggedMesh``.
+        boundaries, regions, origin, note, subdivided, left_out: those of the ``TaggedMesh``.
     """
 
     kind: tuple[str, int, int]
@@ -49,6 +49,7 @@ class BodyArrays:
     origin: Mapping[str, Any]
     note: str
     subdivided: bool
+    left_out: Mapping[str, int]
 
     @property
     def dimension(self) -> int:
@@ -134,6 +135,7 @@ def together(
         "origin": {"bodies": {name: dict(arrays.origin) for name, arrays in zip(names, meshes, strict=True)}},
         "note": "; ".join(f"{name}: {arrays.note}" for name, arrays in zip(names, meshes, strict=True) if arrays.note),
         "subdivided": any(arrays.subdivided for arrays in meshes),
+        "left_out": _named(names, [arrays.left_out for arrays in meshes], [0] * len(meshes)),
     }
 
 
@@ -186,6 +188,7 @@ def _arrays(tagged: Any) -> BodyArrays:
         origin=dict(tagged.origin),
         note=tagged.note,
         subdivided=tagged.subdivided,
+        left_out=dict(tagged.left_out),
     )
 
 

@@ -64,6 +64,7 @@ class TaggedMesh(TaggedMeshBase):
         origin: what a scene calls the file or the generator that it was made from; empty if the caller made it.
         note: what was made of the cells of its file, in words; empty if they are as they were.
         subdivided: whether cells of its file are cut or divided into several.
+        left_out: name of a boundary -> how many of its facets in the file are inside of the body, and have no tag.
     """
 
     mesh: dmesh.Mesh
@@ -74,6 +75,7 @@ class TaggedMesh(TaggedMeshBase):
     origin: Mapping[str, Any] = field(default_factory=dict)
     note: str = ""
     subdivided: bool = False
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         cells = self.mesh.topology.index_map(self.dimension).size_global
@@ -103,6 +105,13 @@ class TaggedMesh(TaggedMeshBase):
         # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept, on every version.
         tagged = _tagged(self.facet_tags, self.boundaries[name])
         return tagged[self._exterior[tagged]]
+
+    def inside(self, name: str) -> int:
+        """How many facets of the boundary ``name`` are inside of the body, on all ranks; collective."""
+        tagged = _tagged(self.facet_tags, self.boundaries[name])
+        owned = tagged[tagged < self.mesh.topology.index_map(self.dimension - 1).size_local]
+        within = np.count_nonzero(~self._exterior[owned])
+        return int(parallel.global_sum(self.mesh.comm, np.array(within))) + self.left_out.get(name, 0)
 
     @cached_property
     def _exterior(self) -> npt.NDArray[np.bool_]:
@@ -354,18 +363,18 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays], touching: Collec
     """
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
-    def made() -> tuple[str, formats.Tags, formats.Tags, str, bool]:
+    def made() -> tuple[str, formats.Tags, formats.Tags, str, bool, Mapping[str, int]]:
         arrays = make()
         of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
         arrays_on_root.append((arrays, of_side, of_cell))
-        return arrays.kind, sides, parts, arrays.note, arrays.subdivided
+        return arrays.kind, sides, parts, arrays.note, arrays.subdivided, arrays.inside
 
-    kind, sides, parts, note, subdivided = parallel.on_root(comm, made)
+    kind, sides, parts, note, subdivided, inside = parallel.on_root(comm, made)
     held = arrays_on_root.pop() if arrays_on_root else None
     mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held, touching)
     tagged = TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts))
-    return replace(tagged, note=note, subdivided=subdivided)
+    return replace(tagged, note=note, subdivided=subdivided, left_out=inside)
 
 
 def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:

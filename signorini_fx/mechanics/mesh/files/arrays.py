@@ -49,6 +49,7 @@ class MeshArrays:
             (k, 4) or (k, 8), -1: none.
         subdivided: whether cells of the file are cut or divided into several.
         completed: whether cells of the file have got nodes in the middle of their faces.
+        inside: name of a boundary -> how many of the elements that it has in the file are no exterior facets.
     """
 
     points: Floats
@@ -61,6 +62,7 @@ class MeshArrays:
     ends: Ints = field(default_factory=lambda: np.empty((0, 4), dtype=np.int64))
     subdivided: bool = False
     completed: bool = False
+    inside: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def cell(self) -> Cell:
@@ -151,12 +153,17 @@ def from_raw(
     parts = _Entities("regions", "cell", cell_rows, corners)
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
     names = _from_nodes(raw, renumber, len(points), sides.nodes) | _names(raw, sides, data, name)
+    inside = _inside_body(raw, sides, data, name)
     names_of_parts = _names(raw, parts, data, name)
     problems: list[tuple[str, str]] = []
     for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
         for label, selection in (chosen or {}).items():
+            if entities is sides:
+                inside.pop(label, None)
             if isinstance(selection, int | tuple):
                 numbers = selection if isinstance(selection, tuple) else (selection,)
+                if entities is sides and (missed := sum(_missed(raw, sides, n, data, name) for n in numbers)):
+                    inside[label] = missed
                 numbered = [_numbered(raw, entities, number, data, name) for number in numbers]
                 missing = [message for selected, message in numbered if not selected.size]
                 selected = np.unique(
@@ -189,6 +196,7 @@ def from_raw(
         divisions,
         subdivided=subdivided,
         completed=full_cell is not None,
+        inside=inside,
     )
 
 
@@ -221,6 +229,10 @@ class _Entities:
         numbers = np.concatenate([np.empty(0, dtype=np.int64), *parts])
         return np.unique(numbers[numbers >= 0])
 
+    def missed(self, members: Callable[[int], Ints]) -> int:
+        """How many of the elements ``members(block)`` are none of the entities."""
+        return sum(np.count_nonzero(rows[members(block)] < 0) for block, rows in self.rows.items())
+
     def values(self, numbers: list[Ints]) -> list[int]:
         """The numbers that elements have; below 0 is none."""
         return sorted({int(v) for block in self.rows for v in np.unique(numbers[block]) if v >= 0})
@@ -242,6 +254,23 @@ def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> di
         return named
     word = "boundary" if entities.key == "boundaries" else "region"
     return {f"{word}_{value}": entities.with_number(numbers, value) for value in entities.values(numbers)}
+
+
+def _inside_body(raw: RawMesh, sides: _Entities, data: str | None, name: str) -> dict[str, int]:
+    """By the names of ``_names`` how many of their elements are no exterior facets, where there are some."""
+    named = {label for label, members in raw.sets.items() if any(members[block].size for block in sides.rows)}
+    missed = {label: sides.missed(raw.sets[label].__getitem__) for label in named}
+    if not named and (numbers := _numbers(raw, sides, data, name)) is not None:
+        missed = {f"boundary_{value}": _missed(raw, sides, value, data, name) for value in sides.values(numbers)}
+    return {label: count for label, count in missed.items() if count}
+
+
+def _missed(raw: RawMesh, sides: _Entities, value: int, data: str | None, name: str) -> int:
+    """How many elements with a number are no exterior facets."""
+    numbers = _numbers(raw, sides, data, name)
+    if numbers is None:
+        return 0
+    return sides.missed(lambda block: np.unique(np.nonzero(numbers[block] == value)[0]))
 
 
 def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict[str, Ints]:
