@@ -211,6 +211,8 @@ def test_facets_of_a_file_inside_of_a_boundary_are_told(tmp_path):
     tagged = read_mesh(file, MPI.COMM_SELF)
     assert dict(tagged.left_out) == {"bottom": 1, "unused": 1}
     scene = on_mesh(example1(nx=6, ny=2), MeshFile(file=file))
-    found = mistakes(scene.model_copy(update={"displacement": (PrescribedDisplacement(boundary="left", x=0.0, y=0.0),)}))
+    found = mistakes(
+        scene.model_copy(update={"displacement": (PrescribedDisplacement(boundary="left", x=0.0, y=0.0),)})
+    )
     assert list(found) == ["contact[0].boundary"]
     assert "1 of the 3 facets of boundary 'bottom' are inside of the body" in found["contact[0].boundary"]

@@ -1,4 +1,4 @@
-"""Faults of a solver of linear pairs that its own map hides: the certificate evaluates the map anew and refuses them."""
+"""Faults of a solver of linear pairs that its own map hides: the certificate evaluates that anew and refuses them."""
 
 from dataclasses import replace
 

@@ -39,8 +39,8 @@ Flags = npt.NDArray[np.bool_]
 # Points of a part of a facet between two ends of facets of the other side.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(9)
 # Points along each side of a square, from which those of a triangle are made, for integrands of this degree on flat
-# triangles and parallelograms, and for others; and how many more the largest twist of a quadrilateral takes, relative to
-# its diagonal: with that of a triangle divided into three, a half, each one more leaves a fifth of the error.
+# triangles and parallelograms, and for others; and how many more the largest twist of a quadrilateral takes, relative
+# to its diagonal: with that of a triangle divided into three, a half, each one more leaves a fifth of the error.
 _ALONG, _CURVED, _TWISTED = {2: 2, 4: 3}, 6, 8
 # How often what lies between two changes of sign is halved.
 _HALVED = 52
@@ -348,7 +348,8 @@ def _seeing(side: SideFacets, facets: Numbers, ways: Array, points: Array) -> Ar
             roots = np.nan_to_num(np.stack((constant / half, half / square)), nan=np.inf)
         places[rows] = np.take_along_axis(roots, np.abs(roots - 0.5).argmin(axis=0)[None], axis=0)[0]
         return places
-    low, high = np.zeros(rows.size), np.ones(rows.size)
+    low: Array = np.zeros(rows.size)
+    high: Array = np.ones(rows.size)
     for _ in range(_HALVED):
         middle = (low + high) / 2
         above = along[rows] * missed(middle, rows) > 0
@@ -511,8 +512,8 @@ def _shared_by(
     row, over, flat, others, polygons, count = (values[large] for values in (row, over, flat, others, polygons, count))
     references = [reference[large] for reference in references]
     # A fan of triangles around the first corner of each.
-    pair, k = np.nonzero(np.arange(1, polygons.shape[1] - 1) < (count - 1)[:, None])
-    start, arms = polygons[pair, 0], [polygons[pair, k + end] - polygons[pair, 0] for end in (1, 2)]
+    pair, corner = np.nonzero(np.arange(1, polygons.shape[1] - 1) < (count - 1)[:, None])
+    start, arms = polygons[pair, 0], [polygons[pair, corner + end] - polygons[pair, 0] for end in (1, 2)]
     double = cross(*arms)
     p = (start[:, None] + points[:, :1] * arms[0][:, None] + points[:, 1:] * arms[1][:, None]).reshape(-1, 2)
     pair = np.repeat(pair, len(points))
