@@ -138,8 +138,8 @@ _ADVICE = {
         "smaller reach"
     ),
     Status.AT_END: (
-        "points in contact have begun to see past the end of the other side, whose corner would carry them: exchange "
-        "both sides, in a scene by its key points, so that the points are on the side that ends, or name more of the "
+        "points of contact that cannot open have begun to see past the end of the other side, which they are to stay "
+        "on: exchange both sides, in a scene by its key points, so that the points are on the side that ends, or name more of the "
         "other side"
     ),
     Status.STABILITY_UNKNOWN: (

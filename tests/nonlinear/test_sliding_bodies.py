@@ -231,13 +231,23 @@ def test_bodies_that_part_and_meet_again():
     assert again == pytest.approx(first, abs=0.01 * np.abs(first).max())
 
 
+def test_past_the_end_of_the_other_side():
+    """Points that come to lie past the end of the other side share what its corner carries: forces are those with the
+    points on the side that ends, and a note says which part of them is there.
+    """
+    ways = [(0, -0.02), (0, -0.1), (0.1, -0.1), (0.2, -0.1), (0.3, -0.1), (0.4, -0.1)]
+    forces, notes = [], []
+    for slave in (0, 1):
+        scene = blocks(friction=Coulomb(0.3), slave=slave)
+        forces.append(slid(scene, ways))
+        notes.append([found.message for found in scene.problem.findings if "past the end" in found.message])
+    assert forces[0] == pytest.approx(-forces[1], abs=0.015 * np.abs(forces[0]).max())
+    assert [len(found) for found in notes] == [1, 0]
+    assert "13% of the contact force" in notes[0][0]
+
+
 def test_names_of_outcomes():
-    """A side that reaches the end of the other one; a body that goes through another one, or starts inside it."""
-    scene = blocks(friction=Coulomb(0.3))
-    slid(scene, [(0, -0.02), (0, -0.1), (0.1, -0.1)])
-    with pytest.raises(ConvergenceError, match=r"contact reaches the end of the other side \(contact\[0\], at"):
-        scene.move(0.2, -0.1)
-    assert scene.problem.status is Status.AT_END
+    """A body that goes through another one, or starts inside it."""
     small = roller(radius=0.1, gap=0.05, cells=(32, 8), around=8, ratio=10.0, reach=0.05)
     with pytest.raises(ConvergenceError, match=r"bodies inside each other \(contact\[0\]: "):
         small.move(0.0, -0.6)

@@ -21,7 +21,7 @@ from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.pushed_nodes import HeldNodes
-from signorini_fx.tuned import LEAST_SEEN, NEAR_PARTNER
+from signorini_fx.tuned import LEAST_SEEN, NEAR_PARTNER, PAST_THE_END
 
 Array = npt.NDArray[np.float64]
 
@@ -155,10 +155,24 @@ class MovingPair:
         """Where a point in contact sees less than half of the other side that it saw as the step began: "" nowhere;
         collective.
         """
+        return self._place_of(np.flatnonzero(self._past_end(state) & (self.covered >= LEAST_SEEN)))
+
+    def force_past_end(self, state: ContactState) -> tuple[float, str]:
+        """The share of the contact force that points have which see less than half of their area of the other side, and
+        the place of one of them, "" without any; collective.
+        """
+        rows = np.flatnonzero(state.boundary.part == self.sides.index)
+        forces = np.linalg.norm(state.boundary.nodal_forces(state.pressure, state.shear)[rows], axis=1)
+        magnitude = self.sides.at_points(forces)
+        past, total = self._past_end(state), magnitude.sum()
+        share = float(magnitude[past].sum() / total) if total > 0 else 0.0
+        return share, self._place_of(np.flatnonzero(past))
+
+    def _past_end(self, state: ContactState) -> npt.NDArray[np.bool_]:
+        """Which points in contact see less than half of their area of the other side, of all ranks; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         touching = self.sides.at_points(state.in_contact[rows].astype(np.float64)) > 0
-        left = np.flatnonzero(touching & (self.covered >= LEAST_SEEN) & (self.coupling.covered < LEAST_SEEN))
-        return self._place_of(left)
+        return np.asarray(touching & (self.coupling.covered < LEAST_SEEN))
 
     @property
     def alternating(self) -> str:
@@ -243,6 +257,23 @@ def sheared_across_gaps(pairs: Mapping[int, MovingPair], state: ContactState) ->
                 "Coulomb(0.0, cohesion=...)"
             )
             findings.append(Finding("warning", f"contact[{number}].friction", message))
+    return findings
+
+
+def carried_past_ends(pairs: Mapping[int, MovingPair], state: ContactState) -> list[Finding]:
+    """A note for each pair of which points that see past the end of the other side have a notable share of the force;
+    collective.
+    """
+    findings = list[Finding]()
+    for number, pair in pairs.items():
+        share, place = pair.force_past_end(state)
+        if share > PAST_THE_END:
+            message = (
+                f"points that see past the end of the other side have {share:.0%} of the contact force ({place}): near "
+                "its corner their pressures are means over what they see; let the points be on the side that ends, in "
+                "a scene by its key points, or take smaller facets there"
+            )
+            findings.append(Finding("note", f"contact[{number}]", message))
     return findings
 
 

@@ -380,8 +380,8 @@ class EquilibriumSolver:
         except PairingError as error:
             self._detail = str(error)
             return Status.FOLDED
-        for pair in linear.pairs.values():
-            if reached := pair.at_end(linear.state):
+        for number, pair in linear.pairs.items():
+            if linear.contact[number].bilateral and (reached := pair.at_end(linear.state)):
                 self._detail = reached
                 return Status.AT_END
         lost = round_off(self.u, residual, self.residual.at)

@@ -15,7 +15,7 @@ from signorini_fx.forms.named_parts import named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_pairs import sheared_across_gaps
+from signorini_fx.forms.nonlinear.moving_pairs import carried_past_ends, sheared_across_gaps
 from signorini_fx.forms.nonlinear.undeformed_pairs import facet_size, slid_past_partners
 from signorini_fx.forms.results import findings_of_last
 from signorini_fx.mechanics.body.deformation import deformation_of
@@ -161,7 +161,7 @@ def findings_of(linear: LinearisedProblem, leaps: Leaps) -> tuple[Finding, ...]:
     entries, mesh = linear.contact, linear.space.mesh
     held = [pair.held_nodes(bilateral=entries[k].bilateral) for k, pair in linear.pairs.items()]
     pushed = pushed_nodes(mesh.comm, [held], linear.scales.size)
-    across = sheared_across_gaps(linear.pairs, linear.state)
+    across = [*sheared_across_gaps(linear.pairs, linear.state), *carried_past_ends(linear.pairs, linear.state)]
     sizes = {
         number: facet_size(mesh, linear.foundations.facets[number])
         for number, entry in enumerate(entries)
