@@ -826,8 +826,8 @@ NEAR_PARTNER = 0.1
 FACETS_OF_KEPT_PARTNERS = 0.5
 # Share of the area of a point below which it is beyond the end of the other side.  Choice.
 LEAST_SEEN = 0.5
-# The share of the contact force that is notable at points beyond it.  Choice: with a quarter of the force there, that of
-# coarse meshes differs by 2 to 4 % from the one with the points on the other side.
+# The share of the contact force that is notable at points beyond it.  Choice: with a quarter of the force there, that
+# of coarse meshes differs by 2 to 4 % from the one with the points on the other side.
 PAST_THE_END = 0.1
 # A node that lies under a sliver of a point stands for at least this share of it: a stress is a force over an area.
 # Choice.
@@ -1038,8 +1038,8 @@ NORMAL_DIFFERENCE = 1e-6
 # Below this relative difference of two stretches squared a series takes the place of powers of both: their difference
 # loses as many digits as the series leaves out.  Choice, from both errors.
 EQUAL_STRETCHES = 0.01
-# Below this distance from one a series takes the place of powers and logarithms less their tangents, up to this power of
-# the distance: their difference loses as many digits as the series leaves out.  Choice, from both errors.
+# Below this distance from one a series takes the place of powers and logarithms less their tangents, up to this power
+# of the distance: their difference loses as many digits as the series leaves out.  Choice, from both errors.
 NEAR_ONE, TERMS_NEAR_ONE = 1e-3, 6
 # The strain over which the energy of a material is differentiated to try its stress, and the share of its modulus up to
 # which both agree.  Choice: the difference errs by its square and by round-off over it.
@@ -1062,8 +1062,8 @@ ORDER_IN_PLANE = (7, 6)
 # 1e-9 of them; the stress that buckles a slender column is 1e-3 of its modulus.  The second is for a cell that is so
 # near to its yield stress that the first one leads across: of demos/dent.py one step in thirteen.
 DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
-# The strain, in units of round-off, over which a residual is taken to be linear, so that what its second difference shows
-# is round-off.  Choice: many such units, and a strain whose square is far below the unit.
+# The strain, in units of round-off, over which a residual is taken to be linear, so that what its second difference
+# shows is round-off.  Choice: many such units, and a strain whose square is far below the unit.
 UNITS_OF_DIFFERENCE = 500.0
 # Shares of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
 # the body; of the latter by which it is moved at a time to see its way.  Choice: a chord between two nodes cuts a

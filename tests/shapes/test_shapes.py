@@ -506,7 +506,7 @@ def test_lines_that_cross_themselves():
     for number in range(120):
         line = drawn.standard_normal((drawn.integers(3, 12), 2))
         if number % 2:
-            line = np.cumsum(line + [0.8, 0.0], axis=0)
+            line = np.cumsum(line + np.array([0.8, 0.0]), axis=0)
         if number % 3 == 0:
             line = np.vstack((line, line[:1]))
         assert crossing_pieces(line) == compared(line)

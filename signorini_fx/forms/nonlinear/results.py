@@ -142,8 +142,8 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
     if placed > CERTIFICATE_TOLERANCE:
         message = (
             f"contact is met at displaced points, whose round-off is {placed:.0e} of the displacement: forces and "
-            "displacements may be wrong by as much: take a linear body, which one of such small displacements is, or for "
-            "contact of two bodies sliding = 'small'"
+            "displacements may be wrong by as much: take a linear body, which one of such small displacements is, or "
+            "for contact of two bodies sliding = 'small'"
         )
         findings.append(Finding("warning", "contact", message))
     return findings

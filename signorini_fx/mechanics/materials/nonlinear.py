@@ -30,8 +30,8 @@ twice: as UFL, or with a tangent, for the solver, and once more in NumPy for the
             return self.shear, self.bulk
 
 F = I + grad u and J = det F are known to the unit of round-off only, so that stresses at strains of 1e-10 have six
-digits.  The methods whose names end in ``by_change`` take grad u and J - 1 instead, from which stresses can be evaluated
-with all digits however small they are; unless a material has its own, they call those above.
+digits.  The methods whose names end in ``by_change`` take grad u and J - 1 instead, from which stresses can be
+evaluated with all digits however small they are; unless a material has its own, they call those above.
 """
 
 from __future__ import annotations

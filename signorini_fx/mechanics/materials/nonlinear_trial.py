@@ -61,7 +61,8 @@ def _fault_of_energy(material: Hyperelastic) -> str:
     for gradient in _gradients():
         amount = float(np.linalg.det(gradient))
         change = gradient - np.eye(3)
-        stress, pressure = material.shape_stress_by_change(change), float(material.volume_stress_by_change(amount - 1))
+        stress = material.shape_stress_by_change(change)
+        pressure = float(material.volume_stress_by_change(np.array(amount - 1)))
         if not np.abs(_slope(shape, gradient) - stress).max() <= SAME_STRESS * modulus:
             return f"shape_stress_at of {name} is not the derivative of its shape_energy"
         ahead, behind = (volume(amount + sign * ENERGY_DIFFERENCE) for sign in (1, -1))
