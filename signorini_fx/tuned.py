@@ -985,7 +985,8 @@ NO_DAMPING = 1e-4
 # Evaluations of the residual in a line search, and the share of a bracket that its next point keeps from the ends.
 # Choice.
 LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
-# Nodes that pass on functions to each other, up to which a dense matrix says how.  Measured.
+# Nodes that pass on functions to each other, up to which a dense matrix says how.  Measured: of 64 it takes 28 µs, a
+# sparse factorisation 53 µs, of 128 119 and 80 µs.
 DENSE_CHAIN = 64
 # How many times the entries between two bodies that slide the room for earlier ones may be that a pattern keeps.
 # Choice.
