@@ -48,6 +48,10 @@ class Interval(tuple[float, float]):
         found.grounds = grounds
         return found
 
+    def __getnewargs__(self) -> Any:
+        """What a copy on another rank is made of."""
+        return (*self, self.grounds)
+
     def __str__(self) -> str:
         """One sentence."""
         return self.grounds.of(f"between {self[0]:.6g} and {self[1]:.6g}")

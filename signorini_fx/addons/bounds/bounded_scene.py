@@ -53,7 +53,7 @@ REFUSES = {
     "friction axes": "friction that depends on the direction has no guaranteed bound yet",
 }
 # What else it does not know, by name.
-RANKS, CURVED, POINT = "several ranks", "curved cells", "parts that share a point"
+CURVED, POINT = "curved cells", "parts that share a point"
 HEXAHEDRA = "hexahedra"
 INCOMPRESSIBLE = "material without a change of volume"
 TURNING, NO_POLYNOMIAL = "Poisson's ratio or axes that vary", "grading that is no polynomial"
@@ -67,7 +67,6 @@ REFUSES_BESIDES = {
     SHAPE: "a guaranteed bound is for planes so far, and for circles, spheres and cylinders that contact can leave, "
     "with a gap that is a number, in space without friction; friction has one where none of them moves, and those that "
     "forces move where they are no bonds and have no springs",
-    RANKS: "a guaranteed bound is computed on one rank so far",
     CURVED: "a guaranteed bound is for straight cells so far",
     HEXAHEDRA: "in space a guaranteed bound is for tetrahedra so far",
     POINT: "a body whose parts share nothing but a point has no guaranteed bound yet",
@@ -289,10 +288,9 @@ def refuse_unknown(model: Model) -> None:
         TURNING: any(material.model_copy(update={"grading": None}).varies for material in materials),
         NO_POLYNOMIAL: bool(gradings) and (quadratic or not all(map(_is_polynomial, gradings))),
         SHAPE: not all(_is_bounded(entry, model.tagged.dimension) for entry in shaped),
-        RANKS: model.comm.size > 1,
         CURVED: compat.geometry_degree(mesh) > 1,
         HEXAHEDRA: mesh.topology.cell_name() == "hexahedron",
-        POINT: model.motions.pieces.pins.size > 0,
+        POINT: model.pieces.pins.size > 0,
         VARYING_SPRINGS: any(entry.varies for entry in model.statement.of(Springs)),
         FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in model.statement.contact),
         FORM_AS_BOUND: any(hasattr(value, "ufl_shape") for value in bounds),

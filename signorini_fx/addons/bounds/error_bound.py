@@ -13,7 +13,8 @@ the finite element solution without what it enters the foundation, w; with the s
 the square of its error is at most the sum above plus that of |w|.  tau the stress of least complementary energy of
 ``equilibrated_stress`` with tractions made of the nodal pressures.  What the stress does not hold of the loads enters
 with explicit constants.  In a later load step v_t is the increment, whose beginning is taken as computed.
-docs/theory.md lists what is assumed.  Straight cells, one rank.
+docs/theory.md lists what is assumed.  Straight cells; of several ranks the first one bounds the whole, see
+``whole_problem``.
 
 Tractions are linear on facets, so that p >= 0 and |mu| <= g hold everywhere where they hold at the vertices: both sets
 are convex.  |v_t| is at most the quadratic with the sizes of the coefficients of Bernstein of v_t, for the same reason.
@@ -52,6 +53,7 @@ from signorini_fx.addons.bounds.round_off import of_strains
 from signorini_fx.addons.bounds.separated_bodies import Shut, separate, separate_unmatched
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
+from signorini_fx.addons.bounds.whole_problem import WholeProblem, of_rank, of_whole
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import ErrorBound, Refused
@@ -185,7 +187,7 @@ def error_bound(
     step: float = 0.0,
     before: fem.Function | None = None,
 ) -> ErrorBound | str:
-    """The bound for a solution; or why there is none.
+    """The bound for a solution, with the squares of the cells that this rank owns; or why there is none; collective.
 
     Args:
         model: the model.
@@ -194,23 +196,33 @@ def error_bound(
         step: the place of the load step in the lists of factors.
         before: the displacement of the load step before, from which slip counts; None: there is none.
     """
+
+    def prove(whole: WholeProblem) -> ErrorBound:
+        bound = Bounded(whole.model, whole.displacement, whole.contact, step, whole.before).bound()
+        return replace(bound, squares=whole.by_ranks(bound.squares))
+
     try:
-        return Bounded(model, y, contact, step, before).bound()
+        bound = of_whole(model, y, contact, before, prove)
     except Refused as refused:
         return str(refused)
+    return replace(bound, squares=of_rank(model, bound.squares))
 
 
 def why_unbounded(model: Model) -> str:
-    """Why there is no guaranteed bound, whatever the solution is; "": there may be one.
+    """Why there is no guaranteed bound, whatever the solution is; "": there may be one; collective.
 
     Args:
         model: the model, whose stiffness need not be assembled.
     """
+
+    def prove(whole: WholeProblem) -> None:
+        PlainProblem(whole.model, whole.displacement, None, last)
+
     try:
         refuse_unknown(model)
         prescribed, last = fem.Function(model.space), float(model.statement.steps - 1)
         prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in model.applied_at(last))
-        PlainProblem(model, prescribed, None, last)
+        of_whole(model, prescribed, None, None, prove)
     except Refused as refused:
         return str(refused)
     why = why_estimated(model, last)

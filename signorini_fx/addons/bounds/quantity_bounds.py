@@ -37,6 +37,7 @@ from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents,
 from signorini_fx.addons.bounds.round_off import of_boundary_values, of_strains, of_sum
 from signorini_fx.addons.bounds.simplices import TWICE
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
+from signorini_fx.addons.bounds.whole_problem import WholeProblem, of_whole
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
@@ -56,7 +57,7 @@ def mean_displacement(
     step: float = 0.0,
     before: fem.Function | None = None,
 ) -> Interval | str:
-    """Bounds of the mean of u . direction over a boundary, a length; or why there are none.
+    """Bounds of the mean of u . direction over a boundary, a length; or why there are none; collective.
 
     They rest on what the bound of the error rests on, and print it.
 
@@ -69,8 +70,13 @@ def mean_displacement(
         step: the place of the load step in the lists of factors.
         before: see ``error_bound``.
     """
+
+    def prove(whole: WholeProblem) -> Interval:
+        quantity = _Quantity(whole.model, whole.displacement, whole.contact, step, whole.before)
+        return quantity.mean(boundary, np.asarray(direction, dtype=np.float64))
+
     try:
-        return _Quantity(model, y, contact, step, before).mean(boundary, np.asarray(direction, dtype=np.float64))
+        return of_whole(model, y, contact, before, prove)
     except Refused as refused:
         return str(refused)
 
@@ -84,7 +90,7 @@ def force(
     step: float = 0.0,
     before: fem.Function | None = None,
 ) -> Interval | str:
-    """Bounds of the force on the body along a direction of a support or of a contact; or why there are none.
+    """Bounds of the force on the body along a direction of a support or of a contact; or why there are none; collective.
 
     They rest on what the bound of the error rests on, and print it.  Where statics determines the force they are equal.
 
@@ -97,8 +103,13 @@ def force(
         step: the place of the load step in the lists of factors.
         before: see ``error_bound``.
     """
+
+    def prove(whole: WholeProblem) -> Interval:
+        quantity = _Quantity(whole.model, whole.displacement, whole.contact, step, whole.before)
+        return quantity.force(boundary, np.asarray(direction, dtype=np.float64))
+
     try:
-        return _Quantity(model, y, contact, step, before).force(boundary, np.asarray(direction, dtype=np.float64))
+        return of_whole(model, y, contact, before, prove)
     except Refused as refused:
         return str(refused)
 

@@ -1,0 +1,343 @@
+"""A problem that several ranks share as a whole on the first of them, where it is bounded as on one rank.
+
+The stress in equilibrium is one system of the whole mesh, and where two bodies meet cells are divided, matched and moved
+by global rules.  So what a bound reads of the model is gathered: the mesh, the displacement, moduli, and both sides of
+contact.  The first rank needs the memory and the time that one rank alone needs for the bound; the others wait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import basix
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.bounded_scene import refuse_unknown, values_of
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.body.averages import Averages
+from signorini_fx.mechanics.body.cellwise_stiffness import CellwiseStiffness
+from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.body.paired_points import PairedSide, PairedSides
+from signorini_fx.mechanics.body.pieces import find_pieces
+from signorini_fx.mechanics.mesh.distribution import order_of_nodes
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, from_arrays
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
+
+T = TypeVar("T")
+# Arrays of all ranks by their names.
+_Rows = dict[str, Any]
+
+# Cells that a bound knows, by dolfinx's word.
+_KINDS = {"triangle": "triangle", "quadrilateral": "quad", "tetrahedron": "tetra"}
+_OF_POINTS = (
+    "gap",
+    "u_n",
+    "u_t",
+    "pressure",
+    "shear",
+    "bound",
+    "in_contact",
+    "direction",
+    "bilateral",
+    "slip_length",
+    "xi",
+)
+_OF_OVERLAP = ("slave", "master", "at", "over", "weight")
+
+
+@dataclass(frozen=True)
+class WholeProblem:
+    """A model with its solution on one rank, as far as bounds read them.
+
+    Attributes:
+        model: its mesh, displacements, moduli, contact boundary and pairs are those of all ranks; forms, supports and
+            load vectors are not.
+        contact: the contact points of all ranks; None: there are none.
+        displacement: of all ranks.
+        before: that of the load step before; None: there is none.
+        rows: of each cell of the mesh its number among those of all ranks, one rank after the other, shape (cells,).
+    """
+
+    model: Model
+    contact: ContactState | None
+    displacement: fem.Function
+    before: fem.Function | None
+    rows: Ints
+
+    def by_ranks(self, values: Array) -> Array:
+        """Values of the cells, shape (cells, ...), in the order of ``rows``."""
+        ordered = np.empty_like(values)
+        ordered[self.rows] = values
+        return ordered
+
+
+def of_whole(
+    model: Model,
+    y: fem.Function,
+    contact: ContactState | None,
+    before: fem.Function | None,
+    prove: Callable[[WholeProblem], T],
+) -> T:
+    """What ``prove`` says of the whole problem on the first rank, on all ranks; collective.
+
+    Args:
+        model: the model.
+        y: the displacement.
+        contact: the contact nodes; None: they are not known.
+        before: see ``error_bound``.
+        prove: gives what can be sent to the other ranks.
+
+    Raises:
+        Refused: the scene has something that the proof does not know, or ``prove`` has raised it.
+        Exception: what was raised on any rank, the same on all of them.
+    """
+    comm = model.comm
+    if comm.size == 1:
+        return prove(WholeProblem(model, contact, y, before, np.arange(_owned_cells(model.tagged))))
+    refuse_unknown(model)
+    numbers, local, failure = _numbers_of_cells(model.tagged), _Rows(), None
+    try:
+        local = _rows_of(model, contact, numbers)
+        local |= {name: _of_nodes(f) for name, f in (("y", y), ("before", before)) if f is not None}
+    except Exception as error:
+        failure = error
+    parallel.raise_together(comm, failure)
+    rows = {name: parallel.rows_on_root(comm, values) for name, values in local.items()}
+    averages = None if contact is None else comm.gather(contact.boundary.averages)
+    return parallel.on_root(comm, lambda: prove(_whole(model, contact, rows, averages or [])))
+
+
+def of_rank(model: Model, values: Array) -> Array:
+    """Of values of the cells of all ranks, see ``WholeProblem.by_ranks``, those of the cells that this rank owns."""
+    cells = model.tagged.mesh.topology.index_map(model.tagged.dimension)
+    return values[slice(*cells.local_range)]
+
+
+def _owned_cells(tagged: TaggedMesh) -> int:
+    return int(tagged.mesh.topology.index_map(tagged.dimension).size_local)
+
+
+def _numbers_of_cells(tagged: TaggedMesh) -> Ints:
+    """Of the owned cells, no two the same on all ranks: those of the input of the mesh, so that their order does not
+    depend on the ranks, or those that the ranks give them; collective.
+    """
+    owned, numbers = _owned_cells(tagged), np.asarray(tagged.mesh.topology.original_cell_index, dtype=np.int64)
+    if parallel.any_rank(tagged.mesh.comm, len(numbers) < owned):  # as of a part of another mesh
+        return np.arange(*tagged.mesh.topology.index_map(tagged.dimension).local_range)
+    return numbers[:owned]
+
+
+def _of_nodes(f: fem.Function) -> Array:
+    """Values at the owned nodes, shape (nodes, d)."""
+    dofmap = f.function_space.dofmap
+    return np.asarray(f.x.array.reshape(-1, dofmap.index_map_bs)[: dofmap.index_map.size_local])
+
+
+def _rows_of(model: Model, contact: ContactState | None, numbers: Ints) -> _Rows:
+    """What this rank sends, but for displacements.
+
+    Args:
+        model: the model.
+        contact: its points.
+        numbers: of the owned cells, shape (cells,).
+    """
+    tagged, mesh, space = model.tagged, model.tagged.mesh, model.space
+    owned, geometry = np.arange(len(numbers)), mesh.geometry
+    names, points = np.asarray(geometry.input_global_indices), geometry.index_map().size_local
+    rows: _Rows = {
+        "number": numbers,
+        "corners": names[compat.geometry_cells(mesh)[owned]],
+        "nodes": space.dofmap.index_map.local_to_global(space.dofmap.list[owned].ravel()).reshape(len(owned), -1),
+        "name of point": names[:points],
+        "point": geometry.x[:points, : tagged.dimension],
+    }
+
+    def of_facets(facets: Any) -> Ints:
+        """The numbers of their cells, and theirs in these, shape (f, 2)."""
+        cells, side = facet_entities(mesh, facets).T
+        return np.column_stack((numbers[cells], side))
+
+    rows |= {f"boundary {name}": of_facets(tagged.facets(name)) for name in tagged.boundaries}
+    for name in tagged.regions:
+        cells = tagged.cells(name)
+        rows[f"region {name}"] = numbers[cells[cells < len(owned)]]
+    rows |= {f"moduli {k}": values_of(part, owned) for k, part in enumerate(model.lame) if part is not None}
+    if model.moduli is not None:
+        free = model.moduli.of_free_strain
+        rows["stiffness"] = model.moduli.at_cells[owned]
+        rows["free"] = free.x.array.reshape(-1, *free.ufl_shape)[free.function_space.dofmap.list[owned, 0]]
+    for k, pair in model.pairs.items():
+        for side, facets in (("slave", pair.slave.facets), ("master", pair.master.facets)):
+            rows[f"{side} {k}"] = of_facets(facets)
+        for kind, overlap in (("overlap", pair.coupling.overlap), ("still", pair.coupling.still)):
+            rows |= {f"{kind} {k} {name}": getattr(overlap, name) for name in _OF_OVERLAP}
+    if contact is not None:
+        rows |= {f"state {name}": getattr(contact, name) for name in _OF_POINTS}
+        rows |= _rows_of_boundary(contact.boundary)
+    return rows
+
+
+def _rows_of_boundary(boundary: ContactBoundary) -> _Rows:
+    """See ``_rows_of``; what may be None says what it then means."""
+    names = ("x", "weight", "normal", "part", "free", "segments", "global_nodes", "without_area")
+    rows = {f"boundary of points {name}": getattr(boundary, name) for name in names}
+    axes, along = boundary.axes, boundary.pushing
+    rows["axes"] = np.tile(np.eye(boundary.x.shape[1]), (boundary.size, 1, 1)) if axes is None else axes
+    rows["pushing"] = boundary.normal if along is None else along
+    if boundary.moving is not None:
+        rows["modes"] = boundary.moving.modes
+    return rows
+
+
+def _whole(
+    model: Model, contact: ContactState | None, rows: Mapping[str, Any], averages: list[Averages | None]
+) -> WholeProblem:
+    """The problem of all ranks, on the first one.
+
+    Args:
+        model: the model of this rank.
+        contact: its points.
+        rows: those of all ranks.
+        averages: of the contact points of each rank.
+    """
+    order = np.argsort(rows["number"])
+    tagged = _mesh(model.tagged, rows, order)
+    mesh, element = tagged.mesh, model.space.element.basix_element
+    space = fem.functionspace(mesh, ("Lagrange", element.degree, (mesh.geometry.dim,)))
+    gathered: Ints = order[np.asarray(mesh.topology.original_cell_index)]
+    places: Ints = np.empty(space.dofmap.index_map.size_global, dtype=np.int64)
+    places[rows["nodes"][gathered]] = space.dofmap.list
+
+    def displacement(name: str) -> fem.Function:
+        f = fem.Function(space)
+        f.x.array.reshape(-1, space.dofmap.index_map_bs)[places] = rows[name]
+        return f
+
+    def of_cells(values: Array) -> fem.Function:
+        f = fem.Function(fem.functionspace(mesh, ("DG", 0, values.shape[1:])))
+        f.x.array.reshape(len(values), -1)[f.function_space.dofmap.list[:, 0]] = values[gathered].reshape(
+            len(values), -1
+        )
+        return f
+
+    of_number = np.empty(len(order), dtype=np.int64)
+    of_number[np.asarray(mesh.topology.original_cell_index)] = np.arange(len(order))
+    mesh.topology.create_connectivity(tagged.dimension, tagged.dimension - 1)
+    sides = mesh.topology.connectivity(tagged.dimension, tagged.dimension - 1).array.reshape(len(order), -1)
+
+    def facets(name: str) -> Any:
+        cells, side = rows[name].T
+        return sides[of_number[np.searchsorted(rows["number"], cells, sorter=order)], side]
+
+    def pair(k: int, sides_of_rank: PairedSides) -> PairedSides:
+        """With all facets in the order of its surfaces, and all of the overlap."""
+        slave, master = (
+            PairedSide(side.surface, places[side.nodes], facets(f"{name} {k}"))
+            for name, side in (("slave", sides_of_rank.slave), ("master", sides_of_rank.master))
+        )
+        overlap, still = (
+            Overlap(*(rows[f"{kind} {k} {name}"] for name in _OF_OVERLAP)) for kind in ("overlap", "still")
+        )
+        coupling = replace(sides_of_rank.coupling, overlap=overlap, still=still)
+        return replace(sides_of_rank, slave=slave, master=master, coupling=coupling)
+
+    lame = tuple(None if part is None else of_cells(rows[f"moduli {k}"]) for k, part in enumerate(model.lame))
+    moduli = None if model.moduli is None else CellwiseStiffness(of_cells(rows["stiffness"]), of_cells(rows["free"]))
+    state = None if contact is None else _state(contact, rows, places, averages)
+    whole = replace(
+        model,
+        space=space,
+        tagged=tagged,
+        pieces=find_pieces(mesh),
+        lame=(lame[0], lame[1]),
+        moduli=moduli,
+        pairs={k: pair(k, sides_of_rank) for k, sides_of_rank in model.pairs.items()},
+        boundary=None if state is None else state.boundary,
+        of_body={},
+        of_contact={},
+    )
+    before = displacement("before") if "before" in rows else None
+    return WholeProblem(whole, state, displacement("y"), before, gathered)
+
+
+def _mesh(tagged: TaggedMesh, rows: Mapping[str, Any], order: Ints) -> TaggedMesh:
+    """The mesh of all ranks with its names.
+
+    Args:
+        tagged: that of this rank.
+        rows: see ``_whole``.
+        order: of the cells, shape (cells,).
+    """
+    kind, names = CELLS[_KINDS[tagged.mesh.topology.cell_name()]], rows["name of point"]
+    at = np.argsort(names)
+    cells = np.searchsorted(names, rows["corners"][order], sorter=at)
+    numbers = rows["number"][order]
+    corners_of_sides = np.array(
+        basix.topology(getattr(basix.CellType, tagged.mesh.topology.cell_name()))[tagged.dimension - 1]
+    )
+    facets, boundaries, count = [np.empty((0, corners_of_sides.shape[1]), dtype=np.int64)], dict[str, Ints](), 0
+    for name in tagged.boundaries:
+        of_cell, side = rows[f"boundary {name}"].T
+        corners = cells[np.searchsorted(numbers, of_cell)]
+        facets.append(np.take_along_axis(corners, corners_of_sides[side], axis=1))
+        boundaries[name] = np.arange(count, count := count + len(side))
+    # A facet with several names is one facet.
+    _, first, number = np.unique(
+        np.sort(np.concatenate(facets), axis=1), axis=0, return_index=True, return_inverse=True
+    )
+    arrays = MeshArrays(
+        rows["point"][at],
+        kind.kind,
+        cells[:, np.argsort(order_of_nodes(kind))],
+        np.concatenate(facets)[first][:, np.argsort(order_of_nodes(CELLS[kind.facet]))],
+        {name: np.sort(number.ravel()[facet_rows]) for name, facet_rows in boundaries.items()},
+        {name: np.sort(np.searchsorted(numbers, rows[f"region {name}"])) for name in tagged.regions},
+    )
+    return replace(from_arrays(MPI.COMM_SELF, lambda: arrays), origin=tagged.origin)
+
+
+def _state(
+    contact: ContactState, rows: Mapping[str, Any], places: Ints, averages: list[Averages | None]
+) -> ContactState:
+    """The contact points of all ranks.
+
+    Args:
+        contact: those of this rank.
+        rows: see ``_whole``.
+        places: the node of each global number, shape (nodes,).
+        averages: see ``_whole``.
+    """
+    boundary, of_all = contact.boundary, {name: rows[f"boundary of points {name}"] for name in ("x", "weight", "normal")}
+    segments, without = rows["boundary of points segments"].copy(), rows["boundary of points without_area"].copy()
+    segments[:, 1:], without[:, 1] = places[segments[:, 1:]], places[without[:, 1]]
+    nodes = places[rows["boundary of points global_nodes"]]
+    present = [part for part in averages if part is not None]
+    joined = Averages.joined(present) if present else None
+    moving = boundary.moving
+    whole = replace(
+        boundary,
+        **of_all,
+        comm=MPI.COMM_SELF,
+        nodes=nodes.astype(np.int32),
+        part=rows["boundary of points part"],
+        free=rows["boundary of points free"],
+        segments=segments,
+        global_nodes=nodes,
+        without_area=without,
+        axes=rows["axes"],
+        pushing=rows["pushing"],
+        moving=None if moving is None else replace(moving, modes=rows["modes"]),
+        averages=None if joined is None else replace(joined, nodes=places[joined.nodes]),
+    )
+    values = {name: rows[f"state {name}"] for name in _OF_POINTS}
+    return replace(contact, **values, points=whole.points, boundary=whole)
