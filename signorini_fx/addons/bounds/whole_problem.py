@@ -26,10 +26,8 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.paired_points import PairedSide, PairedSides
 from signorini_fx.mechanics.body.pieces import find_pieces
-from signorini_fx.mechanics.mesh.distribution import order_of_nodes
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.cells import CELLS
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, from_arrays
+from signorini_fx.mechanics.mesh.distribution import Tagged, distributed, domain
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 
@@ -37,8 +35,6 @@ T = TypeVar("T")
 # Arrays of all ranks by their names.
 _Rows = dict[str, Any]
 
-# Cells that a bound knows, by dolfinx's word.
-_KINDS = {"triangle": "triangle", "quadrilateral": "quad", "tetrahedron": "tetra"}
 _OF_POINTS = (
     "gap",
     "u_n",
@@ -167,10 +163,7 @@ def _rows_of(model: Model, contact: ContactState | None, numbers: Ints) -> _Rows
         cells, side = facet_entities(mesh, facets).T
         return np.column_stack((numbers[cells], side))
 
-    rows |= {f"boundary {name}": of_facets(tagged.facets(name)) for name in tagged.boundaries}
-    for name in tagged.regions:
-        cells = tagged.cells(name)
-        rows[f"region {name}"] = numbers[cells[cells < len(owned)]]
+    rows |= _rows_of_tags(tagged, numbers, rows["corners"])
     rows |= {f"moduli {k}": values_of(part, owned) for k, part in enumerate(model.lame) if part is not None}
     if model.moduli is not None:
         free = model.moduli.of_free_strain
@@ -184,6 +177,30 @@ def _rows_of(model: Model, contact: ContactState | None, numbers: Ints) -> _Rows
     if contact is not None:
         rows |= {f"state {name}": getattr(contact, name) for name in _OF_POINTS}
         rows |= _rows_of_boundary(contact.boundary)
+    return rows
+
+
+def _rows_of_tags(tagged: TaggedMesh, numbers: Ints, corners: Ints) -> _Rows:
+    """See ``_rows_of``: of exterior facets and cells that have names.
+
+    Args:
+        tagged: the mesh.
+        numbers: of the owned cells, shape (cells,).
+        corners: of these, shape (cells, k).
+    """
+    named = [np.empty(0, dtype=np.int32), *(tagged.facets(name) for name in tagged.boundaries)]
+    facets, of_facets, of_cells = np.unique(np.concatenate(named)), tagged.facet_tags, tagged.cell_tags
+    cells, side = facet_entities(tagged.mesh, facets).T
+    local = np.array(basix.topology(getattr(basix.CellType, tagged.mesh.topology.cell_name()))[tagged.dimension - 1])
+    rows = {
+        "side": np.take_along_axis(corners[cells], local[side], axis=1),
+        "tag of side": of_facets.values[np.searchsorted(of_facets.indices, facets)],
+        "tagged cell": numbers[:0],
+        "tag of cell": of_facets.values[:0],
+    }
+    if of_cells is not None:
+        owned = of_cells.indices < len(numbers)
+        rows["tagged cell"], rows["tag of cell"] = numbers[of_cells.indices[owned]], of_cells.values[owned]
     return rows
 
 
@@ -278,32 +295,28 @@ def _mesh(tagged: TaggedMesh, rows: Mapping[str, Any], order: Ints) -> TaggedMes
         rows: see ``_whole``.
         order: of the cells, shape (cells,).
     """
-    kind, names = CELLS[_KINDS[tagged.mesh.topology.cell_name()]], rows["name of point"]
-    at = np.argsort(names)
-    cells = np.searchsorted(names, rows["corners"][order], sorter=at)
-    numbers = rows["number"][order]
-    corners_of_sides = np.array(
-        basix.topology(getattr(basix.CellType, tagged.mesh.topology.cell_name()))[tagged.dimension - 1]
-    )
-    facets, boundaries, count = [np.empty((0, corners_of_sides.shape[1]), dtype=np.int64)], dict[str, Ints](), 0
-    for name in tagged.boundaries:
-        of_cell, side = rows[f"boundary {name}"].T
-        corners = cells[np.searchsorted(numbers, of_cell)]
-        facets.append(np.take_along_axis(corners, corners_of_sides[side], axis=1))
-        boundaries[name] = np.arange(count, count := count + len(side))
-    # A facet with several names is one facet.
-    _, first, number = np.unique(
-        np.sort(np.concatenate(facets), axis=1), axis=0, return_index=True, return_inverse=True
-    )
-    arrays = MeshArrays(
+    dim, element = tagged.dimension, compat.geometry_element(tagged.mesh)
+    at = np.argsort(rows["name of point"])
+
+    def numbers(names: Ints) -> Ints:
+        """Of points from their names."""
+        return np.searchsorted(rows["name of point"], names, sorter=at)
+
+    corners = numbers(rows["corners"])
+    of_cells = np.searchsorted(rows["number"], rows["tagged cell"], sorter=order)
+    mesh, tags = distributed(
+        MPI.COMM_SELF,
+        domain(tagged.mesh.topology.cell_name(), element.degree, dim, int(element.lagrange_variant)),
+        corners[order],
         rows["point"][at],
-        kind.kind,
-        cells[:, np.argsort(order_of_nodes(kind))],
-        np.concatenate(facets)[first][:, np.argsort(order_of_nodes(CELLS[kind.facet]))],
-        {name: np.sort(number.ravel()[facet_rows]) for name, facet_rows in boundaries.items()},
-        {name: np.sort(np.searchsorted(numbers, rows[f"region {name}"])) for name in tagged.regions},
+        {
+            dim: Tagged(corners[order[of_cells]], rows["tag of cell"]),
+            dim - 1: Tagged(numbers(rows["side"]), rows["tag of side"]),
+        },
     )
-    return replace(from_arrays(MPI.COMM_SELF, lambda: arrays), origin=tagged.origin)
+    return replace(
+        tagged, mesh=mesh, facet_tags=tags[dim - 1], cell_tags=None if tagged.cell_tags is None else tags[dim]
+    )
 
 
 def _state(
