@@ -21,8 +21,9 @@ from signorini_fx.forms.given_forms import Facets, GivenForms
 from signorini_fx.forms.named_parts import tagged_mesh
 from signorini_fx.forms.stated_values import stated
 from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli
+from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.body.assembly import action, facet_nodes
+from signorini_fx.mechanics.body.assembly import action, facet_nodes, over_ranks
 from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
@@ -34,7 +35,7 @@ Nodal = npt.NDArray[np.float64]
 
 
 def stated_body(forms: GivenForms, fixed: npt.NDArray[np.bool_], values: Nodal, body: Model) -> Model:
-    """The body of forms with its loads, supports and moduli as a scene states them.
+    """The body of forms with its loads, supports and moduli as a scene states them; collective.
 
     Args:
         forms: what is assembled.
@@ -43,10 +44,8 @@ def stated_body(forms: GivenForms, fixed: npt.NDArray[np.bool_], values: Nodal, 
         body: with its contact.
 
     Raises:
-        Refused: something of the data cannot be stated.
+        Refused: something of the data cannot be stated, on all ranks what cannot on one.
     """
-    if body.comm.size > 1:
-        raise Refused("a guaranteed bound is computed on one rank")
     if not forms.in_ufl:
         raise Refused("compiled forms do not say what their loads are between points of quadrature: give UFL")
     contact = [_contact(entry, stated) for entry, stated in zip(body.statement.contact, forms.contact, strict=True)]
@@ -128,7 +127,8 @@ def _loads(L: ufl.Form, body: Model, parts: dict[str, Facets]) -> Iterator[tuple
 
 
 def _flat_parts(components: Sequence[Any], facets: Facets, mesh: dmesh.Mesh) -> Iterator[tuple[Facets, dict[Any, Any]]]:
-    """Straight facets, those of one outward normal together, and what stands for the normal in a load there.
+    """Straight facets, those of one outward normal together, and what stands for the normal in a load there; as many
+    parts on all ranks; collective.
 
     Args:
         components: of the load; without the normal in them the facets are one part.
@@ -140,9 +140,12 @@ def _flat_parts(components: Sequence[Any], facets: Facets, mesh: dmesh.Mesh) -> 
         yield facets, {}
         return
     outward = _outward(mesh, facets)
-    _, first, part = np.unique(np.round(outward / SAME_DIRECTION), axis=0, return_index=True, return_inverse=True)
-    for number, row in enumerate(first):
-        yield facets[part.ravel() == number], dict.fromkeys(normals, ufl.as_vector(outward[row].tolist()))
+    rounded = np.round(outward / SAME_DIRECTION)
+    every = parallel.gather_rows(mesh.comm, rounded), parallel.gather_rows(mesh.comm, outward)
+    kinds, first = np.unique(every[0], axis=0, return_index=True)
+    for kind, row in zip(kinds, first, strict=True):
+        part = facets[(rounded == kind).all(axis=1)]
+        yield part, dict.fromkeys(normals, ufl.as_vector(every[1][row].tolist()))
 
 
 def _is_normal(node: Any) -> bool:
@@ -152,6 +155,8 @@ def _is_normal(node: Any) -> bool:
 def _outward(mesh: dmesh.Mesh, facets: Facets) -> npt.NDArray[np.float64]:
     """Outward unit normals of exterior facets with straight edges, shape (f, d)."""
     dim = mesh.topology.dim
+    if facets.size == 0:  # dolfinx divides by their number
+        return np.empty((0, dim))
     corners = mesh.geometry.x[dmesh.entities_to_geometry(mesh, dim - 1, facets)][:, :dim, :dim]
     along = corners[:, 1:] - corners[:, :1]
     normals = np.column_stack((along[:, 0, 1], -along[:, 0, 0])) if dim == 2 else np.cross(along[:, 0], along[:, 1])
@@ -165,21 +170,24 @@ def _outward(mesh: dmesh.Mesh, facets: Facets) -> npt.NDArray[np.float64]:
 def _supports(
     space: fem.FunctionSpace, prescribed: tuple[npt.NDArray[np.bool_], Nodal], parts: dict[str, Facets]
 ) -> Iterator[PrescribedDisplacement]:
-    """The supports, one for each component and value; the facets that they hold are added to ``parts``."""
+    """The supports, one for each component and value, as many on all ranks; the facets that they hold are added to
+    ``parts``; collective.
+    """
     mesh, dim = space.mesh, space.mesh.geometry.dim
     fixed, values = (array.reshape(-1, dim) for array in prescribed)
     facets = dmesh.exterior_facet_indices(mesh.topology)
-    nodes = facet_nodes(space, facets)
+    nodes, comm = facet_nodes(space, facets), mesh.comm
     for k in range(dim):
         held = fixed[nodes, k].all(axis=1)
-        reached = np.zeros(len(fixed), dtype=bool)
-        reached[nodes[held]] = True
-        if (fixed[:, k] & ~reached).any():
+        reached = np.zeros(len(fixed))
+        reached[nodes[held]] = 1.0
+        reached = over_ranks(np.repeat(reached, dim), space)[::dim]
+        if parallel.any_rank(comm, bool((fixed[: len(reached), k] & (reached == 0.0)).any())):
             raise Refused("a displacement at a point, or a rotation, has no guaranteed bound")
-        if (np.ptp(values[nodes[held], k], axis=1) != 0).any():
+        if parallel.any_rank(comm, bool((np.ptp(values[nodes[held], k], axis=1) != 0).any())):
             raise Refused("a prescribed displacement that varies is known at the nodes alone")
         at_facets = values[nodes[held][:, 0], k]
-        for number, value in enumerate(np.unique(at_facets)):
+        for number, value in enumerate(np.unique(parallel.gather_rows(comm, np.unique(at_facets)))):
             name = f"support {'xyz'[k]} {number}"
             parts[name] = facets[held][at_facets == value]
             yield PrescribedDisplacement(boundary=name, **{"xyz"[k]: float(value)})
@@ -198,7 +206,8 @@ def _lame(forms: GivenForms, body: Model) -> tuple[fem.Function, fem.Function]:
         raise Refused("an orthotropic material has no guaranteed bound")
     at_rest = law(fem.Function(body.space))
     with compiling():
-        if fem.assemble_scalar(fem.form(ufl.inner(at_rest, at_rest) * ufl.dx(body.space.mesh))) > 0:
+        stressed = fem.assemble_scalar(fem.form(ufl.inner(at_rest, at_rest) * ufl.dx(body.space.mesh))) > 0
+        if parallel.any_rank(body.comm, bool(stressed)):
             raise Refused("a stress without a strain has no guaranteed bound")
     trial, test = forms.original[0].arguments()[::-1]
     sigma, d = law(trial), body.dimension
@@ -207,8 +216,10 @@ def _lame(forms: GivenForms, body: Model) -> tuple[fem.Function, fem.Function]:
         energy = fem.form(ufl.inner(within, ufl.sym(ufl.grad(test))) * ufl.dx(body.space.mesh))
     y = fem.Function(body.space)
     y.x.array[:] = np.random.default_rng(0).standard_normal(y.x.array.size)
+    y.x.scatter_forward()
     nodes = np.arange(y.x.array.size // d, dtype=np.int32)
     forces, of_stress = (action((form,), y, nodes) for form in (forms.compiled[0], energy))
-    if np.abs(forces - of_stress).max() > SAME_ENTRY * np.abs(forces).max():
+    apart, size = (parallel.largest(body.comm, np.abs(values)) for values in (forces - of_stress, forces))
+    if apart > SAME_ENTRY * size:
         raise Refused("a is not the energy of the stress: springs, or another law, have no guaranteed bound")
     return lame

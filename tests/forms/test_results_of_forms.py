@@ -192,8 +192,7 @@ def test_load_steps_of_forms_have_the_results_of_those_of_scenes(tmp_path):
         factor.value = time / 2
 
     problem.run((1.0, 2.0), at)
-    if COMM.size == 1:
-        assert problem.solution.error_bound.error == pytest.approx(solution.error_bound.error, rel=1e-9)
+    assert problem.solution.error_bound.error == pytest.approx(solution.error_bound.error, rel=1e-9)
     of_scene = write_results(solution, tmp_path / "scene", pictures=False)
     of_forms = problem.write(tmp_path / "forms", pictures=False)
     assert differences(of_scene, of_forms) == []
@@ -284,9 +283,15 @@ def test_forms_alone(tmp_path):
     assert set(problem.plot().png) == {"deformed", "profiles", "history"}
 
 
+@pytest.mark.mpi
 def test_loads_along_the_normal_have_bounds():
     """A pressure by the normal on a top and a side, and a load by a gradient or an index, are those of numbers."""
-    mesh = dmesh.create_unit_square(MPI.COMM_SELF, 6, 6)
+    assert _check_loads_along_the_normal(COMM) == pytest.approx(_check_loads_along_the_normal(MPI.COMM_SELF), rel=1e-8)
+
+
+def _check_loads_along_the_normal(comm):
+    """The bounds of both loads, on the ranks of a communicator."""
+    mesh = dmesh.create_unit_square(comm, 6, 6)
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     x, n, p, k = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh), fem.Constant(mesh, 0.01), ufl.Index()
@@ -313,6 +318,7 @@ def test_loads_along_the_normal_have_bounds():
     assert down != pytest.approx(expected, rel=1e-3)
     for L in (ufl.inner(pull * n, v), ufl.inner(ufl.grad(-p * x[1]), v), ufl.as_vector([x[0], -p])[1] * v[1]):
         assert bound(L * ds(1)) == pytest.approx(down, rel=1e-9)
+    return expected, down
 
 
 def test_what_bounds_refuse():

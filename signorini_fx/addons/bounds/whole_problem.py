@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-import basix
 import numpy as np
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
@@ -26,7 +26,8 @@ from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.paired_points import PairedSide, PairedSides
 from signorini_fx.mechanics.body.pieces import find_pieces
-from signorini_fx.mechanics.mesh.distribution import Tagged, distributed, domain
+from signorini_fx.mechanics.mesh.distribution import distributed, domain
+from signorini_fx.mechanics.mesh.files.arrays import combinations
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
@@ -163,7 +164,10 @@ def _rows_of(model: Model, contact: ContactState | None, numbers: Ints) -> _Rows
         cells, side = facet_entities(mesh, facets).T
         return np.column_stack((numbers[cells], side))
 
-    rows |= _rows_of_tags(tagged, numbers, rows["corners"])
+    rows |= {f"boundary {name}": of_facets(tagged.facets(name)) for name in tagged.boundaries}
+    for name in tagged.regions:
+        cells = tagged.cells(name)
+        rows[f"region {name}"] = numbers[cells[cells < len(owned)]]
     rows |= {f"moduli {k}": values_of(part, owned) for k, part in enumerate(model.lame) if part is not None}
     if model.moduli is not None:
         free = model.moduli.of_free_strain
@@ -177,30 +181,6 @@ def _rows_of(model: Model, contact: ContactState | None, numbers: Ints) -> _Rows
     if contact is not None:
         rows |= {f"state {name}": getattr(contact, name) for name in _OF_POINTS}
         rows |= _rows_of_boundary(contact.boundary)
-    return rows
-
-
-def _rows_of_tags(tagged: TaggedMesh, numbers: Ints, corners: Ints) -> _Rows:
-    """See ``_rows_of``: of exterior facets and cells that have names.
-
-    Args:
-        tagged: the mesh.
-        numbers: of the owned cells, shape (cells,).
-        corners: of these, shape (cells, k).
-    """
-    named = [np.empty(0, dtype=np.int32), *(tagged.facets(name) for name in tagged.boundaries)]
-    facets, of_facets, of_cells = np.unique(np.concatenate(named)), tagged.facet_tags, tagged.cell_tags
-    cells, side = facet_entities(tagged.mesh, facets).T
-    local = np.array(basix.topology(getattr(basix.CellType, tagged.mesh.topology.cell_name()))[tagged.dimension - 1])
-    rows = {
-        "side": np.take_along_axis(corners[cells], local[side], axis=1),
-        "tag of side": of_facets.values[np.searchsorted(of_facets.indices, facets)],
-        "tagged cell": numbers[:0],
-        "tag of cell": of_facets.values[:0],
-    }
-    if of_cells is not None:
-        owned = of_cells.indices < len(numbers)
-        rows["tagged cell"], rows["tag of cell"] = numbers[of_cells.indices[owned]], of_cells.values[owned]
     return rows
 
 
@@ -228,12 +208,28 @@ def _whole(
         averages: of the contact points of each rank.
     """
     order = np.argsort(rows["number"])
-    tagged = _mesh(model.tagged, rows, order)
-    mesh, element = tagged.mesh, model.space.element.basix_element
+    mesh, element = _mesh(model.tagged, rows, order), model.space.element.basix_element
+    dim, of_row = mesh.topology.dim, np.asarray(mesh.topology.original_cell_index)
     space = fem.functionspace(mesh, ("Lagrange", element.degree, (mesh.geometry.dim,)))
-    gathered: Ints = order[np.asarray(mesh.topology.original_cell_index)]
+    gathered: Ints = order[of_row]
     places: Ints = np.empty(space.dofmap.index_map.size_global, dtype=np.int64)
     places[rows["nodes"][gathered]] = space.dofmap.list
+    mesh.topology.create_connectivity(dim, dim - 1)
+    sides = mesh.topology.connectivity(dim, dim - 1).array.reshape(len(order), -1)
+
+    def cells(numbers: Ints) -> Ints:
+        """From their numbers."""
+        return np.asarray(np.argsort(of_row)[np.searchsorted(rows["number"], numbers, sorter=order)])
+
+    def facets(name: str) -> Any:
+        return sides[cells(rows[name][:, 0]), rows[name][:, 1]]
+
+    tagged = _named(
+        mesh,
+        model.tagged,
+        {name: facets(f"boundary {name}") for name in model.tagged.boundaries},
+        {name: cells(rows[f"region {name}"]) for name in model.tagged.regions},
+    )
 
     def displacement(name: str) -> fem.Function:
         f = fem.Function(space)
@@ -246,15 +242,6 @@ def _whole(
             len(values), -1
         )
         return f
-
-    of_number = np.empty(len(order), dtype=np.int64)
-    of_number[np.asarray(mesh.topology.original_cell_index)] = np.arange(len(order))
-    mesh.topology.create_connectivity(tagged.dimension, tagged.dimension - 1)
-    sides = mesh.topology.connectivity(tagged.dimension, tagged.dimension - 1).array.reshape(len(order), -1)
-
-    def facets(name: str) -> Any:
-        cells, side = rows[name].T
-        return sides[of_number[np.searchsorted(rows["number"], cells, sorter=order)], side]
 
     def pair(k: int, sides_of_rank: PairedSides) -> PairedSides:
         """With all facets in the order of its surfaces, and all of the overlap."""
@@ -287,35 +274,47 @@ def _whole(
     return WholeProblem(whole, state, displacement("y"), before, gathered)
 
 
-def _mesh(tagged: TaggedMesh, rows: Mapping[str, Any], order: Ints) -> TaggedMesh:
-    """The mesh of all ranks with its names.
+def _mesh(tagged: TaggedMesh, rows: Mapping[str, Any], order: Ints) -> dmesh.Mesh:
+    """The mesh of all ranks.
 
     Args:
         tagged: that of this rank.
         rows: see ``_whole``.
         order: of the cells, shape (cells,).
     """
-    dim, element = tagged.dimension, compat.geometry_element(tagged.mesh)
-    at = np.argsort(rows["name of point"])
+    element, names = compat.geometry_element(tagged.mesh), rows["name of point"]
+    at = np.argsort(names)
+    corners = np.searchsorted(names, rows["corners"][order], sorter=at)
+    kind = domain(tagged.mesh.topology.cell_name(), element.degree, tagged.dimension, int(element.lagrange_variant))
+    return distributed(MPI.COMM_SELF, kind, corners, rows["point"][at], {})[0]
 
-    def numbers(names: Ints) -> Ints:
-        """Of points from their names."""
-        return np.searchsorted(rows["name of point"], names, sorter=at)
 
-    corners = numbers(rows["corners"])
-    of_cells = np.searchsorted(rows["number"], rows["tagged cell"], sorter=order)
-    mesh, tags = distributed(
-        MPI.COMM_SELF,
-        domain(tagged.mesh.topology.cell_name(), element.degree, dim, int(element.lagrange_variant)),
-        corners[order],
-        rows["point"][at],
-        {
-            dim: Tagged(corners[order[of_cells]], rows["tag of cell"]),
-            dim - 1: Tagged(numbers(rows["side"]), rows["tag of side"]),
-        },
+def _named(
+    mesh: dmesh.Mesh, origin: TaggedMesh, boundaries: Mapping[str, Ints], regions: Mapping[str, Ints]
+) -> TaggedMesh:
+    """The same with names: ranks may number the tags of forms each for themselves.
+
+    Args:
+        mesh: of all ranks.
+        origin: the mesh of this rank.
+        boundaries: facets by name.
+        regions: cells by name.
+    """
+    dim = mesh.topology.dim
+    facets = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *boundaries.values()]))
+    of_side, sides = combinations(
+        {name: np.searchsorted(facets, np.sort(part)) for name, part in boundaries.items()}, len(facets)
     )
+    of_cell, parts = combinations(
+        {name: np.sort(part) for name, part in regions.items()}, mesh.topology.index_map(dim).size_local
+    )
+    cells = np.flatnonzero(of_cell)
+    tags = [
+        dmesh.meshtags(mesh, entity_dim, entities.astype(np.int32), values.astype(np.int32))
+        for entity_dim, entities, values in ((dim - 1, facets, of_side), (dim, cells, of_cell[cells]))
+    ]
     return replace(
-        tagged, mesh=mesh, facet_tags=tags[dim - 1], cell_tags=None if tagged.cell_tags is None else tags[dim]
+        origin, mesh=mesh, facet_tags=tags[0], boundaries=sides, cell_tags=tags[1] if parts else None, regions=parts
     )
 
 
