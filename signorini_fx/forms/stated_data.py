@@ -179,10 +179,10 @@ def _supports(
     nodes, comm = facet_nodes(space, facets), mesh.comm
     for k in range(dim):
         held = fixed[nodes, k].all(axis=1)
-        reached = np.zeros(len(fixed))
+        reached = np.zeros(fixed.shape)
         reached[nodes[held]] = 1.0
-        reached = over_ranks(np.repeat(reached, dim), space)[::dim]
-        if parallel.any_rank(comm, bool((fixed[: len(reached), k] & (reached == 0.0)).any())):
+        alone = over_ranks(reached.ravel(), space).reshape(-1, dim)[:, k] == 0.0
+        if parallel.any_rank(comm, bool((fixed[: len(alone), k] & alone).any())):
             raise Refused("a displacement at a point, or a rotation, has no guaranteed bound")
         if parallel.any_rank(comm, bool((np.ptp(values[nodes[held], k], axis=1) != 0).any())):
             raise Refused("a prescribed displacement that varies is known at the nodes alone")

@@ -21,6 +21,7 @@ from test_bounds_on_shapes import CIRCLE, TOOL, on_tool
 
 from signorini_fx.addons.bounds import error_bound as proof
 from signorini_fx.addons.bounds import whole_problem
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.effects.springs import Springs
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.statement.settings import Accuracy
@@ -33,7 +34,6 @@ pytestmark = pytest.mark.mpi
 WORLD = MPI.COMM_WORLD
 # Relative; what systems and sums leave, in space conjugate gradients, the bound counts beside this.
 CLOSE = 1e-8
-
 
 
 def stepped():
@@ -74,11 +74,10 @@ def bounds_of(solution):
 
 
 def in_order(solution, values):
-    """Values of the cells of this rank, those of all ranks in the order of the input of the mesh, on the first one."""
+    """Of values of the cells of this rank those of all ranks, in the order of the input of the mesh."""
     topology, comm = solution.model.tagged.mesh.topology, solution.comm
-    rows = zip(topology.original_cell_index[: len(values)], values, strict=True)
-    parts = comm.gather([(int(number), float(value)) for number, value in rows])
-    return comm.bcast(None if parts is None else [value for _, value in sorted(sum(parts, []))])
+    numbers = parallel.gather_rows(comm, topology.original_cell_index[: len(values)])
+    return parallel.gather_rows(comm, values)[np.argsort(numbers)]
 
 
 @pytest.mark.parametrize("kind", SCENES)
@@ -112,7 +111,7 @@ def test_one_rank_or_many(kind):
 
 @pytest.mark.parametrize("seed", [1, 5])
 def test_finer_solutions_on_ranks_refute_nothing(seed):
-    """Energy and forces of degree 2 with cells a quarter as long, but for those of a support that moves as far again."""
+    """Energy and forces of degree 2 with cells a quarter as long; where a support moves twice as far they do."""
     scene = pressed(seed)
     solution = solve(scene, WORLD, check=False)
     low, high = solution.error_bound.strain_energy

@@ -90,7 +90,7 @@ def force(
     step: float = 0.0,
     before: fem.Function | None = None,
 ) -> Interval | str:
-    """Bounds of the force on the body along a direction of a support or of a contact; or why there are none; collective.
+    """Bounds of the force on the body along a direction of a support or contact; or why there are none; collective.
 
     They rest on what the bound of the error rests on, and print it.  Where statics determines the force they are equal.
 

@@ -1,8 +1,8 @@
 """A problem that several ranks share as a whole on the first of them, where it is bounded as on one rank.
 
-The stress in equilibrium is one system of the whole mesh, and where two bodies meet cells are divided, matched and moved
-by global rules.  So what a bound reads of the model is gathered: the mesh, the displacement, moduli, and both sides of
-contact.  The first rank needs the memory and the time that one rank alone needs for the bound; the others wait.
+The stress in equilibrium is one system of the whole mesh, and where two bodies meet cells are divided and matched by
+rules that look at both sides.  So what a bound reads of the model is gathered: the mesh, the displacement, moduli, and
+both sides of contact.  The first rank needs the memory and the time that one rank alone needs; the others wait.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def _rows_of(model: Model, contact: ContactState | None, numbers: Ints) -> _Rows
 def _rows_of_boundary(boundary: ContactBoundary) -> _Rows:
     """See ``_rows_of``; what may be None says what it then means."""
     names = ("x", "weight", "normal", "part", "free", "segments", "global_nodes", "without_area")
-    rows = {f"boundary of points {name}": getattr(boundary, name) for name in names}
+    rows = {f"points {name}": getattr(boundary, name) for name in names}
     axes, along = boundary.axes, boundary.pushing
     rows["axes"] = np.tile(np.eye(boundary.x.shape[1]), (boundary.size, 1, 1)) if axes is None else axes
     rows["pushing"] = boundary.normal if along is None else along
@@ -329,20 +329,20 @@ def _state(
         places: the node of each global number, shape (nodes,).
         averages: see ``_whole``.
     """
-    boundary, of_all = contact.boundary, {name: rows[f"boundary of points {name}"] for name in ("x", "weight", "normal")}
-    segments, without = rows["boundary of points segments"].copy(), rows["boundary of points without_area"].copy()
+    boundary, of_all = (
+        contact.boundary,
+        {name: rows[f"points {name}"] for name in ("x", "weight", "normal")},
+    )
+    segments, without = rows["points segments"].copy(), rows["points without_area"].copy()
     segments[:, 1:], without[:, 1] = places[segments[:, 1:]], places[without[:, 1]]
-    nodes = places[rows["boundary of points global_nodes"]]
+    nodes = places[rows["points global_nodes"]]
     present = [part for part in averages if part is not None]
     joined = Averages.joined(present) if present else None
-    moving = boundary.moving
     whole = replace(
         boundary,
-        **of_all,
+        **unchanged,
         comm=MPI.COMM_SELF,
         nodes=nodes.astype(np.int32),
-        part=rows["boundary of points part"],
-        free=rows["boundary of points free"],
         segments=segments,
         global_nodes=nodes,
         without_area=without,

@@ -120,7 +120,7 @@ class SolverSettings(Table):
             A limit on iterations that is lower than its default ends the solve without them.
         uniqueness: whether the summary says if the solution is the only one on its mesh; where that is not proved,
             other ones are searched for. One rank.
-        error_bound: whether the summary has a guaranteed bound of the error in the energy norm. One rank.
+        error_bound: whether the summary has a guaranteed bound of the error in the energy norm.
     """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
