@@ -115,7 +115,7 @@ def of_whole(
 
 
 def of_rank(model: Model, values: Array) -> Array:
-    """Of values of the cells of all ranks, see ``WholeProblem.by_ranks``, those of the cells that this rank owns."""
+    """Values of the cells that this rank owns, from those of ``WholeProblem.by_ranks``."""
     cells = model.tagged.mesh.topology.index_map(model.tagged.dimension)
     return values[slice(*cells.local_range)]
 
@@ -238,9 +238,8 @@ def _whole(
 
     def of_cells(values: Array) -> fem.Function:
         f = fem.Function(fem.functionspace(mesh, ("DG", 0, values.shape[1:])))
-        f.x.array.reshape(len(values), -1)[f.function_space.dofmap.list[:, 0]] = values[gathered].reshape(
-            len(values), -1
-        )
+        flat = values[gathered].reshape(len(values), -1)
+        f.x.array.reshape(flat.shape)[f.function_space.dofmap.list[:, 0]] = flat
         return f
 
     def pair(k: int, sides_of_rank: PairedSides) -> PairedSides:
@@ -329,10 +328,8 @@ def _state(
         places: the node of each global number, shape (nodes,).
         averages: see ``_whole``.
     """
-    boundary, of_all = (
-        contact.boundary,
-        {name: rows[f"points {name}"] for name in ("x", "weight", "normal")},
-    )
+    boundary, moving = contact.boundary, contact.boundary.moving
+    unchanged = {name: rows[f"points {name}"] for name in ("x", "weight", "normal", "part", "free")}
     segments, without = rows["points segments"].copy(), rows["points without_area"].copy()
     segments[:, 1:], without[:, 1] = places[segments[:, 1:]], places[without[:, 1]]
     nodes = places[rows["points global_nodes"]]
