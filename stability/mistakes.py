@@ -513,7 +513,7 @@ MUTANTS = (
         "reached[: space.dofmap.index_map.size_local].ravel()",
         "supports of forms whose facets are those of another rank count as points",
         ranks=2,
-        tests=("results_of_forms::test_loads_along_the_normal_have_bounds",),
+        tests=("results_of_forms::test_supports_of_one_facet_have_bounds",),
     ),
     Mutant(
         "bounds/whole_problem",
@@ -525,9 +525,9 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/whole_problem",
-        "places[joined.nodes]",
-        "joined.nodes",
-        "contact points of other ranks average over nodes of other numbers",
+        "global_nodes=nodes",
+        'global_nodes=rows["points global_nodes"]',
+        "contact points of a bound at the nodes that ranks have numbered",
         ranks=2,
         tests=("bounds_on_ranks::test_one_rank_or_many[a tool]",),
     ),

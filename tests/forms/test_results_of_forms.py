@@ -321,6 +321,22 @@ def _check_loads_along_the_normal(comm):
     return expected, down
 
 
+@pytest.mark.mpi
+def test_supports_of_one_facet_have_bounds():
+    """The rank that owns a node may have none of the facets that are held there: it is no support at a point."""
+    mesh = dmesh.create_rectangle(COMM, ((0.0, 0.0), (4.0, 1.0)), (4, 1))
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a = ufl.inner(stress_of(u, 1.0, 0.3), ufl.sym(ufl.grad(v))) * ufl.dx
+    floor = Foundation(supported.side(mesh, 1, 0.0), 0.001)
+    for k in range(4):
+        on_facet = dmesh.locate_entities_boundary(mesh, 1, lambda x, k=k: (x[1] > 0.9) & (abs(x[0] - k - 0.5) < 0.6))
+        held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, on_facet), space)
+        problem = ContactProblem(a, -1e-3 * v[1] * ufl.dx, [held], floor, stress=lambda y: stress_of(y, 1.0, 0.3))
+        problem.solve()
+        assert isinstance(problem.solution.error_bound, ErrorBound), problem.solution.error_bound
+
+
 def test_what_bounds_refuse():
     """Loads that are known at points of quadrature alone, springs in a, and supports that vary."""
     solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))
