@@ -148,7 +148,7 @@ class MortarIntegrals:
         still = held[0][of_slave].all(axis=1) & held[1][of_master].all(axis=1)
         moving = points.chosen(~still) if still.any() else points
         psi, sizes = self.functions(moving, claim)
-        share = np.ones(len(slave.x))
+        share: Array = np.ones(len(slave.x))
         if held[0].any() and held[1].any():
             free = np.sum(master.functions.at(moving.place) * ~held[1][master.facets[moving.over]], axis=1)
             of_free = _summed(claim, psi @ free)
