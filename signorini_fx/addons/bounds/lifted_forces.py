@@ -61,9 +61,9 @@ class Quarters:
         gradients = np.linalg.inv(steps.transpose(0, 2, 1))
         gradients = np.concatenate((-gradients.sum(axis=1, keepdims=True), gradients), axis=1)
         sides: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-        for quarter, faces in enumerate(np.sort(quarters[:, FACETS[3]], axis=2).tolist()):
-            for place, face in enumerate(faces):
-                sides.setdefault(tuple(face), []).append((quarter, place))
+        for quarter, place in np.ndindex(len(quarters), 4):
+            vertices = np.sort(quarters[quarter, FACETS[3][place]])
+            sides.setdefault(tuple(map(int, vertices)), []).append((quarter, place))
         tractions = []
         for face, beside in sides.items():
             normal = gradients[beside[0]] / np.linalg.norm(gradients[beside[0]])

@@ -57,7 +57,7 @@ def _values(entry: Any) -> Iterator[tuple[str, Any]]:
 
 def _points(entry: Any, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
     """Nodes of this rank on the boundary or in the region of an entry, or of the whole mesh, shape (3, n)."""
-    mesh, boundary, region = tagged.mesh, getattr(entry, "boundary", None), getattr(entry, "region", None)
+    mesh, boundary, region = tagged.mesh, getattr(entry, "boundary", None) or "", getattr(entry, "region", None) or ""
     if boundary in tagged.boundaries:
         return np.ascontiguousarray(facet_vertices(mesh, tagged.facets(boundary)).reshape(-1, 3).T)
     if region in tagged.regions:
