@@ -430,6 +430,10 @@ TRIED_STRAIN = 0.01
 SINGULAR = 1e-10
 # A part of a facet or of a cell with less than this share of its length, area or volume is none.  Choice.
 NO_PART = 1e-10
+
+# Points of Gauss' rule on a segment of the overlap of two sides in the plane, which belong to the definition of the map
+# between them: integrands are rational where normals turn, and not polynomials on curved facets.  Choice.
+POINTS_OF_PIECES = 8
 # What a projection leaves of a motion or a load below this share of it is round-off.  Choice.
 NOTHING_LEFT = 1e-10
 # Entries of B, of which a selected unknown has one, differ by less than this from 1 or 0 by round-off.  Choice.

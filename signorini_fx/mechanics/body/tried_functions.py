@@ -39,6 +39,8 @@ def try_functions(statement: Statement, tagged: TaggedMesh) -> None:
         try:
             if x.size:
                 sample(function, x)
+        except SceneError as error:  # of a file, which says more
+            problems += error.problems
         except Exception as failure:  # whatever a function of a user raises
             problems.append((path, f"cannot be evaluated at points of shape (3, {x.shape[1]}): {failure}"))
     parallel.raise_together(tagged.mesh.comm, SceneError(problems) if problems else None)

@@ -12,13 +12,13 @@ import numpy.typing as npt
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.tuned import NO_PART, TURNED_DIRECTION
+from signorini_fx.tuned import NO_PART, POINTS_OF_PIECES, TURNED_DIRECTION
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
 # Of Gauss' rule in [-1, 1] for a segment of the overlap: integrands are rational where the normal turns.
-PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
+PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(POINTS_OF_PIECES)
 # Bisections, then steps of Newton's method that polish the root.
 _BISECTIONS, _STEPS = 30, 3
 

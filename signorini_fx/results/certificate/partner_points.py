@@ -30,14 +30,15 @@ from signorini_fx.results.certificate.common_polygons import (
     polygon_areas,
     triangle_rule,
 )
-from signorini_fx.tuned import FACING_SIDES, NO_PART, SAME_LENGTH, ZERO_SUM
+from signorini_fx.tuned import FACING_SIDES, NO_PART, POINTS_OF_PIECES, SAME_LENGTH, ZERO_SUM
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-# Points of a part of a facet between two ends of facets of the other side.
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(9)
+# Points of a part of a facet between two ends of facets of the other side: as many as the map is defined by, since on
+# strongly curved facets these integrals are not exact, and others would be of another map.
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(POINTS_OF_PIECES)
 # Points along each side of a square, from which those of a triangle are made, for integrands of this degree on flat
 # triangles and parallelograms, and for others; and how many more the largest twist of a quadrilateral takes, relative
 # to its diagonal: with that of a triangle divided into three, a half, each one more leaves a fifth of the error.
@@ -342,11 +343,7 @@ def _seeing(side: SideFacets, facets: Numbers, ways: Array, points: Array) -> Ar
         first, turn = rays[rows, 0], rays[rows, 1] - rays[rows, 0]
         away = points[rows] - start
         square, linear = -cross(step, turn), cross(away, turn) - cross(step, first)
-        root = np.sqrt(np.maximum(linear**2 - 4 * square * (constant := cross(away, first)), 0.0))
-        half = -(linear + np.where(linear >= 0, root, -root)) / 2
-        with np.errstate(divide="ignore", invalid="ignore"):
-            roots = np.nan_to_num(np.stack((constant / half, half / square)), nan=np.inf)
-        places[rows] = np.take_along_axis(roots, np.abs(roots - 0.5).argmin(axis=0)[None], axis=0)[0]
+        places[rows] = _root_nearest_to_middle(square, linear, cross(away, first))
         return places
     low: Array = np.zeros(rows.size)
     high: Array = np.ones(rows.size)
@@ -363,8 +360,16 @@ def _met(nodes: Array, points: Array, rays: Array) -> Array:
     start, end = nodes[:, 0], nodes[:, 1]
     bend = 0 * start if nodes.shape[1] == 2 else 2 * (start + end) - 4 * nodes[:, 2]
     square, linear, constant = cross(bend, rays), cross(end - start - bend, rays), cross(start - points, rays)
+    return _root_nearest_to_middle(square, linear, constant)
+
+
+def _root_nearest_to_middle(square: Array, linear: Array, constant: Array) -> Array:
+    """Of the two roots of quadratic equations that which is nearest to 1/2, as places on facets are, shape (m,)."""
     root = np.sqrt(np.maximum(linear**2 - 4 * square * constant, 0.0))
-    return np.asarray(2 * constant / -(linear + np.where(linear >= 0, root, -root)))
+    half = -(linear + np.where(linear >= 0, root, -root)) / 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        roots = np.nan_to_num(np.stack((constant / half, half / square)), nan=np.inf)
+    return np.asarray(np.take_along_axis(roots, np.abs(roots - 0.5).argmin(axis=0)[None], axis=0)[0])
 
 
 @dataclass(frozen=True)
