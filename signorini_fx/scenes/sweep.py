@@ -399,9 +399,9 @@ def _refuse(scene: Scene, coefficients: Sequence[float] | None, loads: Sequence[
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
     if not np.isfinite(np.asarray([] if loads is None else loads, dtype=float)).all():
         raise SceneError([("sweep", f"loads must be finite numbers, got {list(loads or ())}")])
-    given = np.asarray([] if coefficients is None else coefficients, dtype=float)
-    if not (np.isfinite(given) & (given >= 0)).all():
-        raise SceneError([("sweep", f"coefficients must be finite numbers from 0 on, got {given.tolist()}")])
+    numbers = np.asarray([] if coefficients is None else coefficients, dtype=float)
+    if not (np.isfinite(numbers) & (numbers >= 0)).all():
+        raise SceneError([("sweep", f"coefficients must be finite numbers from 0 on, got {numbers.tolist()}")])
     for clause in scene.statement.sought_at(0).values():
         if loads is not None and min(loads, default=1.0) <= 0:
             raise SceneError([("sweep", f"loads must be positive where {clause}")])

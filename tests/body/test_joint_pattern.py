@@ -70,5 +70,5 @@ def test_room_that_is_not_needed_is_given_up(body, monkeypatch):
     last, sizes = None, []
     for nodes in ([28, 1, 14], [2, 22], [4, 26]):
         _, last = joined_stiffness((form,), [condition], beside(nodes), fixed, last)
-        sizes.append(last.more.size)
+        sizes.append(last.room.size)
     assert sizes[2] == sizes[1] < sizes[0]

@@ -52,10 +52,10 @@ class Acting:
         acting = Acting(factor, load, facets, mass)
         if facets is None or load.weighting is None:
             return acting
-        whole, unknown = integral(t, facets, load.weighting)
-        if not abs(whole) > 2 * unknown:
+        total, unknown = integral(t, facets, load.weighting)
+        if not abs(total) > 2 * unknown:
             raise Refused(f"what {load.label} of {load.where!r} is spread by has no known integral")
-        return replace(acting, whole=whole, doubtful=unknown / (abs(whole) - unknown))
+        return replace(acting, whole=total, doubtful=unknown / (abs(total) - unknown))
 
     def profile(self, dimension: int) -> tuple[Any, ...]:
         """See ``Force``."""
@@ -125,11 +125,11 @@ class BodyLoads:
         # What linear functions on the parts miss is orthogonal to the differences of these.
         on_parts = np.stack(at_corners, axis=1)
 
-        def differing(others: Array) -> Array:
+        def differing(constants: Array) -> Array:
             """Integrals of the products of the components of these differences, shape (n, d, d)."""
-            differ = on_parts - others
-            whole = differ.sum(axis=2)
-            products = np.einsum("npci,npcj->nij", differ, differ) + np.einsum("npi,npj->nij", whole, whole)
+            differ = on_parts - constants
+            total = differ.sum(axis=2)
+            products = np.einsum("npci,npcj->nij", differ, differ) + np.einsum("npi,npj->nij", total, total)
             return np.asarray(share / ((d + 1) * (d + 2)) * products)
 
         missed = np.einsum("nii->n", beyond + differing(constant_forces(t, moments)[:, :, None]))
@@ -334,8 +334,8 @@ class SpatialLoads:
                 return np.asarray(force - np.einsum("mij,mqj->mqi", held[owner], force))
 
             values = [value for load, _ in selected for value in load.profile(3)]
-            found = in_simplices(t.x[t.facets[faces]], density, values, normal=t.normal[faces])
-            return found, closest_linear(found.moments[:, :3])
+            integral_values = in_simplices(t.x[t.facets[faces]], density, values, normal=t.normal[faces])
+            return integral_values, closest_linear(integral_values.moments[:, :3])
 
         def of_bernstein(moments: Array) -> Array:
             """Those of degree 2, from those with products of barycentric coordinates."""
@@ -343,10 +343,10 @@ class SpatialLoads:
             first, second = EDGES_OF_FACET[3].T
             return np.concatenate((products[:, range(3), range(3)], 2 * products[:, first, second]), axis=1)
 
-        found, linear = integrated(loads)
+        integrals, linear = integrated(loads)
         self.traction[faces] = linear
-        self._moments, self._missed = of_bernstein(found.moments), found.missed
-        self._unknown_moments = of_bernstein(found.unknown)
+        self._moments, self._missed = of_bernstein(integrals.moments), integrals.missed
+        self._unknown_moments = of_bernstein(integrals.unknown)
         for load, loaded_faces in loads:
             if (share := load.doubtful) > 0:
                 alone, linear = integrated([(load, loaded_faces)])

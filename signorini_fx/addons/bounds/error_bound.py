@@ -197,9 +197,9 @@ def error_bound(
         before: the displacement of the load step before, from which slip counts; None: there is none.
     """
 
-    def prove(whole: WholeProblem) -> ErrorBound:
-        bound = Bounded(whole.model, whole.displacement, whole.contact, step, whole.before).bound()
-        return replace(bound, squares=whole.by_ranks(bound.squares))
+    def prove(problem: WholeProblem) -> ErrorBound:
+        bound = Bounded(problem.model, problem.displacement, problem.contact, step, problem.before).bound()
+        return replace(bound, squares=problem.by_ranks(bound.squares))
 
     try:
         bound = of_whole(model, y, contact, before, prove)
@@ -215,8 +215,8 @@ def why_unbounded(model: Model) -> str:
         model: the model, whose stiffness need not be assembled.
     """
 
-    def prove(whole: WholeProblem) -> None:
-        PlainProblem(whole.model, whole.displacement, None, last)
+    def prove(problem: WholeProblem) -> None:
+        PlainProblem(problem.model, problem.displacement, None, last)
 
     try:
         refuse_unknown(model)

@@ -126,8 +126,8 @@ def work_inside(t: Simplices, squares: Array) -> Array:
         if order[0] > order[3]:  # the path backwards
             continue
         corners = hill(cosine)
-        place = t.x[t.corners[:, order]]
-        map_ = (place[:, 1:] - place[:, :1]).transpose(0, 2, 1) @ np.linalg.inv((corners[1:] - corners[0]).T)
+        vertices = t.x[t.corners[:, order]]
+        map_ = (vertices[:, 1:] - vertices[:, :1]).transpose(0, 2, 1) @ np.linalg.inv((corners[1:] - corners[0]).T)
         inverse = np.linalg.inv(map_)
         size = np.einsum("mij,mjk,mik->m", inverse, squares, inverse, optimize=True).clip(min=0.0)
         largest = np.linalg.eigvalsh(map_ @ map_.transpose(0, 2, 1))[:, -1]

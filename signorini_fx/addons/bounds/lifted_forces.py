@@ -61,9 +61,9 @@ class Quarters:
         gradients = np.linalg.inv(steps.transpose(0, 2, 1))
         gradients = np.concatenate((-gradients.sum(axis=1, keepdims=True), gradients), axis=1)
         sides: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-        for quarter, place in np.ndindex(len(quarters), 4):
-            vertices = np.sort(quarters[quarter, FACETS[3][place]])
-            sides.setdefault(tuple(map(int, vertices)), []).append((quarter, place))
+        for quarter, number in np.ndindex(len(quarters), 4):
+            vertices = np.sort(quarters[quarter, FACETS[3][number]])
+            sides.setdefault(tuple(map(int, vertices)), []).append((quarter, number))
         tractions = []
         for face, beside in sides.items():
             normal = gradients[beside[0]] / np.linalg.norm(gradients[beside[0]])
@@ -92,12 +92,12 @@ def _times(vector: Array) -> Array:
     return rows
 
 
-def _slopes(place: Array) -> Array:
+def _slopes(coordinates: Array) -> Array:
     """Derivatives of the functions of degree 2 of the nodes by the barycentric coordinates, at a place, (10, 4)."""
     edges = np.zeros((6, 4))
     first, second = EDGES[3].T
-    edges[range(6), first], edges[range(6), second] = 4 * place[second], 4 * place[first]
-    return np.concatenate((np.diag(4 * place - 1), edges))
+    edges[range(6), first], edges[range(6), second] = 4 * coordinates[second], 4 * coordinates[first]
+    return np.concatenate((np.diag(4 * coordinates - 1), edges))
 
 
 def mass_of_nodes() -> Array:
@@ -130,13 +130,13 @@ def _reference() -> _Reference:
     mean = np.full(4, 0.25)
     local = np.stack([np.concatenate((np.eye(4)[facet], mean[None])) for facet in FACETS[3]])  # (4, 4, 4)
     moments = (np.ones((4, 4)) + np.eye(4)) / 20
-    left = local - (forces_of_parts(3) @ moments)[:, None]  # of the four coordinates
-    forces = np.einsum("pcj,ai->pcaij", left[..., 1:], np.eye(3)).reshape(48, 9)
+    beside_constants = local - (forces_of_parts(3) @ moments)[:, None]  # of the four coordinates
+    forces = np.einsum("pcj,ai->pcaij", beside_constants[..., 1:], np.eye(3)).reshape(48, 9)
     matrix = np.concatenate((cell.tractions, cell.divergence))
     _, sizes, directions = np.linalg.svd(matrix)
     free = directions[int((sizes > SAME_NUMBER * sizes[0]).sum()) :]
-    given = np.concatenate((np.zeros((len(cell.tractions), 9)), -forces))
-    liftings = np.linalg.lstsq(matrix, given, rcond=SAME_NUMBER)[0]
+    right_side = np.concatenate((np.zeros((len(cell.tractions), 9)), -forces))
+    liftings = np.linalg.lstsq(matrix, right_side, rcond=SAME_NUMBER)[0]
     stresses = np.concatenate((free, liftings.T)).reshape(-1, 4, 10, 6)
     products = np.einsum("ipac,ab,jpbd->cdij", stresses, mass_of_nodes() / 4, stresses, optimize=True)
     return _Reference(products.reshape(36, -1), len(free))

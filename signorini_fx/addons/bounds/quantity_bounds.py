@@ -71,8 +71,8 @@ def mean_displacement(
         before: see ``error_bound``.
     """
 
-    def prove(whole: WholeProblem) -> Interval:
-        quantity = _Quantity(whole.model, whole.displacement, whole.contact, step, whole.before)
+    def prove(problem: WholeProblem) -> Interval:
+        quantity = _Quantity(problem.model, problem.displacement, problem.contact, step, problem.before)
         return quantity.mean(boundary, np.asarray(direction, dtype=np.float64))
 
     try:
@@ -104,8 +104,8 @@ def force(
         before: see ``error_bound``.
     """
 
-    def prove(whole: WholeProblem) -> Interval:
-        quantity = _Quantity(whole.model, whole.displacement, whole.contact, step, whole.before)
+    def prove(problem: WholeProblem) -> Interval:
+        quantity = _Quantity(problem.model, problem.displacement, problem.contact, step, problem.before)
         return quantity.force(boundary, np.asarray(direction, dtype=np.float64))
 
     try:

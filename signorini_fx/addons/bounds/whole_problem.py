@@ -257,7 +257,7 @@ def _whole(
     lame = tuple(None if part is None else of_cells(rows[f"moduli {k}"]) for k, part in enumerate(model.lame))
     moduli = None if model.moduli is None else CellwiseStiffness(of_cells(rows["stiffness"]), of_cells(rows["free"]))
     state = None if contact is None else _state(contact, rows, places, averages)
-    whole = replace(
+    gathered_model = replace(
         model,
         space=space,
         tagged=tagged,
@@ -270,7 +270,7 @@ def _whole(
         of_contact={},
     )
     before = displacement("before") if "before" in rows else None
-    return WholeProblem(whole, state, displacement("y"), before, gathered)
+    return WholeProblem(gathered_model, state, displacement("y"), before, gathered)
 
 
 def _mesh(tagged: TaggedMesh, rows: Mapping[str, Any], order: Ints) -> dmesh.Mesh:
@@ -335,7 +335,7 @@ def _state(
     nodes = places[rows["points global_nodes"]]
     present = [part for part in averages if part is not None]
     joined = Averages.joined(present) if present else None
-    whole = replace(
+    points = replace(
         boundary,
         **unchanged,
         comm=MPI.COMM_SELF,
@@ -349,4 +349,4 @@ def _state(
         averages=None if joined is None else replace(joined, nodes=places[joined.nodes]),
     )
     values = {name: rows[f"state {name}"] for name in _OF_POINTS}
-    return replace(contact, **values, points=whole.points, boundary=whole)
+    return replace(contact, **values, points=points.points, boundary=points)

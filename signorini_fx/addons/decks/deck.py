@@ -432,10 +432,10 @@ def _friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
 def _has_loads(deck: Deck, block: DeckBlock) -> bool:
     """Whether the step of a keyword gives loads or displacements, too."""
     blocks = deck.model.blocks
-    number = next(k for k, other in enumerate(blocks) if other is block)
-    before = itertools.takewhile(lambda other: other.keyword != "STEP", reversed(blocks[:number]))
-    behind = itertools.takewhile(lambda other: other.keyword != "ENDSTEP", blocks[number:])
-    return any(other.keyword in _LOADS for other in (*before, *behind))
+    number = next(k for k, card in enumerate(blocks) if card is block)
+    heading = itertools.takewhile(lambda card: card.keyword != "STEP", reversed(blocks[:number]))
+    behind = itertools.takewhile(lambda card: card.keyword != "ENDSTEP", blocks[number:])
+    return any(card.keyword in _LOADS for card in (*heading, *behind))
 
 
 def _change_friction(deck: Deck, block: DeckBlock, interaction: str) -> None:

@@ -446,7 +446,7 @@ def follow_amplitudes(deck: Deck) -> None:
                     for block, value in parts
                 )
     for step, block in deck.kept:
-        following = min((later for later, other in deck.kept if later > step), default=len(deck.steps))
+        following = min((later for later, _ in deck.kept if later > step), default=len(deck.steps))
         ends = [deck.ends.get(at, at + 1.0) for at in range(step, following)]
         shares = {_share_between(deck, block, end, end) for end in ends if _goes_on(deck, block)}
         if len(shares) > 1:
@@ -508,13 +508,13 @@ def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
 def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
     """Loads that a step gives several times add up; what earlier steps gave is replaced, as are displacements."""
     key = (load.table, load.target, load.keys, load.direction, load.keyword, load.lines)
-    kept, block = deck.loads.setdefault(key, load), load.block
+    load_of_key, block = deck.loads.setdefault(key, load), load.block
     adds_up = load.keyword in _LOADS
-    parts = kept.parts.get(deck.step, []) if adds_up else []
-    kept.parts[deck.step] = [*parts, (block, value)]
+    parts = load_of_key.parts.get(deck.step, []) if adds_up else []
+    load_of_key.parts[deck.step] = [*parts, (block, value)]
     share = share_of(deck, block) if _goes_on(deck, block) else 1.0
-    earlier = kept.values.get(deck.step) if adds_up else None
-    kept.values[deck.step] = share * value + (earlier or 0.0)
+    earlier = load_of_key.values.get(deck.step) if adds_up else None
+    load_of_key.values[deck.step] = share * value + (earlier or 0.0)
 
 
 def _forget(deck: Deck, block: DeckBlock) -> None:

@@ -266,11 +266,11 @@ def carried_past_ends(pairs: Mapping[int, MovingPair], state: ContactState) -> l
     """
     findings = list[Finding]()
     for number, pair in pairs.items():
-        share, place = pair.force_past_end(state)
+        share, position = pair.force_past_end(state)
         if share > PAST_THE_END:
             message = (
-                f"points that see past the end of the other side have {share:.0%} of the contact force ({place}): near "
-                "its corner their pressures are means over what they see; let the points be on the side that ends, in "
+                f"points that see past the end of the other side have {share:.0%} of the contact force ({position}): "
+                "near its corner their pressures are means over what they see; let the points be on the side that ends, in "
                 "a scene by its key points, or take smaller facets there"
             )
             findings.append(Finding("note", f"contact[{number}]", message))

@@ -129,8 +129,12 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
         residual: what F is called.
     """
     farthest = max((certificate.displacement for certificate in certificates), default=0.0)
-    judged = [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
-    hidden, placed = (max((getattr(one, name) for one in judged), default=0.0) for name in ("lost", "placed"))
+    judged = [
+        certificate for certificate in certificates if certificate.displacement > CERTIFICATE_TOLERANCE * farthest
+    ]
+    hidden, placed = (
+        max((getattr(certificate, name) for certificate in judged), default=0.0) for name in ("lost", "placed")
+    )
     findings = list[Finding]()
     if hidden > CERTIFICATE_TOLERANCE:
         message = (

@@ -159,11 +159,11 @@ def _boxes(places: Array, nodes: npt.NDArray[np.int32]) -> tuple[Array, Array]:
         places: of the nodes, shape (nodes, d).
         nodes: of each cell, shape (c, n).
     """
-    first, *others = (places[column] for column in nodes.T)
+    first, *further = (places[column] for column in nodes.T)
     low, high = first.copy(), first
-    for place in others:
-        np.minimum(low, place, out=low)
-        high = np.maximum(high, place)
+    for positions in further:
+        np.minimum(low, positions, out=low)
+        high = np.maximum(high, positions)
     return low, high
 
 

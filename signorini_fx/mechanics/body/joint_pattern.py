@@ -32,7 +32,7 @@ class JointPattern:
         keys: of all entries.
         ends, columns: of the rows.
         places: which entries are those of the forms.
-        more: keys of the others.
+        room: keys of the others.
     """
 
     forms: tuple[fem.Form, ...] = field(repr=False)
@@ -41,7 +41,7 @@ class JointPattern:
     ends: npt.NDArray[np.integer[Any]]
     columns: npt.NDArray[np.integer[Any]]
     places: Numbers
-    more: Numbers
+    room: Numbers
 
     @classmethod
     def holding(cls, forms: Sequence[fem.Form], joints: Numbers, last: JointPattern | None) -> JointPattern:
@@ -54,7 +54,7 @@ class JointPattern:
         """
         if last is not None and last.forms != tuple(forms):
             last = None
-        if last is not None and last.has(joints):
+        if last is not None and last._has_room_for(joints):
             return last
         of_forms = None if last is None else last.of_forms
         if of_forms is None:
@@ -65,15 +65,15 @@ class JointPattern:
         empty = la.matrix_csr(of_forms, block_mode=la.BlockMode.expanded, dtype=forms[0].dtype)
         rows = np.repeat(np.arange(size), np.diff(empty.indptr))
         by_forms = rows * size + empty.indices
-        more = np.setdiff1d(joints, by_forms)
-        if last is not None and last.more.size <= KEPT_ROOM * more.size:
-            more = np.union1d(more, last.more)
-        keys = np.union1d(by_forms, more)
+        room = np.setdiff1d(joints, by_forms)
+        if last is not None and last.room.size <= KEPT_ROOM * room.size:
+            room = np.union1d(room, last.room)
+        keys = np.union1d(by_forms, room)
         ends = np.searchsorted(keys, size * np.arange(size + 1, dtype=np.int64)).astype(PETSc.IntType)
         columns, places = (keys % size).astype(PETSc.IntType), np.searchsorted(keys, by_forms)
-        return cls(tuple(forms), of_forms, keys, ends, columns, places, more)
+        return cls(tuple(forms), of_forms, keys, ends, columns, places, room)
 
-    def has(self, joints: Numbers) -> bool:
+    def _has_room_for(self, joints: Numbers) -> bool:
         """Whether there is room for the entries of joints, by their keys."""
         return bool((self.keys[np.minimum(np.searchsorted(self.keys, joints), self.keys.size - 1)] == joints).all())
 

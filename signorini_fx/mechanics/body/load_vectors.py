@@ -242,8 +242,8 @@ class FormCoefficients:
 
 def _path_of(value: Any, statement: Statement) -> str:
     """Where a scene has a value."""
-    keys = ((path, key, given) for path, entry in statement.listed() for key, given in vars(entry).items())
-    return next((f"{path}.{key}" for path, key, given in keys if given is value), "scene")
+    keys = ((path, key, field) for path, entry in statement.listed() for key, field in vars(entry).items())
+    return next((f"{path}.{key}" for path, key, field in keys if field is value), "scene")
 
 
 Facets = Callable[[str], npt.NDArray[np.int32]]

@@ -78,10 +78,10 @@ class Ogden(Hyperelastic):
         for mu, alpha in self._terms:
             power, curved = alpha / 2, power_beyond_line(grown, -alpha / 3)
             of_mean, of_across = (power_beyond_line(part, power) for part in (mean, across))
-            both = 2 * (1 + power * mean + of_mean) * _beyond_mean(apart / (1 + mean) ** 2, power)
-            quadratic = 2 * of_mean + of_across + both
-            whole = power * (2 * mean + across) + quadratic
-            energy += mu / alpha * (alpha * beyond + 3 * curved + quadratic + whole * (curved - alpha / 3 * grown))
+            pair = 2 * (1 + power * mean + of_mean) * _beyond_mean(apart / (1 + mean) ** 2, power)
+            quadratic = 2 * of_mean + of_across + pair
+            share = power * (2 * mean + across) + quadratic
+            energy += mu / alpha * (alpha * beyond + 3 * curved + quadratic + share * (curved - alpha / 3 * grown))
         return energy
 
     def volume_energy_by_change(self, growth: Any) -> Any:

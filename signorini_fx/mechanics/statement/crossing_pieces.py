@@ -32,32 +32,32 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
     middle = begin[owner] + ((number + 0.5) / parts[owner])[:, None] * way[owner]
     tree = cKDTree(middle)
     counts = tree.query_ball_point(middle, longest, return_length=True)
-    found = list[tuple[int, int]]()
+    crossings = list[tuple[int, int]]()
     for batch in np.split(np.arange(len(middle)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_A_TIME)) + 1):
         near = tree.query_ball_point(middle[batch], longest)
         first = np.repeat(owner[batch], [len(neighbours) for neighbours in near])
         second = owner[np.concatenate(near).astype(np.int64)]
         pairs = np.unique(np.column_stack((first, second))[first < second - 1], axis=0)
-        found += map(tuple, pairs[_cross(points, pairs)].tolist())
-    return min(found) if found else None
+        crossings += map(tuple, pairs[_cross(points, pairs)].tolist())
+    return min(crossings) if crossings else None
 
 
 def _cross(points: Array, pairs: Rows) -> npt.NDArray[np.bool_]:
     """Which pairs of pieces cross, shape (p,)."""
     count, closed = len(points) - 1, bool((points[0] == points[-1]).all())
     # A corner that lies on the other piece counts as the one that comes after it.
-    sides = [_sides(points, one, other, count, closed=closed) for one, other in (pairs.T, pairs.T[::-1])]
-    return np.all([before * after < 0 for before, after in sides], axis=0)
+    sides = [_sides(points, piece, second, count, closed=closed) for piece, second in (pairs.T, pairs.T[::-1])]
+    return np.all([ahead * beyond < 0 for ahead, beyond in sides], axis=0)
 
 
-def _sides(points: Array, one: Rows, other: Rows, count: int, *, closed: bool) -> tuple[Array, Array]:
+def _sides(points: Array, piece: Rows, second: Rows, count: int, *, closed: bool) -> tuple[Array, Array]:
     """On which side of pieces both ends of others are, 1, -1 or 0, shapes (p,)."""
-    begin, along = points[one], points[one + 1] - points[one]
+    begin, along = points[piece], points[piece + 1] - points[piece]
 
     def side(of: Array) -> Array:
         away = of - begin
         return np.asarray(np.sign(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]))
 
-    first, last = side(points[other]), side(points[other + 1])
-    after = np.where(closed, (other + 1) % count + 1, np.minimum(other + 2, count))
-    return first, np.where(last == 0, side(points[after]), last)
+    first, last = side(points[second]), side(points[second + 1])
+    beyond = np.where(closed, (second + 1) % count + 1, np.minimum(second + 2, count))
+    return first, np.where(last == 0, side(points[beyond]), last)
