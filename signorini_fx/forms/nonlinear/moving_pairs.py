@@ -270,8 +270,8 @@ def carried_past_ends(pairs: Mapping[int, MovingPair], state: ContactState) -> l
         if share > PAST_THE_END:
             message = (
                 f"points that see past the end of the other side have {share:.0%} of the contact force ({position}): "
-                "near its corner their pressures are means over what they see; let the points be on the side that ends, "
-                "in a scene by its key points, or take smaller facets there"
+                "near its corner their pressures are means over what they see; let the points be on the side that "
+                "ends, in a scene by its key points, or take smaller facets there"
             )
             findings.append(Finding("note", f"contact[{number}]", message))
     return findings
