@@ -65,10 +65,13 @@ SAID = {
     ),
     ("MPC", ""): (["*MPC", "STRAIGHT, 111, 115, 112, 113"], []),
     ("MPC", "of another type"): (["*MPC", "BEAM, 111, 115"], []),
-    ("CHANGEFRICTION", ""): ([], ["*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"]),
+    ("CHANGEFRICTION", ""): (
+        [],
+        ["*END STEP", "*STEP", "*STATIC", "*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"],
+    ),
     ("CHANGEFRICTION", "beside loads or displacements of the step"): (
         [],
-        ["*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2", "*BOUNDARY", "UP_TOP, 2, 2, -.002"],
+        ["*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"],  # in the step with the loads
     ),
     ("EQUATION", ""): (["*EQUATION", "2", "111, 2, 1., 112, 2, -1."], []),
     ("TRANSFORM", ""): (["*TRANSFORM, NSET=UP_WALL", "1., 0., 0., 0., 1., 0."], []),
