@@ -37,9 +37,11 @@ def turning_blocks(arms: sp.csr_array, x: Array, distance: Array) -> tuple[Indic
     count, dim = distance.shape
     row = np.repeat(np.arange(count), np.diff(arms.indptr))
     a, seen = arms.data, x[arms.indices]
-    sums = np.stack([np.bincount(row, a * component, count) for component in seen.T], axis=1)
-    middle = sums / np.bincount(row, a, minlength=count)[:, None]
-    r, d = seen - middle[row], distance[row]
+    total, r, d = np.bincount(row, a, minlength=count)[:, None], seen, distance[row]
+    # The second time without the round-off of coordinates far from the origin, which is a motion of the middle.
+    for _ in range(2):
+        sums = np.stack([np.bincount(row, a * component, count) for component in r.T], axis=1)
+        r = r - (sums / total)[row]
     if dim == 2:
         polar = np.bincount(row, a * np.einsum("ld,ld->l", r, r), minlength=count)[row]
         omega = (a / polar)[:, None] * np.stack((-r[:, 1], r[:, 0]), axis=1)
