@@ -178,3 +178,29 @@ def test_nodal_functions(along, width):
     for axis, slopes in enumerate(functions.slopes(at)):
         step = 1e-30j * np.eye(along)[axis]  # a complex step has no differences in it
         assert slopes == pytest.approx(functions.at(at + step).imag / 1e-30, abs=1e-12)
+
+
+def stacked(kind, counts, low, high, degree):
+    """A block below a part of the unit square, which has the points, both 0.3 high."""
+    bodies = (
+        grid(kind, (*counts[0], 1), [*low, -0.3], [*high, 0.0]),
+        grid(kind, (*counts[1], 1), [0.0] * 3, [1.0, 1.0, 0.3]),
+    )
+    level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -0.3, 0.3)]
+    scene = SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], slave=1, degree=degree, pair={"sliding": False})
+    scene.drive.value[-1] = -1e-3
+    return scene
+
+
+def test_functions_of_small_parts_of_facets_multiply_round_off():
+    """Dual functions on a tenth of the width of 9-node facets are large: distances of sides that touch are round-off
+    times these, which is no fault.
+    """
+    scene = stacked("hexahedron", [(2, 2), (2, 2)], (0.0, 0.0), (0.606, 0.967), 2)
+    assert as_linear_bodies(scene).certificate.coupling < 1e-7
+
+
+def test_whether_a_node_carries_a_point_is_no_matter_of_round_off():
+    """The function at the corner keeps the share of its weight below which there is no point, but for round-off."""
+    scene = stacked("tetrahedron", [(4, 4), (1, 4)], (0.2, 0.2), (0.7, 0.7), 1)
+    assert as_linear_bodies(scene).certificate.coupling < 1e-9

@@ -133,7 +133,7 @@ def carried(
     together = _Beside.of(side, covered)
     tested_nodes, beside = together.tested_nodes, together.matrix
     unable = unable | side.without_area
-    for threshold in (KEPT_WEIGHT, 0.0):
+    for threshold in (KEPT_WEIGHT + SAME_NUMBER, 0.0):  # shares of simple meshes are this one but for round-off
         able = tested_nodes & ~unable & (weight > threshold * side.area)
         while able.any():
             nodes, shares = _taken_over(beside, tested_nodes, able)

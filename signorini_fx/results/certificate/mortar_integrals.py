@@ -223,11 +223,21 @@ def error_of_integrals(claim: Claim, found: MortarIntegrals, tested: TestedSides
         (claim.operator @ of_reached.ravel()).reshape(-1, dim) - expected,
         claim.weight / weight[at] - 1.0,
     ]
-    worst = max(float(np.abs(error).max(initial=0.0)) for error in errors)
-    # Round-off of coordinates is no distance.
+    rounded = round_off(claim, tested, largest)[at]
+    of_places = rounded / min(side.narrowest for side in found.sides)
+    worst = max(float((np.abs(error).T - of_places).max(initial=0.0)) for error in errors)
     size = max(float(np.abs(distance).max(initial=0.0)), NO_FORCE * largest)
-    apart = float(np.abs(claim.distance - distance[at]).max(initial=0.0))
-    return parallel.global_max(claim.comm, max(worst, (apart - ZERO_COMPONENT * largest) / size))
+    apart = np.abs(claim.distance - distance[at]) - rounded[:, None]
+    return parallel.global_max(claim.comm, max(worst, float(apart.max(initial=0.0)) / size))
+
+
+def round_off(claim: Claim, tested: TestedSides, largest: float) -> Array:
+    """Of mean distances between coordinates up to the largest one, length, shape (p,): functions of small parts of
+    facets have large values of both signs, which multiply it; collective.
+    """
+    magnitudes = _summed(claim, np.asarray(abs(tested.psi).sum(axis=1)).ravel())
+    weight = tested.taken.shares @ tested.sizes
+    return np.asarray(ZERO_COMPONENT * largest * (tested.taken.shares @ magnitudes) / weight)
 
 
 def _arms(claim: Claim, found: MortarIntegrals, points: PartnerPoints) -> list[Any]:
@@ -263,6 +273,8 @@ def _turned(arms: Any, x: Array, u: Array, ways: Array) -> Array:
         deep.append(padded)
     positions, moved, along = deep
     arm = positions[arms.indices] - (arms @ positions / total[:, None])[row]
+    remainder = [np.bincount(row, arms.data * part, minlength=count) / total for part in arm.T]
+    arm = arm - np.column_stack(remainder)[row]  # round-off of the mean of coordinates far from the origin
     couple = np.cross(arm, arms.data[:, None] * moved[arms.indices])
     square = arms.data[:, None, None] * arm[:, :, None] * arm[:, None, :]
     couples: Array = np.zeros((count, 3))

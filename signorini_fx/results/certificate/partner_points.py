@@ -217,6 +217,13 @@ class SideFacets:
         return total
 
     @property
+    def narrowest(self) -> float:
+        """The shortest distance between two nodes of a facet, length."""
+        x = self.x[self.facets]
+        pairs = [(j, k) for k in range(x.shape[1]) for j in range(k)]
+        return float(min(np.linalg.norm(x[:, j] - x[:, k], axis=1).min(initial=np.inf) for j, k in pairs))
+
+    @property
     def without_area(self) -> Flags:
         """Nodes whose functions have none because of the measure, as on an axis of revolution, shape (N,)."""
         if self.measure is None:

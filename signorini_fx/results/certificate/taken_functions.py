@@ -221,7 +221,7 @@ def _by_rings(side: TestedNodes, tested: Flags, neighbours: Any) -> TakenFunctio
     """Equal shares, where no node keeps a portion."""
     count = side.area.size
     movable = side.movable >= 1.0 - MOSTLY_HELD - SAME_NUMBER  # a half may be more or less by round-off
-    for least in (KEPT_WEIGHT, 0.0):
+    for least in (KEPT_WEIGHT + SAME_NUMBER, 0.0):
         able = tested & ~side.unable & movable & (side.seen > least * side.area)
         while able.any():
             nodes = np.flatnonzero(able)

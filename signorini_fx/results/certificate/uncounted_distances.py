@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from signorini_fx.machine import parallel
 from signorini_fx.results.certificate.held_distances import DisplacedSide, HeldDistances, held_distances
-from signorini_fx.results.certificate.mortar_integrals import MortarIntegrals, TestedSides
+from signorini_fx.results.certificate.mortar_integrals import MortarIntegrals, TestedSides, round_off
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.partner_points import PartnerPoints, SideFacets
 from signorini_fx.tuned import COMPLEX_STEP, NO_FORCE, SAME_PLACE_IN_CELL, ZERO_COMPONENT
@@ -41,6 +41,8 @@ def error_of_uncounted(claim: Claim, found: MortarIntegrals, tested: TestedSides
     count, dim = sum(len(side.x) for side in sides), sides[0].dimension
     rows, of_slave = sp.csr_array((len(claim.points), dim * count)), sp.csr_array((len(claim.points), len(sides[0].x)))
     distances: Array = np.zeros(len(claim.points))
+    largest = max(float(np.abs(side.x).max(initial=0.0)) for side in sides)
+    rounded = ZERO_COMPONENT * largest * np.ones(len(claim.points))  # round-off of coordinates is no distance
     nodes_there = sides[0].facets[found.points.facet], sides[1].facets[found.points.over]
     both_held = held[0][nodes_there[0]].any(axis=1) & held[1][nodes_there[1]].any(axis=1)
     right, counted = rows, of_slave
@@ -49,6 +51,7 @@ def error_of_uncounted(claim: Claim, found: MortarIntegrals, tested: TestedSides
         names = claim.points + claim.space.dofmap.index_map.local_range[0]
         at = np.searchsorted(sides[0].nodes[tested.taken.nodes], names)
         right, counted, distances = sp.csr_array(right[at]), sp.csr_array(counted[at]), of_all[at]
+        rounded = round_off(claim, tested, largest)[at]
     coupling = pair.coupling
     if coupling.fixed is None:
         claimed, claimed_counts = rows, of_slave
@@ -56,12 +59,10 @@ def error_of_uncounted(claim: Claim, found: MortarIntegrals, tested: TestedSides
         claimed = sp.csr_array(coupling.fixed_shares @ coupling.fixed.rows)
         claimed_counts = sp.csr_array(coupling.fixed_shares @ coupling.fixed.slave)
     worst = max(_largest(claimed - right), _largest(sp.csr_array(claimed_counts - counted)))
-    # Round-off of coordinates is no distance.
-    largest = max(float(np.abs(side.x).max(initial=0.0)) for side in sides)
     sizes = float(np.abs([claim.uncounted, distances]).max(initial=0.0))
     sizes = parallel.global_max(claim.comm, max(sizes, NO_FORCE * largest))
-    apart = float(np.abs(claim.uncounted - distances).max(initial=0.0))
-    worst = max(worst, (apart - ZERO_COMPONENT * largest) / sizes)
+    apart = float((np.abs(claim.uncounted - distances) - rounded).max(initial=0.0))
+    worst = max(worst, apart / sizes)
     columns = sp.vstack((pair.slave.columns(claim.reached), pair.master.columns(claim.reached)))
     beyond = np.repeat(np.asarray(columns.sum(axis=1)).ravel() == 0.0, dim)  # nodes that points are not made of
     worst = max(worst, _largest(sp.csr_array(right[:, np.flatnonzero(beyond)])))
