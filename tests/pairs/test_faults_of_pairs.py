@@ -10,6 +10,7 @@ from two_bodies import grid
 from signorini_fx import ConvergenceError, Coulomb
 from signorini_fx.mechanics.body.paired_points import FacingSides
 from signorini_fx.mechanics.pairs import mortar_coupling
+from signorini_fx.results.certificate import partner_points
 from signorini_fx.results.certificate.partner_points import NodalFunctions
 
 DEPTH = 0.02
@@ -203,4 +204,12 @@ def test_functions_of_small_parts_of_facets_multiply_round_off():
 def test_whether_a_node_carries_a_point_is_no_matter_of_round_off():
     """The function at the corner keeps the share of its weight below which there is no point, but for round-off."""
     scene = stacked("tetrahedron", [(4, 4), (1, 4)], (0.2, 0.2), (0.7, 0.7), 1)
+    assert as_linear_bodies(scene).certificate.coupling < 1e-9
+
+
+@pytest.mark.parametrize("kind", ["tetrahedron", "hexahedron"])
+def test_facets_that_are_looked_at_together_may_see_nothing(kind, monkeypatch):
+    """Facet by facet, as on many ranks or of many facets, the certificate finds what it finds of all together."""
+    monkeypatch.setattr(partner_points, "_TOGETHER", 8)
+    scene = stacked(kind, [(1, 1), (4, 4)], (0.0, 0.0), (0.4, 0.4), 1)
     assert as_linear_bodies(scene).certificate.coupling < 1e-9

@@ -46,11 +46,11 @@ def common_polygons(first: Array, second: Array) -> tuple[Array, Numbers]:
     crosses = np.abs(turn) > PARALLEL * np.linalg.norm(along, axis=-1) * np.linalg.norm(across, axis=-1)
     apart = away[..., 0] * across[..., 1] - away[..., 1] * across[..., 0]
     at = np.divide(apart, turn, out=np.zeros_like(turn), where=crosses)
-    count = len(first)
-    crossings = (start + at[..., None] * along).reshape(count, -1, 2)
+    count, edges = len(first), first.shape[1] * second.shape[1]  # there may be no pair
+    crossings = (start + at[..., None] * along).reshape(count, edges, 2)
     points = np.concatenate((first, second, crossings), axis=1)
     kept = np.ones(points.shape[:2], dtype=bool)
-    kept[:, first.shape[1] + second.shape[1] :] = crosses.reshape(count, -1)
+    kept[:, first.shape[1] + second.shape[1] :] = crosses.reshape(count, edges)
     tolerance = SAME_NUMBER * np.maximum(*(np.ptp(polygon, axis=1).max(axis=1) for polygon in (first, second)))
     kept &= _inside(points, first, tolerance) & _inside(points, second, tolerance)
     number = kept.sum(axis=1)
