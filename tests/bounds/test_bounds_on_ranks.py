@@ -16,8 +16,10 @@ from mpi4py import MPI
 from pairs_in_space import drawn as pair_in_space
 from scenes import alone, energy, example1
 from spread_meshes import on_all_ranks
+from test_bounds_of_other_loads import DENSE
 from test_bounds_of_two_bodies import chained
 from test_bounds_on_shapes import CIRCLE, TOOL, on_tool
+from test_jumping_loads import square
 
 from signorini_fx.addons.bounds import error_bound as proof
 from signorini_fx.addons.bounds import whole_problem
@@ -43,8 +45,14 @@ def stepped():
     return scene.model_copy(update={"traction": loads})
 
 
+def two_cells():
+    """Fewer of them than ranks."""
+    return square("0", n=1, material=DENSE, gravity={"y": "-4*x[0]**2"})
+
+
 SCENES = {
     "triangles": partial(pressed, 1),
+    "two cells": two_cells,
     "quadrilaterals of degree 2": partial(example1, bound=1.5, nx=6, ny=2, degree=2),
     "several materials": lambda: of_several_materials(drawn(4), 4),
     "a later load step": stepped,

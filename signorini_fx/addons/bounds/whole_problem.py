@@ -151,10 +151,11 @@ def _rows_of(model: Model, contact: ContactState | None, numbers: Ints) -> _Rows
     tagged, mesh, space = model.tagged, model.tagged.mesh, model.space
     owned, geometry = np.arange(len(numbers)), mesh.geometry
     names, points = np.asarray(geometry.input_global_indices), geometry.index_map().size_local
+    dofs = space.dofmap.list[owned]  # of a rank without cells as wide as of others
     rows: _Rows = {
         "number": numbers,
         "corners": names[compat.geometry_cells(mesh)[owned]],
-        "nodes": space.dofmap.index_map.local_to_global(space.dofmap.list[owned].ravel()).reshape(len(owned), -1),
+        "nodes": space.dofmap.index_map.local_to_global(dofs.ravel()).reshape(dofs.shape),
         "name of point": names[:points],
         "point": geometry.x[:points, : tagged.dimension],
     }
