@@ -337,6 +337,29 @@ def test_supports_of_one_facet_have_bounds():
         assert isinstance(problem.solution.error_bound, ErrorBound), problem.solution.error_bound
 
 
+@pytest.mark.mpi
+def test_a_part_of_another_mesh_has_bounds():
+    """It has no numbers of the cells of its input."""
+    errors = [_error_on_a_part(comm) for comm in (COMM, MPI.COMM_SELF)]
+    assert errors[0] == pytest.approx(errors[1], rel=1e-8)
+
+
+def _error_on_a_part(comm):
+    """The bound on the left part of a square, on the ranks of a communicator."""
+    square = dmesh.create_unit_square(comm, 6, 6)
+    mesh = dmesh.create_submesh(square, 2, dmesh.locate_entities(square, 2, lambda x: x[0] < 0.7))[0]
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a = ufl.inner(stress_of(u, 1.0, 0.3), ufl.sym(ufl.grad(v))) * ufl.dx
+    dofs = fem.locate_dofs_topological(space, 1, supported.side(mesh, 0, 0.0))
+    floor = Foundation(supported.side(mesh, 1, 0.0), 0.001)
+    held = fem.dirichletbc(np.zeros(2), dofs, space)
+    problem = ContactProblem(a, -1e-3 * v[1] * ufl.dx, [held], floor, stress=lambda y: stress_of(y, 1.0, 0.3))
+    problem.solve()
+    assert isinstance(problem.solution.error_bound, ErrorBound), problem.solution.error_bound
+    return problem.solution.error_bound.error
+
+
 def test_what_bounds_refuse():
     """Loads that are known at points of quadrature alone, springs in a, and supports that vary."""
     solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))

@@ -128,7 +128,7 @@ def _numbers_of_cells(tagged: TaggedMesh) -> Ints:
     """Of the owned cells, no two the same on all ranks: those of the input of the mesh, so that their order does not
     depend on the ranks, or those that the ranks give them; collective.
     """
-    owned, numbers = _owned_cells(tagged), np.asarray(tagged.mesh.topology.original_cell_index, dtype=np.int64)
+    owned, numbers = _owned_cells(tagged), compat.input_numbers(tagged.mesh)
     if parallel.any_rank(tagged.mesh.comm, len(numbers) < owned):  # as of a part of another mesh
         return np.arange(*tagged.mesh.topology.index_map(tagged.dimension).local_range)
     return numbers[:owned]
