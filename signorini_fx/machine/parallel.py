@@ -110,21 +110,32 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
     Raises:
         Exception: what ``function`` raised, the same on every rank, so that none waits for the others.
     """
+    if comm.size == 1:
+        return function()
     outcome: tuple[T | None, Exception | None] = (None, None)
     if is_root(comm):
         try:
             outcome = (function(), None)
         except Exception as error:
-            outcome = (None, error)
+            outcome = (None, _as_sent(error))
     result, failure = comm.bcast(outcome)
     if failure is not None:
         raise failure
     return cast(T, result)
 
 
+def _as_sent(error: Exception) -> Exception:
+    """An error that all ranks can raise, in words where it cannot be sent: the others would wait for it."""
+    try:
+        MPI.pickle.loads(MPI.pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}").with_traceback(error.__traceback__)
+    return error
+
+
 def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
     """Raise on every rank if any rank has an error: that of the lowest such rank."""
-    errors = [error] if comm.size == 1 else comm.allgather(error)
+    errors = [error] if comm.size == 1 else comm.allgather(None if error is None else _as_sent(error))
     first = next((e for e in errors if e is not None), None)
     if first is not None:
         raise first

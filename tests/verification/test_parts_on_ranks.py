@@ -46,6 +46,27 @@ def test_rows_of_all_ranks():
     np.testing.assert_array_equal(on_root, expected[:, 0] > 1 if WORLD.rank == 0 else [])
 
 
+class Unsendable(Exception):
+    """One that pickle refuses, as it holds a function of a function."""
+
+    def __init__(self, words):
+        super().__init__(words)
+        self.again = lambda: words
+
+
+def test_errors_that_cannot_be_sent():
+    """All ranks raise them, in words."""
+
+    def fails():
+        raise Unsendable("as it was")
+
+    with pytest.raises(Unsendable if WORLD.size == 1 else RuntimeError, match="as it was"):
+        parallel.on_root(WORLD, fails)
+    mine = Unsendable("as it was") if WORLD.rank == WORLD.size - 1 else None
+    with pytest.raises(Unsendable if WORLD.size == 1 else RuntimeError, match="as it was"):
+        parallel.raise_together(WORLD, mine)
+
+
 @pytest.mark.parametrize("cell", ["tetrahedra", "hexahedra"])
 def test_size_of_a_body(cell):
     """The diagonal of a block, upright and oblique, on ranks whose own facets lie in a plane too."""
