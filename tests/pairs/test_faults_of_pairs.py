@@ -213,3 +213,15 @@ def test_facets_that_are_looked_at_together_may_see_nothing(kind, monkeypatch):
     monkeypatch.setattr(partner_points, "_TOGETHER", 8)
     scene = stacked(kind, [(1, 1), (4, 4)], (0.0, 0.0), (0.4, 0.4), 1)
     assert as_linear_bodies(scene).certificate.coupling < 1e-9
+
+
+@pytest.mark.parametrize("far", [0.1, 0.3, 0.7])
+def test_facets_as_far_apart_as_the_reach_are_partners(far):
+    """All of them, not those whose distance is more but for round-off."""
+    bodies = grid("triangle", (3, 1), [0.0, -0.3], [1.0, 0.0]), grid("triangle", (4, 1), [0.0, far], [1.0, far + 0.3])
+    level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, far, -0.3, far + 0.3)]
+    scene = SlidingBodies("triangle", bodies, level[:2], level[2:], slave=1, pair={"reach": far, "sliding": False})
+    scene.drive.value[-1] = -1e-3
+    certificate = as_linear_bodies(scene).certificate
+    assert certificate.holds
+    assert certificate.coupling < 1e-9

@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.tuned import SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -46,7 +47,7 @@ class Overlap:
         _, pair = np.unique(self.slave * len(master.nodes) + self.master, return_inverse=True)
         moment = np.einsum("pq,pqd->pd", self.weight, self.distance(slave, master))
         mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
-        near = np.linalg.norm(mean, axis=1) <= reach * np.bincount(pair, self.weight.sum(axis=1))
+        near = np.linalg.norm(mean, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(pair, self.weight.sum(axis=1))
         return self.chosen(near[pair])
 
     def joined(self, other: Overlap) -> Overlap:

@@ -286,7 +286,7 @@ def partner_points(
     apart -= np.einsum("rk,rkd->rd", slave.functions.at(points.at), slave.x[slave.facets[points.facet]])
     _, pair = np.unique(points.facet * len(master.facets) + points.over, return_inverse=True)
     means = np.stack([np.bincount(pair, points.area * part) for part in apart.T], axis=1)
-    near = np.linalg.norm(means, axis=1) <= reach * np.bincount(pair, points.area)
+    near = np.linalg.norm(means, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(pair, points.area)
     return points if near.all() else points.chosen(near[pair])
 
 

@@ -38,7 +38,7 @@ from signorini_fx.results.certificate.taken_functions import (
     taken_functions,
     times_rows,
 )
-from signorini_fx.tuned import COMPLEX_STEP, FACING_SIDES, SAME_DIRECTION, SAME_PLACE_IN_CELL
+from signorini_fx.tuned import COMPLEX_STEP, FACING_SIDES, SAME_DIRECTION, SAME_LENGTH, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -269,7 +269,7 @@ def _rays(slave: Chain, x: Array, ways: Array, master: Chain, y: Array, reach: f
     _, pair = np.unique(key, return_inverse=True)
     first, second = (np.bincount(pair, area * column) for column in apart_columns)
     means = np.column_stack((first, second)) / np.bincount(pair, area)[:, None]
-    near = np.flatnonzero(np.linalg.norm(means[pair], axis=1) <= reach)
+    near = np.flatnonzero(np.linalg.norm(means[pair], axis=1) <= (1.0 + SAME_LENGTH) * reach)
     return Rays(facet[near], at[near], over[near], place[near], distance[near], area[near])
 
 

@@ -47,7 +47,7 @@ from signorini_fx.results.certificate.sliding_claim import (
     at_ends,
 )
 from signorini_fx.results.certificate.taken_functions import times_rows
-from signorini_fx.tuned import COMPLEX_STEP, FACING_SIDES, NO_PART, SAME_PLACE_IN_CELL
+from signorini_fx.tuned import COMPLEX_STEP, FACING_SIDES, NO_PART, SAME_LENGTH, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -235,7 +235,7 @@ def _seen_from_facets(
     apart = np.einsum("rk,rkd->rd", _hats(place, opposite.shape[1]), opposite[over[pair]])
     apart = apart - np.einsum("rk,rkd->rd", hats, slave_corners[facet])
     means = np.stack([np.bincount(pair, area * part) for part in apart.T], axis=1) / np.bincount(pair, area)[:, None]
-    seen = np.flatnonzero(np.linalg.norm(means, axis=1)[pair] <= reach)
+    seen = np.flatnonzero(np.linalg.norm(means, axis=1)[pair] <= (1.0 + SAME_LENGTH) * reach)
     distance = np.sum(apart * ways[facet], axis=1)
     return facet[seen], at[seen], over[pair][seen], place[seen], distance[seen], area[seen]
 
