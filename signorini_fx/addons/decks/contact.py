@@ -154,7 +154,7 @@ def _stiffness(deck: Deck, contacts: list[tuple[str | None, list[str]]]) -> list
 
 def _hard(deck: Deck) -> float:
     """The stiffness, stress per length, from which contact is hard."""
-    size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    size = deck.size
     moduli = (properties.get("orthotropic", properties).get("young", 0.0) for properties in deck.materials.values())
     return HARD_CONTACT * max((float(np.max(stiffness)) for stiffness in moduli), default=0.0) / size
 
@@ -175,7 +175,7 @@ def _adjust(deck: Deck, label: str, pair: tuple[str, str, str]) -> list[str]:
     named = deck.nodes(adjustment)
     slave, master = map(deck.boundary, pair[:2])
     if slave is not None and master is not None:
-        size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+        size = deck.size
         held = deck.held(slave)
         away = distances(deck, np.searchsorted(deck.numbers, held), master)
         inside = np.isin(held, named)
@@ -246,12 +246,12 @@ def _in_steps(
 
 def _far(deck: Deck) -> float:
     """A distance that nothing closes, length."""
-    return float(f"{NEVER_CLOSED * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0))):.3g}")
+    return float(f"{NEVER_CLOSED * deck.size:.3g}")
 
 
 def _at_nodes(deck: Deck, nodes: Ints) -> str:
     """The condition of being at one of some nodes."""
-    near = DIGITS_OF_FILES * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    near = DIGITS_OF_FILES * deck.size
     places = (
         "+".join(f"abs(x[{k}]-{value!r})" for k, value in enumerate(map(float, x))) for x in deck.mesh.points[nodes]
     )

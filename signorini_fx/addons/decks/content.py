@@ -358,11 +358,19 @@ class Deck:
         return _by_capitals(self.model.raw.node_sets)
 
     @cached_property
+    def size(self) -> float:
+        """The diagonal of the box around the body, length."""
+        return float(np.linalg.norm([np.ptp(coordinate) for coordinate in self.mesh.points.T]))
+
+    @cached_property
     def numbers(self) -> Ints:
         """Row of the file of each node of the body, ascending; nodes that complete its cells have none."""
         raw = self.model.raw
-        used = [nodes.ravel() for kind, nodes in raw.blocks if dimension(kind) == self.mesh.dim]
-        return np.unique(np.concatenate(used))
+        used = np.zeros(len(raw.points), dtype=bool)
+        for kind, nodes in raw.blocks:
+            if dimension(kind) == self.mesh.dim:
+                used[nodes] = True
+        return np.flatnonzero(used)
 
     @cached_property
     def names(self) -> Ints:

@@ -106,7 +106,7 @@ def _thin_shells(deck: Deck) -> dict[int, Floats]:
             corners[number] = raw.points[[deck.model.places[node] for node in nodes[: _CORNERS[count]]]]
             deck.shells.setdefault(block.parameters.get("ELSET", "").upper(), []).append(number)
     thin: dict[int, Floats] = {}
-    size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    size = deck.size
     for block in deck.model.blocks:
         if block.keyword == "SHELLSECTION" and 0 < _thickness(block) <= SAME_LENGTH * size:
             members = deck.shells.get(block.parameters.get("ELSET", "").upper(), [])
@@ -150,7 +150,7 @@ def _on_side(deck: Deck, corners: Floats, where: str) -> LoadArea | None:
     turns = np.cross(sides, np.roll(sides, -1, axis=0))
     normal = turns.sum(axis=0) / max(float(np.linalg.norm(turns.sum(axis=0))), 1e-300)
     x = deck.mesh.points[np.unique(deck.mesh.facets[deck.mesh.boundaries[where]])]
-    near = SAME_LENGTH * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    near = SAME_LENGTH * deck.size
     flat = np.abs((np.concatenate((x, corners)) - corners[0]) @ normal).max() <= near
     inside = (corners >= x.min(axis=0) - near).all() and (corners <= x.max(axis=0) + near).all()
     if not flat or not inside or (turns @ normal <= 0).any():

@@ -155,7 +155,7 @@ def _keep_flat(deck: Deck, block: DeckBlock, nodes: Sequence[int], count: int) -
     dim = deck.mesh.dim
     x: Floats = np.zeros((len(nodes), 3))
     x[:, :dim] = deck.mesh.points[nodes]
-    tolerance = ALIKE_IN_DECK**2 * float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    tolerance = ALIKE_IN_DECK**2 * deck.size
     first: list[int] = []  # that span the line or the plane
     for k in range(len(nodes)):
         if len(first) < count and np.linalg.matrix_rank(x[[*first, k]] - x[0], tol=tolerance) == len(first):
@@ -211,7 +211,7 @@ def stiffness_of_links(deck: Deck) -> float:
     """That of each link, force per length: by a factor more than cells of the stiffest material resist."""
     moduli = (properties.get("orthotropic", properties).get("young", 0.0) for properties in deck.materials.values())
     young = max(float(np.max(stiffness)) for stiffness in moduli)
-    size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
+    size = deck.size
     if deck.mesh.dim == 2:
         radius = np.abs(deck.mesh.points[:, 0]).max()
         return float(f"{STIFF_LINK * young * (1.0 if deck.kinematics.uniform else 2 * np.pi * radius):.3g}")

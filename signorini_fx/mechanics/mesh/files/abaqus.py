@@ -29,7 +29,7 @@ from signorini_fx.mechanics.mesh.files.abaqus_sectors import NextSector, ReadMes
 from signorini_fx.mechanics.mesh.files.abaqus_tables import NumberTable
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mechanics.mesh.files.cells import Corners, completed, straight
-from signorini_fx.mechanics.mesh.files.raw import RawMesh, rows_of
+from signorini_fx.mechanics.mesh.files.raw import RawMesh, increases, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 _SOLID_IN_PLANE = re.compile(r"(?:CPEG|CPE|CPS|CAX|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
@@ -222,7 +222,8 @@ class _Reader:
             if "ELSET" not in block.parameters:
                 raise DeckError(block, "ELSET is missing")
             members.append(self.element_sets.get(self._name(block.parameters["ELSET"]), no_numbers))
-        numbering = Numbering(np.unique(np.concatenate([no_numbers, *members])))
+        listed = np.concatenate([no_numbers, *members])
+        numbering = Numbering(listed if increases(listed) else np.unique(listed))
         owner = np.full(len(numbering), -1)
         for position, elements in enumerate(members):
             owner[numbering.rows(elements)] = position

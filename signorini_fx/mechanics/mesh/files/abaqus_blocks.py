@@ -87,7 +87,8 @@ def joined_lines(text: str) -> Iterator[tuple[int, str | NumberTable]]:
         yield from _plain_lines(text[begin:stop], following)
         following += text.count("\n", begin, stop) + 1
         yield following, table
-        begin, following = end, following + text.count("\n", stop + 1, end)
+        table_end = stop + 1 + len(table.text)
+        begin, following = end, following + len(table) - 1 + text.count("\n", table_end, end)
     yield from _plain_lines(text[begin:], following)
 
 

@@ -188,20 +188,10 @@ def bodies(
         Name -> for each block the rows of its elements: that of a set of the file with these elements, or else
         ``body_1`` and so on.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     dim = max((dimension(kind) for kind, _ in blocks), default=0)
     solid = [number for number, (kind, _) in enumerate(blocks) if dimension(kind) == dim]
-    links: list[Ints] = [np.empty((2, 0), dtype=np.int64)]
-    for number in solid:
-        nodes = blocks[number][1]
-        links.append(np.stack((np.repeat(nodes[:, 0], nodes.shape[1] - 1), nodes[:, 1:].ravel())))
-    ties = np.concatenate(links, axis=1)
-    size = int(ties.max(initial=-1)) + 1
-    graph = coo_array((np.ones(ties.shape[1], dtype=bool), tuple(ties)), shape=(size, size))
-    labels = connected_components(graph, directed=False)[1]
-    pieces = {number: labels[blocks[number][1][:, 0]] for number in solid}
+    joined = _joined([blocks[number][1] for number in solid])
+    pieces = dict(zip(solid, joined, strict=True))
     of_elements = np.concatenate([np.empty(0, dtype=np.int64), *pieces.values()])
     first = np.full(int(of_elements.max(initial=-1)) + 1, of_elements.size)
     first[of_elements[::-1]] = np.arange(of_elements.size)[::-1]
@@ -221,6 +211,41 @@ def bodies(
     sizes = {tuple(map(len, rows)) for rows in found}
     alike = {_key(listed): name for name, listed in reversed(sets.items()) if tuple(map(len, listed)) in sizes}
     return {alike.get(_key(rows)) or next(names): rows for rows in found}
+
+
+def _joined(tables: Sequence[Ints]) -> list[Ints]:
+    """The number of the body of each element, where bodies share no node.
+
+    Args:
+        tables: of the nodes of elements, those of one kind each, shape (m, k).
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    # Most elements have their first node from the one before them.  Runs of such elements are tied to one another by
+    # the nodes that they share, and there are far fewer of them.
+    columns = [np.ascontiguousarray(nodes.T) for nodes in tables]
+    runs: list[Ints] = []
+    count = 0
+    for nodes in columns:
+        begins = np.ones(nodes.shape[1], dtype=bool)
+        for earlier in nodes:
+            begins[1:] &= nodes[0, 1:] != earlier[:-1]
+        runs.append(count + np.cumsum(begins) - 1)
+        count += np.count_nonzero(begins)
+    owner = np.zeros(max((int(nodes.max(initial=-1)) for nodes in columns), default=-1) + 1, dtype=np.int64)
+    for nodes, run in zip(columns, runs, strict=True):
+        owner[nodes] = run  # the last one of those that have the node
+    ties = [np.empty(0, dtype=np.int64)]
+    for nodes, run in zip(columns, runs, strict=True):
+        for column in nodes:
+            owners = owner[column]
+            shared = np.flatnonzero(owners != run)
+            ties.append(run[shared] * count + owners[shared])
+    pairs = np.divmod(np.unique(np.concatenate(ties)), max(count, 1))
+    graph = coo_array((np.ones(len(pairs[0]), dtype=bool), pairs), shape=(count, count))
+    labels = connected_components(graph, directed=False)[1]
+    return [labels[run] for run in runs]
 
 
 def _key(rows: Sequence[Ints]) -> tuple[bytes, ...]:

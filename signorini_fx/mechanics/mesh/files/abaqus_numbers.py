@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError
 from signorini_fx.mechanics.mesh.files.arrays import plain
+from signorini_fx.mechanics.mesh.files.raw import increases
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 Truths = npt.NDArray[np.bool_]
@@ -49,6 +50,8 @@ class Numbering(Mapping[int, int]):
         """The row of each number, -1: it is none of these."""
         if self._table is not None:
             least, table = self._table
+            if wanted.size and least <= wanted.min() and wanted.max() < least + len(table):
+                return table[wanted - least]
             inside = (wanted >= least) & (wanted < least + len(table))
             return np.where(inside, table[np.where(inside, wanted - least, 0)], -1)
         order, numbers = self._sorted
@@ -79,7 +82,7 @@ def _check_once(numbers: Ints, of: Callable[[int], DeckBlock], word: str) -> Non
     Raises:
         DeckError: with the keyword that defines it again.
     """
-    if np.unique(numbers).size == numbers.size:
+    if increases(numbers) or np.unique(numbers).size == numbers.size:
         return
     first = np.zeros(numbers.size, dtype=bool)
     first[np.unique(numbers, return_index=True)[1]] = True
@@ -202,4 +205,4 @@ def _counted(kind: Ints, count: int) -> Ints:
 
 def distinct(numbers: Ints) -> Ints:
     """Numbers without those that occur before."""
-    return numbers[np.sort(np.unique(numbers, return_index=True)[1])]
+    return numbers if increases(numbers) else numbers[np.sort(np.unique(numbers, return_index=True)[1])]

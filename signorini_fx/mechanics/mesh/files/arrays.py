@@ -14,7 +14,7 @@ from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed
 from signorini_fx.mechanics.mesh.files.cutting import cut
 from signorini_fx.mechanics.mesh.files.dividing import divided
 from signorini_fx.mechanics.mesh.files.one_order import complete, of_one_order
-from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
+from signorini_fx.mechanics.mesh.files.raw import RawMesh, increases, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.tuned import LARGEST_NUMBER
@@ -227,7 +227,8 @@ class _Entities:
         """The entities that are elements ``members(block)``."""
         parts = [rows[members(block)] for block, rows in self.rows.items()]
         numbers = np.concatenate([np.empty(0, dtype=np.int64), *parts])
-        return np.unique(numbers[numbers >= 0])
+        numbers = numbers[numbers >= 0]
+        return numbers if increases(numbers) else np.unique(numbers)
 
     def missed(self, members: Callable[[int], Ints]) -> int:
         """How many of the elements ``members(block)`` are none of the entities."""
@@ -333,7 +334,7 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
 
 def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floats, Ints, Ints]:
     """Points that cells use, the cells in their numbers, and the new number of every point (-1: dropped)."""
-    cells = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64)
+    cells = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64, copy=False)
     count = len(raw.points)
     if any(nodes.size and not 0 <= nodes.min() <= nodes.max() < count for _, nodes in raw.blocks):
         raise MeshError(f"{name}: an element has a node that does not exist")
@@ -347,7 +348,7 @@ def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floa
         raise MeshError(f"{name}: the cells are those of a body in space, but the nodes have no third coordinate")
     if dim == 2 and points.shape[1] > 2:
         _check_plane(points, name)
-    return np.ascontiguousarray(points[:, :dim]), renumber[cells], renumber
+    return np.ascontiguousarray(points[:, :dim]), cells if used.all() else renumber[cells], renumber
 
 
 def _check_plane(points: Floats, name: str) -> None:
@@ -373,7 +374,8 @@ def _check_plane(points: Floats, name: str) -> None:
 
 def _check_twice(corners: Ints, name: str) -> None:
     # Cells with the same corners have the same sum of random numbers of these: only where sums agree the corners may.
-    sums = np.random.default_rng(0).integers(2**62, size=int(corners.max()) + 1, dtype=np.uint64)[corners].sum(axis=1)
+    random = np.random.default_rng(0).integers(2**62, size=int(corners.max()) + 1, dtype=np.uint64)
+    sums = sum(random[column] for column in corners.T)
     if np.unique(sums).size == len(sums):
         return
     twice = len(corners) - len(np.unique(np.sort(corners, axis=1), axis=0))
@@ -389,20 +391,43 @@ def sides_of(cells: Ints, cell: Cell) -> Ints:
 
 def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
     """The facets that belong to one cell only, in the order of the cells."""
-    sides = sides_of(cells, cell)
-    corners = sides[:, : len(CELLS[cell.facet].corners)]
-    if corners.shape[1] == 2:  # numbers of which two are the same only if both nodes are
-        ends = np.minimum(corners[:, 0], corners[:, 1]), np.maximum(corners[:, 0], corners[:, 1])
-        keys = ends[0] * (int(corners.max()) + 1) + ends[1]
+    facet_nodes = np.array(cell.facet_nodes)
+    corners = facet_nodes[:, : len(CELLS[cell.facet].corners)]
+    if corners.shape[1] == 2:
+        alone, frequency = _single_pairs(cells, corners)
     else:
-        keys = row_keys(corners)
-    found, counts = np.unique(keys, return_counts=True)
-    if counts.max() > 2:
-        raise MeshError(f"{name}: a facet belongs to {counts.max()} cells")
-    if counts.min() > 1:
+        keys = row_keys(cells[:, corners].reshape(-1, corners.shape[1]))
+        counts = np.bincount(keys)
+        alone, frequency = np.flatnonzero(counts[keys] == 1), int(counts.max())
+    if frequency > 2:
+        raise MeshError(f"{name}: a facet belongs to {frequency} cells")
+    if not alone.size:
         raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells")
-    alone = found[counts == 1]
-    return sides[alone[np.minimum(np.searchsorted(alone, keys), alone.size - 1)] == keys]
+    rows, sides = np.divmod(alone, len(facet_nodes))
+    return cells[rows[:, None], facet_nodes[sides]]
+
+
+def _single_pairs(cells: Ints, pairs: Ints) -> tuple[Ints, int]:
+    """Which pairs of nodes, cell by cell, occur once, and how often the most frequent one occurs.
+
+    Args:
+        cells: nodes of each cell, shape (m, k).
+        pairs: places of two nodes among those of a cell, shape (p, 2).
+    """
+    nodes, count = np.ascontiguousarray(cells.T), int(cells.max()) + 1
+    keys = np.empty((len(cells), len(pairs)), dtype=np.int64)
+    for k, (first, second) in enumerate(plain(pairs)):  # numbers of which two are the same only if both nodes are
+        keys[:, k] = np.minimum(nodes[first], nodes[second]) * count + np.maximum(nodes[first], nodes[second])
+    ordered = np.sort(keys, axis=None)
+    repeated = ordered[1:] == ordered[:-1]
+    once = ordered[~np.append(repeated, False) & ~np.append(False, repeated)]
+    frequency = int(np.unique(ordered, return_counts=True)[1].max()) if (repeated[1:] & repeated[:-1]).any() else 2
+    # Few pairs have two nodes of those that occur once: only these are looked for, which takes longer than to sort all.
+    marked = np.zeros(count, dtype=bool)
+    marked[once // count] = marked[once % count] = True
+    ends = marked[nodes]
+    possible = np.flatnonzero(np.stack([ends[first] & ends[second] for first, second in plain(pairs)], axis=1))
+    return possible[np.isin(keys.ravel()[possible], once)], frequency
 
 
 def _inside(raw: RawMesh, sections: Collection[str], renumber: Ints, sides: Ints, facets: Ints, width: int) -> Ints:

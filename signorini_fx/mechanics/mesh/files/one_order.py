@@ -25,13 +25,15 @@ def of_one_order(raw: RawMesh) -> tuple[RawMesh, str]:
     kinds = {kind for kind, nodes in raw.blocks if len(nodes) and shape_of(kind) in CORNERS}
     body = {kind for kind in kinds if shape_of(kind) not in ("triangle", "quad")} or kinds
     straight = {kind for kind in body if kind == shape_of(kind)}
+    if not straight or straight == body:
+        return raw, ""
     present = np.zeros((2, len(raw.points)), dtype=bool)
     for kind, nodes in raw.blocks:
         if kind in body and nodes.size:
             if not 0 <= nodes.min() <= nodes.max() < len(raw.points):
                 return raw, ""
             present[int(kind in straight), nodes] = True
-    if not straight or straight == body or present.all(axis=0).any():
+    if present.all(axis=0).any():
         return raw, ""
     changed = [n for n, (kind, nodes) in enumerate(raw.blocks) if kind in straight and len(nodes)]
     edges = {kind: np.array([pair for pair in BETWEEN[kind] if len(pair) == 2]) for kind in straight}

@@ -103,9 +103,15 @@ def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
 
 def _spoilt_in_plane(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
     """Which cells are flat at a corner, and which have corners of both orientations."""
-    cross, product = _corner_sides(points, cells[:, : len(cell.corners)])
-    flat = np.any(np.abs(cross) <= PARALLEL * product, axis=1)
-    return flat, np.logical_and(cross.min(axis=1) < 0, cross.max(axis=1) > 0)
+    forth = _sides_of_corners(points, cells[:, : len(cell.corners)])
+    cross = _cross_products(forth)
+    # No side is longer than the sum of its components: where this limit, with room for round-off, is not reached, the
+    # other one is not.
+    doubtful = np.abs(cross) <= 2 * PARALLEL * _products(np.abs(forth[0]) + np.abs(forth[1]))
+    flat: _Truths = np.zeros(len(cells), dtype=bool)
+    if doubtful.any():
+        flat = np.asarray(np.any(np.abs(cross) <= PARALLEL * _products(np.hypot(*forth)), axis=0), dtype=np.bool_)
+    return flat, np.logical_and(cross.min(axis=0) < 0, cross.max(axis=0) > 0)
 
 
 def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
@@ -118,14 +124,23 @@ def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
     return flat, np.logical_and(size.min(axis=1) < 0, size.max(axis=1) > 0)
 
 
-def _corner_sides(points: Floats, corners: Ints) -> tuple[Floats, Floats]:
-    """Cross product and product of the lengths of the sides at each corner of each cell, shape (m, 3 or 4) each."""
-    x = np.ascontiguousarray(points.T)[:, corners.T]  # coordinate, corner, cell: sums go along the cells
-    forth = np.roll(x, -1, axis=1) - x
-    back = -np.roll(forth, 1, axis=1)
-    cross = forth[0] * back[1] - forth[1] * back[0]
-    lengths = np.hypot(*forth)
-    return cross.T, (lengths * np.roll(lengths, 1, axis=0)).T
+def _sides_of_corners(points: Floats, corners: Ints) -> Floats:
+    """From each corner of each cell to the next one, shape (2, 3 or 4, m): sums go along the cells."""
+    x = np.stack([coordinate[corners.T] for coordinate in points.T])
+    forth = np.empty_like(x)
+    np.subtract(x[:, 1:], x[:, :-1], out=forth[:, :-1])
+    np.subtract(x[:, 0], x[:, -1], out=forth[:, -1])
+    return forth
+
+
+def _cross_products(forth: Floats) -> Floats:
+    """Of the sides that meet in each corner of each cell, positive where it is to the left of the way around."""
+    return np.stack([forth[1, k] * forth[0, k - 1] - forth[0, k] * forth[1, k - 1] for k in range(forth.shape[1])])
+
+
+def _products(lengths: Floats) -> Floats:
+    """Of the lengths of the sides that meet in each corner of each cell, shape (3 or 4, m)."""
+    return np.stack([lengths[k] * lengths[k - 1] for k in range(len(lengths))])
 
 
 def quality(points: Floats, corners: Ints) -> Floats:
@@ -142,7 +157,7 @@ def quality(points: Floats, corners: Ints) -> Floats:
     x = points[corners]
     if points.shape[1] == 3:
         return _quality_in_space(x)
-    cross = np.abs(_corner_sides(points, corners)[0])
+    cross = np.abs(_cross_products(_sides_of_corners(points, corners))).T
     squares = ((np.roll(x, -1, axis=1) - x) ** 2).sum(axis=-1)
     if corners.shape[1] == 3:
         return 2 * np.sqrt(3.0) * cross[:, 0] / squares.sum(axis=1)
