@@ -102,7 +102,10 @@ def test_one_rank_or_many(kind):
     for name in ("duality", "data", "moved", "error"):
         assert getattr(bound, name) == pytest.approx(getattr(expected, name), rel=0, abs=close * expected.error)
     assert bound.size == pytest.approx(expected.size, rel=CLOSE)
-    assert bound.strain_energy == pytest.approx(expected.strain_energy, rel=CLOSE, abs=close * expected.size**2)
+    # The ends of the interval are quadratic in size and error, and so is what an error that is close changes of them.
+    assert bound.strain_energy == pytest.approx(
+        expected.strain_energy, rel=CLOSE, abs=close * (expected.size + expected.error) ** 2
+    )
     assert (bound.work is None) == (expected.work is None)
     of_cells = in_order(by_itself, expected.squares)
     assert in_order(together, bound.squares) == pytest.approx(of_cells, rel=0, abs=2 * close * sum(of_cells))
