@@ -14,7 +14,14 @@ from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints, DensityPoints, profile_of
 from signorini_fx.addons.bounds.equilibrated_stress import Loads
 from signorini_fx.addons.bounds.facets import coefficients
-from signorini_fx.addons.bounds.integrated_loads import Integrated, closest_linear, in_simplices, integral, on_edges
+from signorini_fx.addons.bounds.integrated_loads import (
+    Density,
+    Integrated,
+    closest_linear,
+    in_simplices,
+    integral,
+    on_edges,
+)
 from signorini_fx.addons.bounds.johnson_mercier import constant_forces
 from signorini_fx.addons.bounds.korn import missed_squares, work_beside_linear, work_inside
 from signorini_fx.addons.bounds.lifted_forces import lifted_forces
@@ -154,6 +161,27 @@ class BodyLoads:
         return np.asarray((middle - y[self.t.edges].mean(axis=1))[self.t.edges_of])
 
 
+def _tractions(t: Simplices, facets: Ints, loads: list[tuple[Acting, Ints]], held: Array) -> Density:
+    """The sum of loads on some facets, without what supports take of it.
+
+    Args:
+        t: the cells.
+        facets: on parts of which it is asked for, shape (m,).
+        loads: with the facets that they load.
+        held: projectors onto the directions that supports hold on all facets, shape (f, d, d).
+    """
+
+    def density(owner: Ints, points: BoundPoints) -> Array:
+        force = np.zeros_like(points.x)
+        for load, loaded_facets in loads:
+            rows = np.flatnonzero(np.isin(facets[owner], loaded_facets))
+            at = BoundPoints(points.x[rows], points.normal[rows])
+            force[rows] += load.at(t.sides[facets[owner[rows]], 0], at)
+        return np.asarray(force - np.einsum("mij,mqj->mqi", held[facets[owner]], force))
+
+    return density
+
+
 class PlaneLoads:
     """Loads on triangles.
 
@@ -200,17 +228,8 @@ class PlaneLoads:
             return
         edges = np.unique(np.concatenate([loaded_edges for _, loaded_edges in loads]))
 
-        def density(owner: Ints, points: BoundPoints) -> Array:
-            """Without what supports take of it."""
-            force = np.zeros_like(points.x)
-            for load, loaded_edges in loads:
-                rows = np.flatnonzero(np.isin(edges[owner], loaded_edges))
-                at = BoundPoints(points.x[rows], points.normal[rows])
-                force[rows] += load.at(t.sides[edges[owner[rows]], 0], at)
-            return np.asarray(force - np.einsum("mij,mqj->mqi", self._held[edges[owner]], force))
-
         values = [value for load, _ in loads for value in load.profile(2)]
-        integrated = on_edges(t, edges, density, values)
+        integrated = on_edges(t, edges, _tractions(t, edges, loads, self._held), values)
         self._on_edges[edges], self._unknown_on_edges[edges] = integrated.moments, integrated.unknown
         missed: Array = np.zeros(len(t.facets))
         missed[edges] = np.sqrt(integrated.missed)
@@ -320,19 +339,10 @@ class SpatialLoads:
     def _integrate_tractions(self, loads: list[tuple[Acting, Ints]]) -> None:
         """Linear tractions with the moments of those given, and what they miss."""
         t, faces = self._t, self._faces
-        held = self._held[faces]
 
         def integrated(selected: list[tuple[Acting, Ints]]) -> tuple[Integrated, Array]:
             """Without what supports take of some loads; and the linear tractions at vertices, shape (m, 3, 3)."""
-
-            def density(owner: Ints, points: BoundPoints) -> Array:
-                force = np.zeros_like(points.x)
-                for load, loaded_faces in selected:
-                    rows = np.flatnonzero(np.isin(faces[owner], loaded_faces))
-                    at = BoundPoints(points.x[rows], points.normal[rows])
-                    force[rows] += load.at(t.sides[faces[owner[rows]], 0], at)
-                return np.asarray(force - np.einsum("mij,mqj->mqi", held[owner], force))
-
+            density = _tractions(t, faces, selected, self._held)
             values = [value for load, _ in selected for value in load.profile(3)]
             integral_values = in_simplices(t.x[t.facets[faces]], density, values, normal=t.normal[faces])
             return integral_values, closest_linear(integral_values.moments[:, :3])

@@ -434,12 +434,10 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
                 problems.append((f"{path}.{key}", f"boundary {name!r} has no exterior facets"))
             elif inside := tagged.inside(name):
                 message = (
-                    f"{inside} of the {inside + outside} facets of boundary {name!r} are inside of the body, where "
+                    f"{inside} of the {inside + outside} facets of boundary {name!r} are inside of the body, where it "
+                    "has no surface: give a boundary of exterior facets alone; of two bodies that touch there each "
+                    "needs its own nodes, and its own boundary"
                 )
-                message += (
-                    "it has no surface: give a boundary of exterior facets alone; of two bodies that touch there "
-                )
-                message += "each needs its own nodes, and its own boundary"
                 problems.append((f"{path}.{key}", message))
     sides = [(f"contact[{index}].boundary", effect.boundary) for index, effect in enumerate(statement.contact)]
     sides += [

@@ -13,6 +13,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.assembly import facet_vertices
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import Expression, sample
+from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.statement import Statement
 
 
@@ -29,7 +30,7 @@ def try_functions(statement: Statement, tagged: TaggedMesh) -> None:
         (f"{path}.{key}", entry, value)
         for path, entry in statement.listed()
         for key, value in _values(entry)
-        if callable(value) and not isinstance(value, Expression) and not hasattr(value, "ufl_shape")
+        if callable(value) and not isinstance(value, Expression | PointValues) and not hasattr(value, "ufl_shape")
     ]
     if not functions:
         return
@@ -39,8 +40,6 @@ def try_functions(statement: Statement, tagged: TaggedMesh) -> None:
         try:
             if x.size:
                 sample(function, x)
-        except SceneError as error:  # of a file, which says more
-            problems += error.problems
         except Exception as failure:  # whatever a function of a user raises
             problems.append((path, f"cannot be evaluated at points of shape (3, {x.shape[1]}): {failure}"))
     parallel.raise_together(tagged.mesh.comm, SceneError(problems) if problems else None)

@@ -14,7 +14,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.assembly import node_positions
-from signorini_fx.mechanics.statement.expressions import in_space
+from signorini_fx.mechanics.statement.expressions import in_space, real_numbers
 from signorini_fx.tuned import LARGEST_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -70,10 +70,7 @@ class NodalValues:
                 function.interpolate(expression, cells0=self._cells)
                 nodal_values[self.nodes] = function.x.array.reshape(-1, self._space.dofmap.bs)[self.nodes, :components]
             else:
-                point_values = np.asarray(value(in_space(x[self.nodes])) if callable(value) else value)
-                if np.iscomplexobj(point_values):
-                    raise ValueError("the values are complex numbers, and real ones are expected")
-                point_values = point_values.astype(float)
+                point_values = real_numbers(value(in_space(x[self.nodes])) if callable(value) else value)
                 if point_values.ndim < 2 and components > 1:  # one vector for all points
                     point_values = point_values[:, None]
                 rows = (

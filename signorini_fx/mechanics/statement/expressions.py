@@ -450,12 +450,21 @@ def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """
     if isinstance(value, int | float):
         return np.full(x.shape[1], float(value))
-    result = np.asarray(value(x))
-    if np.iscomplexobj(result):
-        raise ValueError("the values are complex numbers, and real ones are expected")
+    result = real_numbers(value(x))
     if result.shape not in ((), (1,), (x.shape[1],)):
         raise ValueError(f"the values have the shape {result.shape}, and {(x.shape[1],)} is expected")
-    return np.broadcast_to(result.astype(float), (x.shape[1],)).copy()
+    return np.broadcast_to(result, (x.shape[1],)).copy()
+
+
+def real_numbers(values: Any) -> npt.NDArray[np.float64]:
+    """Values that a function of a user gives, as an array.
+
+    Raises:
+        ValueError: they are no real numbers; of complex ones NumPy would leave out the imaginary parts.
+    """
+    if np.iscomplexobj(values):
+        raise ValueError("the values are complex numbers, and real ones are expected")
+    return np.asarray(values, dtype=float)
 
 
 def in_space(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_entities, node_positions
+from signorini_fx.mechanics.body.assembly import facet_nodes, node_positions
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.results.certificate.mortar_integrals import MortarIntegrals, error_of_integrals
 from signorini_fx.results.certificate.paired_claim import Claim
@@ -110,12 +110,9 @@ def _owned_by(
     claim: Claim, nodes: npt.NDArray[np.int64], taken: Iterable[npt.NDArray[np.int32]]
 ) -> npt.NDArray[np.bool_]:
     """Which nodes of the slave, global numbers, other contacts own, or the other side, shape (N,); collective."""
-    dofmap, dim, reached = claim.space.dofmap, claim.space.mesh.topology.dim, [np.zeros(0, dtype=np.int64)]
-    for facets in (*taken, claim.master):
-        for cell, number in facet_entities(claim.space.mesh, facets):
-            closure = dofmap.dof_layout.entity_closure_dofs(dim - 1, int(number))
-            reached.append(dofmap.index_map.local_to_global(dofmap.list[cell][closure]))
-    return np.isin(nodes, parallel.gather_rows(claim.comm, np.unique(np.concatenate(reached))))
+    facets = np.concatenate((*taken, claim.master))
+    names = claim.space.dofmap.index_map.local_to_global(np.unique(facet_nodes(claim.space, facets)))
+    return np.isin(nodes, parallel.gather_rows(claim.comm, names))
 
 
 def not_loose(claim: SlidingClaim, held: Array) -> float:
