@@ -11,6 +11,7 @@ from signorini_fx import MeshError
 from signorini_fx.addons.judging.judge import judge
 from signorini_fx.addons.judging.own_solution import at_nodes_of
 from signorini_fx.addons.judging.problems import judged_problem
+from signorini_fx.scenes.reading import parse_scene
 
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 RECTANGLE = {"length": 2.0, "height": 0.5, "nx": 12, "ny": 4}
@@ -71,15 +72,77 @@ def test_our_own_solution_agrees(kind):
     assert set(wrong.factors) == {"traction on top", "body force"}
 
 
-@pytest.mark.parametrize("name", ["dovetail", "hertz_friction", "press_and_slide", "two_cylinders"])
+@pytest.mark.parametrize(
+    "name", ["bonded_pad", "dovetail", "hertz_friction", "press_and_slide", "press_fit", "two_cylinders"]
+)
 def test_solutions_of_the_demos_agree(name):
-    """In space, of two bodies, on curved foundations, with friction and load steps."""
+    """In space, of two bodies, on curved foundations, with friction and load steps, elements of degree 2 on cells of
+    degree 1, and volumes that are integrated with fewer points.
+    """
     scene = sfx.read_scene(DEMOS / f"{name}.toml")
     problem, reasons = judged_problem(scene)
     assert reasons == []
     judgement = judge(scene, at_nodes_of(sfx.solve(scene), problem), compare=False)
     assert judgement.word == "agrees", str(judgement)
     assert judgement.figures["equilibrium"]["value"] < 1e-8
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_volumes_that_are_integrated_with_fewer_points(cell, degree):
+    """The element that the scene states; a full one is another element, and a wrong modulus another problem."""
+    held = shelf(cell=cell)
+    scene = sfx.Scene(**dict(held) | {"element": {"degree": degree, "volumetric": "reduced"}})
+    if (cell, degree) == ("triangle", 1):
+        pytest.skip("has no reduced form")
+    problem, reasons = judged_problem(scene)
+    assert reasons == []
+    judgement = judge(scene, at_nodes_of(sfx.solve(scene), problem), compare=False)
+    assert judgement.word == "agrees", str(judgement)
+    assert judgement.figures["equilibrium"]["value"] < 1e-8
+    full = sfx.Scene(**dict(held) | {"element": {"degree": degree}})
+    other = judge(full, at_nodes_of(sfx.solve(scene), problem), compare=False)
+    assert other.word == "agrees with another element", str(other)
+
+
+def test_curved_cells_of_degree_2(tmp_path):
+    """Quadrature of forms takes more points than that of programs: no fault, and one of 1 % of the load is seen."""
+    mesh = sfx.MeshGenerator(generator="half_disk", parameters={"radius": 1.0, "size": 0.3, "order": 2})
+    scene = sfx.Scene(
+        mesh=mesh,
+        element={"degree": 2},
+        material=sfx.LinearElastic(young=1000.0, poisson=0.3),
+        displacement=sfx.PrescribedDisplacement(boundary="top", x=0.0, y=-0.05),
+        body_force=sfx.BodyForce(x=20.0),
+        contact=sfx.UnilateralContact(boundary="arc"),
+    )
+    problem, reasons = judged_problem(scene)
+    assert reasons == []
+    solution = sfx.solve(scene)
+    judgement = judge(scene, at_nodes_of(solution, problem), compare=False)
+    assert judgement.word == "agrees", str(judgement)
+    other = sfx.Scene(**dict(scene) | {"body_force": sfx.BodyForce(x=22.0)})
+    wrong = judge(other, at_nodes_of(solution, problem), compare=False)
+    assert wrong.word == "another problem: load or modulus", str(wrong)
+
+
+def test_folders_of_results(tmp_path):
+    """The last load step of a folder or a .pvd, whose slip counts from the step before."""
+    scene = sfx.read_scene(DEMOS / "press_fit.toml")
+    solution = sfx.solve(scene)
+    sfx.write_results(solution, tmp_path / "out")
+    for result in (tmp_path / "out", tmp_path / "out" / "fields.pvd"):
+        judgement = judge(scene, result)
+        assert judgement.word == "agrees", str(judgement)
+        assert all(judgement.beside[key] < 1e-8 for key in ("displacement", "force", "pressure"))
+        assert judgement.figures["slip_below_bound"]["value"] is not None
+    (tmp_path / "empty.pvd").write_text("<VTKFile/>")
+    (tmp_path / "torn.pvd").write_text("<VTKFile>")
+    for name, reason in (("empty", "names no file"), ("torn", "is no .pvd file"), ("none", "cannot be read")):
+        with pytest.raises(MeshError, match=reason):
+            judge(scene, tmp_path / f"{name}.pvd")
+    with pytest.raises(MeshError, match="cannot be read"):
+        judge(scene, tmp_path)
 
 
 def test_formats(tmp_path, solved):
@@ -172,12 +235,24 @@ def test_two_nodes_at_one_place_need_numbers(tmp_path):
 
 
 def test_what_is_not_judged_yet_is_said():
-    """Springs and a body that turns about its axis with torsion, by their names."""
+    """Springs, and materials that are not linear, by their names."""
     scene = sfx.Scene(**dict(shelf()) | {"springs": [sfx.Springs(boundary="right", normal=1.0)]})
     problem, _ = judged_problem(scene)
     judgement = judge(scene, np.ones(problem.mesh.points.shape), compare=False)
     assert (judgement.word, judgement.exit_code) == ("cannot be judged", 7)
     assert "springs right is not judged yet" in str(judgement)
+    for law in ({"law": "neo-hooke", "young": 1.0, "poisson": 0.3}, {"law": "j2", "young": 1.0, "poisson": 0.3}):
+        scene = parse_scene(
+            {
+                "mesh": {"generator": "rectangle", "parameters": RECTANGLE},
+                "material": law | ({"yield_stress": 0.1, "hardening": 0.1} if law["law"] == "j2" else {}),
+                "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+                "contact": {"boundary": "bottom"},
+            }
+        )
+        judgement = judge(scene, np.ones(problem.mesh.points.shape), compare=False)
+        assert judgement.word == "cannot be judged"
+        assert "is not linear, which is not judged yet" in str(judgement)
 
 
 @pytest.mark.parametrize("pairs", [0, 1, 4])

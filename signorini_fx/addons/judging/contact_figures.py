@@ -40,6 +40,9 @@ class JudgedContactFigures:
         penalty_energy: work of forces on what enters, over a(v, v).
         apart: share of corners around which the sides are apart.
         beside: the corner of these with most force.
+        coarse: share of corners where it is, but where the clearance varies by more on the facets, of degree 2: if its
+            mean vanishes with weights that are negative somewhere, that does not say where they touch.
+        coarsest: the corner of these with most force.
         cone: shear over its bound where it is above it, 1 elsewhere; without friction the share of shear.
         cone_share: share of force of these corners.
         above: the corner that is most above it.
@@ -69,6 +72,8 @@ class JudgedContactFigures:
     penalty_energy: float
     apart: float
     beside: int
+    coarse: float
+    coarsest: int
     cone: float
     cone_share: float
     above: int
@@ -141,7 +146,9 @@ def contact_figures(
     entered = np.where(s.judged, s.penetration - allowed, 0.0)
     reach = 0.0 if law is None else law.reach
     is_apart = (s.clearance > JUDGED_APART * largest + reach) & s.judged
-    apart = np.where(is_apart, np.abs(push), 0.0)
+    is_coarse = is_apart & (s.clearance < s.varies) & (problem.mesh.facet.degree > 1)
+    apart = np.where(is_apart & ~is_coarse, np.abs(push), 0.0)
+    coarse = np.where(is_coarse, np.abs(push), 0.0)
     figures = _friction(s, push, force, energy, least) | _lawful(s, push, pressure, energy, least)
     return JudgedContactFigures(
         surface=s,
@@ -155,6 +162,8 @@ def contact_figures(
         penalty_energy=float((push.clip(min=0.0) * s.penetration).sum() / energy),
         apart=float(apart.sum() / force),
         beside=int(np.argmax(apart)),
+        coarse=float(coarse.sum() / force),
+        coarsest=int(np.argmax(coarse)),
         touching=int(np.count_nonzero(pressed & s.judged)),
         **figures,
     )

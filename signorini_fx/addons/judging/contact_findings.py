@@ -68,6 +68,9 @@ def contact_findings(
     if figures.apart > apart:
         text = f"{percent(figures.apart)} of the contact force acts where the sides are apart"
         yield finding("apart", text, figures.apart, apart, figures.beside, figures.apart)
+    elif figures.apart + figures.coarse > apart:
+        text = f"the facets with {percent(figures.coarse)} of the force are too large to tell whether they touch"
+        yield finding("coarse", text, figures.apart + figures.coarse, apart, figures.coarsest, figures.coarse)
     if figures.is_soft and figures.unlawful > JUDGED_LAW[unknown]:
         law = figures.surface.contact.law
         assert law is not None

@@ -10,7 +10,7 @@ bound becomes its error.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -39,6 +39,7 @@ from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import JUDGED_FINEST, JUDGED_HALVINGS
 
+FiguresOf = Callable[[Floats], Sequence[JudgedContactFigures] | None]
 # Along each axis, exact for squares of gradients of degree 4.
 _INTERPOLATION_POINTS = 5
 
@@ -83,7 +84,12 @@ def _percent(value: float) -> str:
 
 
 def measured_distance(
-    problem: JudgedProblem, v: Floats, contacts: Sequence[JudgedContactFigures], *, supported: bool
+    problem: JudgedProblem,
+    v: Floats,
+    contacts: Sequence[JudgedContactFigures],
+    figures_of: FiguresOf,
+    *,
+    supported: bool,
 ) -> DistanceOfResult:
     """How far a displacement is from the solution.
 
@@ -91,6 +97,7 @@ def measured_distance(
         problem: the problem.
         v: the displacement, length, shape (n, d).
         contacts: its figures.
+        figures_of: the figures of another displacement, None where it is in equilibrium in no formulation.
         supported: whether it keeps to its supports, up to print.
     """
     held = ~np.isnan(problem.prescribed)
@@ -103,12 +110,14 @@ def measured_distance(
         body = one_body(problem, exact)
         if body.scene.statement.has_coulomb:
             raise Refused("friction of Coulomb")
-        return _guaranteed(problem, body, contacts)
+        return _guaranteed(problem, body, contacts, figures_of)
     except Refused as reason:
-        return _estimated(problem, v, contacts, str(reason))
+        return _estimated(problem, v, contacts, figures_of, str(reason))
 
 
-def _guaranteed(problem: JudgedProblem, body: OneBody, contacts: Sequence[JudgedContactFigures]) -> DistanceOfResult:
+def _guaranteed(
+    problem: JudgedProblem, body: OneBody, contacts: Sequence[JudgedContactFigures], figures_of: FiguresOf
+) -> DistanceOfResult:
     """With the interval of the error."""
     dim = body.mesh.arrays.dim
     coarse = solved(body.scene)
@@ -140,7 +149,7 @@ def _guaranteed(problem: JudgedProblem, body: OneBody, contacts: Sequence[Judged
         "distance": apart / size,
         "unknowns": int(ours.displacement.x.array.size),
     }
-    return DistanceOfResult(error, _beside(problem, theirs, on_mesh, coarse, contacts))
+    return DistanceOfResult(error, _beside(problem, theirs, on_mesh, coarse, contacts, figures_of))
 
 
 def _halvings(mesh: CarriedMesh) -> int:
@@ -219,7 +228,7 @@ def _energy_norm(problem: JudgedProblem, mesh: CarriedMesh, difference: Floats) 
 
 
 def _estimated(
-    problem: JudgedProblem, v: Floats, contacts: Sequence[JudgedContactFigures], reason: str
+    problem: JudgedProblem, v: Floats, contacts: Sequence[JudgedContactFigures], figures_of: FiguresOf, reason: str
 ) -> DistanceOfResult:
     """With the distance to our solution on the same mesh alone."""
     try:
@@ -236,23 +245,41 @@ def _estimated(
         np.sqrt(sum(float(u.ravel() @ (matrix @ u.ravel())) for matrix in matrices)) for u in (v - ours, ours)
     )
     error = {"guaranteed": False, "distance": float(difference / size), "reason": reason}
-    return DistanceOfResult(error, _beside(problem, v, ours, solution, contacts))
+    return DistanceOfResult(error, _beside(problem, v, ours, solution, contacts, figures_of))
 
 
 def _beside(
-    problem: JudgedProblem, v: Floats, ours: Floats, solution: Solution, contacts: Sequence[JudgedContactFigures]
+    problem: JudgedProblem,
+    v: Floats,
+    ours: Floats,
+    solution: Solution,
+    contacts: Sequence[JudgedContactFigures],
+    figures_of: FiguresOf,
 ) -> dict[str, float]:
     """Differences of displacement, contact force and largest pressure, relative to ours."""
     beside = {"displacement": float(np.linalg.norm(v - ours, axis=1).max() / np.linalg.norm(ours, axis=1).max())}
     if solution.contact is None or not contacts:
         return beside
+    theirs = _forces_of(contacts)
+    on_mesh = figures_of(ours) if ours.shape == problem.mesh.points.shape else None
+    weights, largest = _of_solution(problem, solution) if on_mesh is None else _forces_of(on_mesh)
+    if weights > 0:
+        beside["force"] = float(abs(theirs[0] - weights) / weights)
+        beside["pressure"] = float(abs(theirs[1] - largest) / largest)
+    return beside
+
+
+def _forces_of(contacts: Sequence[JudgedContactFigures]) -> tuple[float, float]:
+    """The sum of what presses at corners, and the largest pressure there."""
+    pushes = [(f.surface.push[f.surface.judged], f.surface.area[f.surface.judged]) for f in contacts]
+    return float(sum(push.sum() for push, _ in pushes)), max(float((p / a).max(initial=0.0)) for p, a in pushes)
+
+
+def _of_solution(problem: JudgedProblem, solution: Solution) -> tuple[float, float]:
+    """The same of a solution of ours by its own points, where its displacement is on another mesh."""
+    assert solution.contact is not None
     share = 2 * np.pi if problem.hypothesis == "axisymmetric" else 1.0
-    theirs = share * sum(figures.surface.push[figures.surface.judged].sum() for figures in contacts)
     rivals = [part for part, entry in enumerate(solution.model.statement.contact) if not entry.bonded]
     pressures = solution.contact.pressure[np.isin(solution.contact.boundary.part, rivals)]
-    weights = np.linalg.norm(solution.contact.forces_of_each[rivals, 0], axis=1).sum()
-    if weights > 0:
-        beside["force"] = float(abs(theirs - weights) / weights)
-        largest = max(float((f.surface.push / f.surface.area)[f.surface.judged].max(initial=0.0)) for f in contacts)
-        beside["pressure"] = float(abs(largest - pressures.max()) / pressures.max())
-    return beside
+    force = float(np.linalg.norm(solution.contact.forces_of_each[rivals, 0], axis=1).sum()) / share
+    return force, float(pressures.max())

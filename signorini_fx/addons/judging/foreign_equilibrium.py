@@ -19,8 +19,10 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from signorini_fx.addons.judging.formulations import (
+    EXACT,
     FULL,
     INCOMPATIBLE,
+    SELECTIVE,
     UNIFORM,
     Formulation,
     candidates,
@@ -278,6 +280,11 @@ def best_fit(equilibrium: Equilibrium, *, of_calculix: bool = False) -> BestFit:
         and (hourglass(problem) or (best.worst_share <= JUDGED_HOURGLASS_NODE and much_better))
     )
     plain = order[0] if stated is None and not hourglass(problem) else stated
-    as_stated = exact and plain is not None and best.formulation.name == plain.name
+    names = {plain.name} if plain is not None else set()
+    if (
+        problem.deck is None
+    ):  # a scene states no rule of quadrature, but whether volumes are integrated with fewer points
+        names |= {EXACT.name, SELECTIVE if problem.scene.element.volumetric in ("auto", "reduced") else EXACT.name}
+    as_stated = exact and best.formulation.name in names
     resolution = max(best.rho, equilibrium.threshold) if similar else equilibrium.threshold
     return BestFit(best, tuple(tried), as_stated, exact, resolution, similar)

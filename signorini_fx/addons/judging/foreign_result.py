@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,7 @@ from signorini_fx.addons.judging.tables_of_points import PointTable, read_csv, r
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.results.fields import VTU, VTU_STEPS
 from signorini_fx.tuned import DIGITS_OF_FILES, JUDGED_SAME_PLACE
 
 
@@ -50,8 +52,9 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     """A result at the nodes of a problem.
 
     Args:
-        result: the path of a .dat, .frd, .csv or .vtu file; or an array of shape (n, d), in the order of the nodes of
-            the deck or of the mesh file; or a mapping from numbers of nodes to displacements.
+        result: the path of a .dat, .frd, .csv, .vtu or .pvd file, or of a folder of our results; or an array of shape
+            (n, d), in the order of the nodes of the deck or of the mesh file; or a mapping from numbers of nodes to
+            displacements.
         problem: the problem.
 
     Raises:
@@ -96,12 +99,39 @@ def _of_mapping(result: Mapping[Any, Any], dim: int) -> Table:
 def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
     readers: dict[str, Any] = {".dat": read_dat, ".frd": read_frd}
     points: dict[str, Any] = {".csv": read_csv, ".vtu": read_vtu}
+    if file.is_dir():
+        several = file / VTU_STEPS
+        return _read(several if several.exists() else file / VTU, problem)
     kind = file.suffix.lower()
+    if kind == ".pvd":
+        return _of_steps(file, problem)
     if kind in readers:
         return _of_tables(file.name, readers[kind](file, problem.begun), problem)
     if kind in points:
         return _of_points(file, points[kind](file), problem)
-    raise MeshError(f"{file}: results are read from {', '.join([*readers, *points])}")
+    raise MeshError(f"{file}: results are read from {', '.join([*readers, *points, '.pvd'])}, and folders of ours")
+
+
+def _of_steps(file: Path, problem: JudgedProblem) -> ForeignResult:
+    """The last one of a .pvd file; with one for each load step of the problem, that before is where slip began.
+
+    Raises:
+        MeshError: it cannot be read, or names no file.
+    """
+    try:
+        entries = list(ElementTree.parse(file).iter("DataSet"))
+        files = [file.parent / entry.attrib["file"] for entry in entries]
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
+    except (ElementTree.ParseError, KeyError) as error:
+        raise MeshError(f"{file}: is no .pvd file: {error}") from None
+    if not files:
+        raise MeshError(f"{file}: it names no file")
+    last = _read(files[-1], problem)
+    if len(files) == 1 or len(files) != problem.scene.statement.steps:
+        return replace(last, name=file.name)
+    begun = _read(files[-2], problem).displacement
+    return replace(last, name=file.name, step_start=begun if np.isfinite(begun).all() else None)
 
 
 def _of_tables(name: str, tables: NodeTables, problem: JudgedProblem) -> ForeignResult:

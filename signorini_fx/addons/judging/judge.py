@@ -165,7 +165,7 @@ class _Judging:
         error: Mapping[str, Any] = {}
         beside: Mapping[str, Any] = {}
         if compare and unit is None:
-            distance = measured_distance(problem, v, contacts, supported=finding is None)
+            distance = measured_distance(problem, v, contacts, self._own_contacts, supported=finding is None)
             error, beside = distance.error, distance.beside
             lines |= distance.lines
         head = self._head(best, equilibrium)
@@ -295,6 +295,13 @@ class _Judging:
             if not contact.bonded
         )
         return [contact_figures(self.problem, surface, energy, largest, size) for surface in surfaces]
+
+    def _own_contacts(self, u: Floats) -> list[JudgedContactFigures] | None:
+        """The figures of our displacement; None: it is in equilibrium in no formulation."""
+        equilibrium = Equilibrium(self.problem, u, np.zeros_like(u))
+        best = best_fit(equilibrium)
+        largest = float(np.linalg.norm(u, axis=1).max())
+        return self._contacts(u, best.fit.residual, equilibrium.energy, largest) if best.exact else None
 
 
 def _balance(equilibrium: Equilibrium, best: BestFit, explained: FoundFactors | None) -> str:

@@ -29,6 +29,7 @@ WORDS = {
         key: CONTACT + key
         for key in ("penetration", "tension", "apart", "reaction", "cone", "wrong way", "slip", "law", "penalty")
     },
+    "coarse": NOT_JUDGED,
     "element": OTHER_ELEMENT,
     "another penalty": OTHER_PENALTY,
 }

@@ -13,6 +13,7 @@ from typing import Any
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
 from dolfinx import fem
+from dolfinx.io.utils import cell_perm_vtk
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
@@ -232,10 +233,13 @@ def at_nodes_of(solution: Solution, problem: JudgedProblem) -> Floats:
     space = solution.displacement.function_space
     mesh = space.mesh
     of_mesh, of_space = compat.geometry_cells(mesh), space.dofmap.list
-    if of_mesh.shape != of_space.shape:
+    if problem.deck is None and of_space.shape == problem.mesh.cells.shape:
+        order = np.argsort(cell_perm_vtk(mesh.topology.cell_type, of_space.shape[1]))
+        of_space, numbers = of_space[:, order], np.ravel(problem.mesh.cells)
+    elif of_mesh.shape == of_space.shape:
+        numbers = np.ravel(np.asarray(mesh.geometry.input_global_indices)[of_mesh])
+    else:
         raise Refused("the elements of our solution have other nodes than the mesh")
-    nodes = of_mesh.ravel()
-    numbers = nodes if problem.deck is None else np.asarray(mesh.geometry.input_global_indices)[nodes]
     dim = problem.mesh.dim
     values = np.zeros((int(numbers.max()) + 1, dim))
     values[numbers] = solution.displacement.x.array.reshape(-1, dim)[of_space.ravel()]

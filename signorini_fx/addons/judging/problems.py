@@ -38,10 +38,10 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS, completed, dimension
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed, dimension
 from signorini_fx.mechanics.mesh.files.cutting import shape_of
 from signorini_fx.mechanics.mesh.files.raw import rows_of
-from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.mechanics.statement.expressions import in_space
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
@@ -69,7 +69,7 @@ def judged_problem(problem: object) -> tuple[JudgedProblem, list[str]]:
     scene = as_scene(problem)
     tagged = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, tagged)
-    judged, reasons = _problem(scene, _mesh_of_tagged(tagged), None, ())
+    judged, reasons = _problem(scene, _mesh_of_tagged(tagged, scene.element.degree), None, ())
     if tagged.subdivided:
         reasons.append(f"its mesh has other cells than its file: {tagged.note}")
     return judged, reasons
@@ -139,8 +139,8 @@ def _mesh_of_deck(deck: Deck) -> JudgedMesh:
     return JudgedMesh(arrays.points[:count], kind, arrays.cells[:, :width], boundaries, dict(arrays.regions), names)
 
 
-def _mesh_of_tagged(tagged: TaggedMesh) -> JudgedMesh:
-    """The mesh of a scene."""
+def _mesh_of_tagged(tagged: TaggedMesh, element_degree: int) -> JudgedMesh:
+    """The mesh of a scene, with the nodes between corners that its elements have where its cells have none."""
     mesh, dim = tagged.mesh, tagged.dimension
     degree, name = compat.geometry_degree(mesh), mesh.topology.cell_name()
     kind = next(
@@ -151,6 +151,9 @@ def _mesh_of_tagged(tagged: TaggedMesh) -> JudgedMesh:
     width = len(CELLS[kind].nodes)
     order = np.argsort(cell_perm_vtk(mesh.topology.cell_type, width))
     cells = compat.geometry_cells(mesh)[:, order].astype(np.int64)
+    points = mesh.geometry.x[:, :dim].astype(np.float64)
+    if element_degree > degree:
+        kind, cells, points = _with_nodes_between(CELLS[kind], cells, points)
     sides = sides_of(cells, CELLS[kind])
     corner_count = len(CELLS[CELLS[kind].facet].corners)
     boundaries = {}
@@ -161,8 +164,22 @@ def _mesh_of_tagged(tagged: TaggedMesh) -> JudgedMesh:
         rows = rows_of(ends.astype(np.int64), sides[first, :corner_count]) if facets.size else facets
         boundaries[label] = sides[first[rows]]
     regions = {label: tagged.cells(label).astype(np.int64) for label in tagged.regions}
-    points = mesh.geometry.x[:, :dim].astype(np.float64)
     return JudgedMesh(points, kind, cells, boundaries, regions, np.arange(1, len(points) + 1))
+
+
+def _with_nodes_between(cell: Cell, cells: Ints, points: Floats) -> tuple[str, Ints, Floats]:
+    """Kind, nodes and points of the cells of degree 2 with the corners, and the shape, of some of degree 1."""
+    full_cell = next(c for c in CELLS.values() if c.corners == cell.corners and c.degree == 2)
+    columns, further = [cells], [points]
+    count = len(points)
+    for size in sorted({len(members) for members in full_cell.nodes} - {1}):
+        between = np.array([members for members in full_cell.nodes if len(members) == size])
+        rows = cells[:, between].reshape(-1, size)
+        _, first, numbers = np.unique(np.sort(rows, axis=1), axis=0, return_index=True, return_inverse=True)
+        columns.append(count + numbers.reshape(len(cells), -1))
+        further.append(points[rows[first]].mean(axis=1))
+        count += len(first)
+    return full_cell.kind, np.hstack(columns), np.concatenate(further)
 
 
 def _corners(cell: str) -> int:
@@ -181,7 +198,9 @@ def _problem(
     if hypothesis not in ("plane strain", "plane stress", "axisymmetric", "space"):
         reasons.append(f"{hypothesis} is not judged yet")
     if scene.element.degree != mesh.element.degree:
-        reasons.append("elements of degree 2 on cells of degree 1 are not judged yet: take cells of degree 2")
+        reasons.append("elements of degree 1 on cells of degree 2 are not judged yet: take those of degree 2")
+    if scene.element.volumetric == "mixed":
+        reasons.append("elements with a pressure of their own are not judged yet")
     materials, misfits = _materials(statement, mesh)
     reasons += misfits
     loads, misfits = loads_of(statement, position, mesh, materials, revolved=revolved)
@@ -259,6 +278,9 @@ def _materials(statement: Any, mesh: JudgedMesh) -> tuple[tuple[JudgedMaterial, 
         owner[everything if entry.region is None else mesh.regions[entry.region]] = number
     for number, entry in enumerate(statement.material):
         name = "" if entry.region is None else str(entry.region)
+        if not entry.linear:
+            reasons.append(f"the material {name or 'of the body'} is not linear, which is not judged yet")
+            continue
         if entry.varies:
             reasons.append(f"the material {name or 'of the body'} varies, which is not judged yet")
         axes = np.eye(3) if entry.isotropic else entry.axes(in_space(mesh.points[:1]))[0]

@@ -123,12 +123,12 @@ def stiffness_rule(element: ReferenceElement, further: int = 0) -> tuple[Floats,
 
     Args:
         element: the element.
-        further: points along each axis, besides those of plain elements; simplices keep their rule.
+        further: points along each axis, besides those of plain elements; simplices have one with fewer.
     """
-    if element.simplex:
+    if element.simplex and further <= 0:
         volume = 1 / 2 if element.dim == 2 else 1 / 6
         places: Floats = np.full((1, element.dim), 1 / (element.dim + 1))
-        if element.degree == 2:
+        if element.degree == 2 and further == 0:
             places = _THREE if element.dim == 2 else _FOUR
         return places, np.full(len(places), volume / len(places))
-    return gauss(element.degree + 1 + further, element.dim)
+    return gauss(element.degree + 1 + further, element.dim, simplex=element.simplex)

@@ -37,6 +37,7 @@ class TouchingSurface:
         shear: force across the normal, shape (c, d).
         penetration: mean of what enters the other side, length, shape (c,).
         clearance: least on the facets around a corner, length, shape (c,).
+        varies: by how much the clearance varies on these facets where it is known, length, shape (c,).
         slip: across the normal, of this side against the other one, in the last load step, length, shape (c, d).
         slip_known: whether it is that; else it counts from the beginning, as the displacement before is not known.
         rubbed: whether friction may have acted before the last load step.
@@ -60,6 +61,7 @@ class TouchingSurface:
     shear: Floats
     penetration: Floats
     clearance: Floats
+    varies: Floats
     slip: Floats
     slip_known: bool
     rubbed: bool
@@ -122,6 +124,10 @@ def touching_surface(
     penetration, mean_slip = mean((-gap).clip(min=0.0)), mean(slip)
     clearance = np.full(len(corners), np.inf)
     np.minimum.at(clearance, local, np.repeat(_least(mesh.facet, at.shape, gap)[:, None], width, axis=1))
+    most = np.full(len(corners), -np.inf)
+    known = np.where(np.isfinite(gap), gap, -np.inf).max(axis=1)
+    np.maximum.at(most, local, np.repeat(known[:, None], width, axis=1))
+    varies = np.where(np.isfinite(most), most, 0.0) - np.where(np.isfinite(clearance), clearance, 0.0)
     toward = mean(normal)
     toward /= np.linalg.norm(toward, axis=1)[:, None]
     straight = np.ones(len(corners)) if contact.nodal else _straight(mean, slip, normal, (-gap).clip(min=0.0))
@@ -176,6 +182,7 @@ def touching_surface(
         shear,
         penetration,
         clearance,
+        varies,
         mean_slip,
         step_start is not None or not problem.several_steps,
         problem.several_steps,
