@@ -20,6 +20,8 @@ from test_jumping_loads import square
 from signorini_fx.addons.bounds import applied_loads
 from signorini_fx.addons.bounds.applied_loads import Acting
 from signorini_fx.addons.bounds.bounded_scene import profile_of, refuse_unknown, why_estimated
+from signorini_fx.addons.bounds.error_bound import Bounded
+from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.fluid import Fluid
@@ -113,6 +115,47 @@ def test_a_force_that_statics_determines(monkeypatch, kind, factor):
     assert high - low < 1e-9 * exact
     assert (low - 1e-12 * exact <= exact <= high + 1e-12 * exact) == (factor == 1)
     assert solution.error_bound.as_dict()["guaranteed"]
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_the_work_of_tractions_that_vary_along_edges(degree):
+    """On a displacement that is drawn, beside a rule of quadrature on the edges of the scene."""
+    load = {"boundary": "right", "x": "x[1]**2 - 0.2*x[1]", "y": "3*x[1]"}
+    solution = alone(bent(degree, load))
+    displaced = solution.displacement.copy()
+    away = displaced.function_space.tabulate_dof_coordinates()[:, 0] > 1e-9
+    displaced.x.array[:] = np.random.default_rng(degree).normal(size=(len(away), 2)).ravel() * np.repeat(away, 2)
+    case = Bounded(solution.model, displaced, solution.contact, 0.0)
+    facets = case._facets("right")
+    up = case.on(facets, POINTS[2]).x[..., 1]
+    at = bernstein(POINTS[2]) @ case.on_facets(case.y, case.middle, facets)
+    density = (up**2 - 0.2 * up) * at[..., 0] + 3 * up * at[..., 1]
+    assert case.loads.work(case.y, case.middle) == pytest.approx(case.t.area[facets] @ density @ WEIGHTS[2], rel=1e-12)
+
+
+def test_a_beam_that_is_bent_by_a_linear_traction():
+    """Without Poisson's ratio elements of degree 2 have its displacement: both bounds of the mean are equal."""
+    solution = alone(bent(2, {"boundary": "right", "x": "x[1] - 0.5"}))
+    exact = -(2.0**2) / 100.0 / 2
+    low, high = solution.mean_displacement_bounds("right", (0.0, 1.0))
+    assert high - low < 1e-8 * abs(exact)
+    assert low - 1e-12 <= exact <= high + 1e-12
+    work = solution.error_bound.work
+    assert work == pytest.approx((2.0 / 12 / 100,) * 2, rel=1e-6)
+
+
+def bent(degree, load):
+    """A beam that is clamped at its left and loaded at its right."""
+    shape = {"length": 2.0, "height": 1.0, "nx": 3, "ny": 2, "cell": "triangle"}
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": shape},
+            "element": {"degree": degree},
+            "material": {"young": 100.0, "poisson": 0.0},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
+            "traction": [load],
+        }
+    )
 
 
 def test_a_share_that_quadrature_does_not_know():

@@ -238,8 +238,7 @@ class PlaneLoads:
                 largest, missed_alone = self._largest_moments(load, loaded_edges)
                 self._unknown_on_edges[loaded_edges] += load.doubtful * largest[:, None, None]
                 missed[loaded_edges] += load.doubtful * missed_alone
-        first, second = (integrated.moments[:, k] + integrated.moments[:, 1] / 2 for k in (0, 2))
-        self.traction[edges] = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
+        self.traction[edges] = closest_linear(integrated.moments[:, :2] + integrated.moments[:, 2:] / 2)
         self._missed_on_edges[:] = t.area * missed**2
         unknown = self._unknown_on_edges[edges].sum(axis=(1, 2))
         np.add.at(self._unknown, t.sides[edges, 0], t.area[edges] * unknown)

@@ -13,7 +13,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints
-from signorini_fx.addons.bounds.facets import GAUSS, POINTS, WEIGHTS
+from signorini_fx.addons.bounds.facets import GAUSS, POINTS, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.initial_stress import simplex_rule, sizes_of_rules
 from signorini_fx.addons.bounds.simplices import Simplices
 from signorini_fx.mechanics.statement.cut_simplices import cut, halved
@@ -73,7 +73,8 @@ def integral(t: Simplices, facets: Ints, value: Any) -> tuple[float, float]:
 
 
 def on_edges(t: Simplices, edges: Ints, density: Density, values: list[Any]) -> Integrated:
-    """Moments of a load with the polynomials of Bernstein of degree 2, and what linear functions miss of it.
+    """Moments of a load with the polynomials of Bernstein of degree 2, in the order of ``facets.bernstein``, and what
+    linear functions miss of it.
 
     Args:
         t: the triangles.
@@ -93,12 +94,11 @@ def on_edges(t: Simplices, edges: Ints, density: Density, values: list[Any]) -> 
         a, b = x[owners, 0][:, None], x[owners, 1][:, None]
         at = a + s[:, :, None] * (b - a)
         force = density(owners, BoundPoints(at, np.broadcast_to(t.normal[edges[owners]][:, None], at.shape)))
-        tested = np.stack(((1 - s) ** 2, 2 * s * (1 - s), s**2), axis=1) * w[:, None]
+        local = np.stack((1 - s, s), axis=2)
+        tested = bernstein(local.reshape(-1, 2)).reshape(*s.shape, 3) * w[:, :, None]
         moments = np.zeros((len(edges), 3, 2))
-        np.add.at(moments, owners, np.einsum("mbq,mqd->mbd", tested, force))
-        first, second = moments[:, 0] + moments[:, 1] / 2, moments[:, 2] + moments[:, 1] / 2
-        ends = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
-        linear = np.einsum("mqa,mad->mqd", np.stack((1 - s, s), axis=2), ends[owners])
+        np.add.at(moments, owners, np.einsum("mqb,mqd->mbd", tested, force))
+        linear = local @ closest_linear(moments[:, :2] + moments[:, 2:] / 2)[owners]
         missed = np.bincount(owners, np.einsum("mq,mqd->m", w, (force - linear) ** 2), len(edges))
         rules.append((moments, np.asarray(missed, dtype=np.float64)))
     return _compared(rules, rules[0][0].sum(axis=1))
