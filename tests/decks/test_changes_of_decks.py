@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.addons.decks.node_results import at_nodes
+from signorini_fx.addons.decks.tables import dat
 from signorini_fx.errors import MeshError
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
@@ -205,6 +206,81 @@ def test_slips_count_from_the_beginning(tmp_path):
         slip = abs(moment.contact[middle, 1])
         assert slip == pytest.approx(abs(moment.displacement[middle, 0]), abs=0.02)
         assert slip == pytest.approx(x, rel=0.2)
+
+
+def pushed_and_back(*last):
+    """A block that slides to the right with a coefficient of 0.6, and goes back a little in the last steps."""
+    lines = stacked(["*FRICTION", "0.6"])
+    at = lines.index("*BOUNDARY")
+    lines[at:] = [line for line in lines[at:] if line != "UP_WALL, 1"]
+    asked = ["*NODE PRINT, NSET=LOW_FEET", "U, RF"]
+    pushed = ["*STEP", "*STATIC", "*BOUNDARY", "UP_HEAD, 2, 2, -0.01", "UP_HEAD, 1, 1, 0.02", *asked, "*END STEP"]
+    return [*lines[: lines.index("*STEP")], *pushed, *last]
+
+
+FRICTION_CHANGES = ["*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.1"]
+GOES_BACK = ["*BOUNDARY", "UP_HEAD, 1, 1, 0.016"]
+
+
+def test_friction_that_changes_before_displacements(tmp_path):
+    """Another coefficient beside displacements of a step holds before them: as if the file had a step for it, but the
+    tables and the times are those of the file.
+
+    CalculiX 2.20 agrees as its first increment becomes small.
+    """
+    step = ["*STEP", "*STATIC"]
+    folders = [tmp_path / "together", tmp_path / "apart"]
+    for folder in folders:
+        folder.mkdir()
+    together, data = drafted(
+        folders[0], pushed_and_back(*step, *GOES_BACK[:2], *FRICTION_CHANGES, *GOES_BACK[2:], "*END STEP")
+    )
+    apart, other = drafted(
+        folders[1], pushed_and_back(*step, *FRICTION_CHANGES, "*END STEP", *step, *GOES_BACK, "*END STEP")
+    )
+    assert together.lost == apart.lost == apart.noted == []
+    assert [note.partition(": ")[2].partition(" of ")[0] for note in together.noted] == [
+        "the coefficient changes before the loads"
+    ]
+    assert data["load_steps"].pop("names") == ["step 1", "step 2, friction", "step 2"]
+    other["load_steps"].pop("names")
+    assert data.pop("title") == other.pop("title")
+    assert {**data, "mesh": None} == {**other, "mesh": None}
+    moments = [
+        list(at_nodes(solved(folder), made.deck)) for folder, made in zip(folders, (together, apart), strict=True)
+    ]
+    slid, free, back = (np.nansum(moment.contact[:, 4]) for moment in moments[0])
+    assert abs(slid) > 3 * abs(free)  # a sixth of the coefficient holds less
+    assert free * slid > 0 > back * slid  # what is left of it turns round
+    printed, printed_apart = (
+        "".join(dat(made.deck, given)) for made, given in zip((together, apart), moments, strict=True)
+    )
+    assert [line.split()[-1] for line in printed.splitlines() if "S T E P" in line] == ["1", "2"]
+    assert [line.split()[-1] for line in printed_apart.splitlines() if "S T E P" in line] == ["1", "2", "3"]
+    times = [line.split()[-1] for line in printed.splitlines() if "forces" in line]
+    assert times == ["0.1000000E+01", "0.2000000E+01"]
+    last, last_apart = (text[text.rindex(" forces") :].partition("\n")[2] for text in (printed, printed_apart))
+    assert last == last_apart
+
+
+def test_friction_that_changes_with_loads_of_an_amplitude(tmp_path):
+    """Loads of earlier steps that follow their amplitude change in the step, too; in the first one there are none."""
+    lines = pushed_and_back("*STEP", "*STATIC", *FRICTION_CHANGES, "*END STEP")
+    made, data = drafted(tmp_path, lines)
+    assert made.noted == []
+    assert data["load_steps"]["names"] == ["step 1", "step 2"]
+    at = lines.index("*STEP")
+    lines[at:at] = ["*AMPLITUDE, NAME=A, TIME=TOTAL TIME", "0., 0., 1., 1., 2., 0.5"]
+    lines = [f"{line}, AMPLITUDE=A" if line == "*BOUNDARY" and k > at else line for k, line in enumerate(lines)]
+    made, data = drafted(tmp_path, lines)
+    assert data["load_steps"]["names"] == ["step 1", "step 2, friction", "step 2"]
+    assert {tuple(entry["factors"]) for entry in data["displacement"] if "factors" in entry} == {(1.0, 1.0, 0.5)}
+    lines = pushed_and_back()
+    at = lines.index("*STATIC") + 1
+    lines[at:at] = FRICTION_CHANGES
+    made, data = drafted(tmp_path, lines)
+    assert made.noted == made.lost == []
+    assert data["contact"][0]["friction"]["coefficient"] == 0.1
 
 
 BEHAVIOURS = {

@@ -69,9 +69,12 @@ SAID = {
         [],
         ["*END STEP", "*STEP", "*STATIC", "*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"],
     ),
-    ("CHANGEFRICTION", "beside loads or displacements of the step"): (
+    ("CHANGEFRICTION", "beside loads or displacements of a later step"): (
         [],
-        ["*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"],  # in the step with the loads
+        [
+            *("*END STEP", "*STEP", "*STATIC", "*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"),
+            *("*DSLOAD", "UP_TOP, P, 6.0"),
+        ],
     ),
     ("EQUATION", ""): (["*EQUATION", "2", "111, 2, 1., 112, 2, -1."], []),
     ("TRANSFORM", ""): (["*TRANSFORM, NSET=UP_WALL", "1., 0., 0., 0., 1., 0."], []),

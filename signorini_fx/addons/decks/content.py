@@ -156,7 +156,8 @@ class Deck:
     ``shells`` has the elements of sets of shells in space, and ``areas`` those that only carry a pressure to a side of
     the body (``load_areas.LoadArea``).
     ``nonlinear`` is the last step with NLGEOM, and ``finite`` says that the scene has finite strains because of it.
-    ``taken`` has the places of the steps of the scene among all of the file, which has others, too, from 0.
+    ``taken`` has the places of the steps of the scene among all of the file, which has others, too, from 0; None: the
+    file has no such step, see ``deck._friction_first``.
     ``paired`` has, for contact pairs that a later step removes or adds, whether they are there from a step on.
     ``at_nodes`` says that forces at nodes stay there, even if they are
     nearly those of an even traction.  ``slaves`` says that contact points are those of slave surfaces, whose
@@ -217,7 +218,7 @@ class Deck:
     areas: dict[int, Any] = field(default_factory=dict)
     nonlinear: DeckBlock | None = None
     finite: bool = False
-    taken: list[int] = field(default_factory=list)
+    taken: list[int | None] = field(default_factory=list)
     paired: dict[frozenset[str], dict[int, bool]] = field(default_factory=dict)
     apart: bool = False
     slaves: bool = False
@@ -281,6 +282,11 @@ class Deck:
     def step(self) -> int:
         """The current one, from 0; -1 before the first."""
         return len(self.steps) - 1
+
+    @property
+    def given_steps(self) -> int:
+        """How many steps of the scene are steps of the file."""
+        return sum(place is not None for place in self.taken)
 
     @property
     def axes(self) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from signorini_fx.addons.decks.keywords import (
     CHANGED_WITHIN,
     COMING_AND_GOING,
     FINITE,
+    FRICTION_FIRST,
     NO_CLEARANCE,
     NO_PROCEDURE,
     NO_SECTORS,
@@ -34,7 +35,6 @@ from signorini_fx.addons.decks.keywords import (
     SECTOR,
     SMALL,
     STATIC,
-    TOGETHER,
     TURNED,
     UNKNOWN,
     WRITTEN,
@@ -61,8 +61,8 @@ from signorini_fx.mechanics.mesh.files.arrays import from_raw
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
 # How a contact pair is discretised, which a scene chooses itself.
 _KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "PGLINMORTAR", "MASSLESS")
-# What a step loads or displaces a body by.
-_LOADS = ("BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
+# What a step changes beside friction.
+_CHANGES = ("BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "MODELCHANGE")
 # What a step does, unless it is static.
 _PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
 
@@ -112,8 +112,6 @@ def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> De
             match block.keyword:
                 case "CHANGEFRICTION":
                     changed = block.parameters["INTERACTION"].upper()
-                    if _has_loads(deck, block):
-                        deck.lose(block, TOGETHER)
                     continue
                 case "CHANGESURFACEBEHAVIOR":
                     deck.lose(block, OTHER_BEHAVIOUR)
@@ -220,9 +218,44 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
             if "PERTURBATION" in step[0].parameters:
                 deck.lose(step[0], PERTURBATION)
             steps += 1
+            if steps > 1:
+                step = yield from _friction_first(deck, step)
             deck.taken.append(file_step)
             yield from step
         step = None
+
+
+def _friction_first(deck: Deck, step: list[DeckBlock]) -> Generator[DeckBlock, None, list[DeckBlock]]:
+    """Give what changes friction a step of its own, without time, if the step of the file changes more than that: in
+    CalculiX another coefficient holds from its first increment on, when its loads have hardly begun to act.
+
+    Returns:
+        What is left of the step.
+    """
+    follows = any("TIME" in amplitude.parameters for amplitude in deck.amplitudes.values())  # loads of earlier steps
+    changes = [block for block in step if block.keyword == "CHANGEFRICTION"]
+    if not changes or not (follows or any(block.keyword in _CHANGES for block in step)):
+        return step
+    name = step[0].parameters.get("NAME", f"step {deck.given_steps + 1}")
+    _begin_step(deck, f"{name}, friction", period=0.0)
+    deck.taken.append(None)
+    deck.note(changes[0], FRICTION_FIRST)
+    remaining_blocks: list[DeckBlock] = []
+    keywords = [block.keyword for block in step]
+    for block, pair in zip(step, zip(["", *keywords], keywords, strict=False), strict=True):
+        if block.keyword == "CHANGEFRICTION" or pair == ("CHANGEFRICTION", "FRICTION"):
+            yield block
+        else:
+            remaining_blocks.append(block)
+    return remaining_blocks
+
+
+def _begin_step(deck: Deck, name: str, *, period: float) -> None:
+    """Let another step of the scene begin, which lasts for some time."""
+    deck.steps.append(name)
+    deck.time += deck.period if deck.step else 0.0
+    deck.period = period
+    deck.ends[deck.step] = deck.time + period
 
 
 def _read(deck: Deck, block: DeckBlock) -> None:
@@ -238,9 +271,7 @@ def _read(deck: Deck, block: DeckBlock) -> None:
             if NO_BODY.match(kind) and not POINTS.match(kind):
                 deck.lose(block, f"{kind}, which is no part of the body")
         case "STEP":
-            deck.steps.append(parameters.get("NAME", f"step {len(deck.steps) + 1}"))
-            deck.time += deck.period if deck.step else 0.0
-            deck.period = 1.0
+            _begin_step(deck, parameters.get("NAME", f"step {deck.given_steps}"), period=1.0)
             if not has_rubber(deck) and "NLGEOM" in parameters and parameters["NLGEOM"].upper() in ("", "YES"):
                 deck.note(block, FINITE if deck.finite else SMALL)
                 deck.nonlinear = block
@@ -427,15 +458,6 @@ def _friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
         deck.sticking[interaction] = _stiffness_of(block.rows[0][1])
     if len(block.rows) > 1 or any(len(row) > 2 for row in block.rows):
         deck.lose(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
-
-
-def _has_loads(deck: Deck, block: DeckBlock) -> bool:
-    """Whether the step of a keyword gives loads or displacements, too."""
-    blocks = deck.model.blocks
-    number = next(k for k, card in enumerate(blocks) if card is block)
-    heading = itertools.takewhile(lambda card: card.keyword != "STEP", reversed(blocks[:number]))
-    behind = itertools.takewhile(lambda card: card.keyword != "ENDSTEP", blocks[number:])
-    return any(card.keyword in _LOADS for card in (*heading, *behind))
 
 
 def _change_friction(deck: Deck, block: DeckBlock, interaction: str) -> None:

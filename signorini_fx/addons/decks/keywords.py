@@ -62,9 +62,8 @@ NO_PROCEDURE = "the step does not say of what kind it is: write *STATIC into it;
 AS_BEFORE = "as the step before it: this one does not say of what kind it is"
 CHANGED_WITHIN = "a change within a step: what holds at the beginning is taken"
 COMING_AND_GOING = "parts that come or go with a later step, or contacts of rigid ones: they are there throughout"
-TOGETHER = (
-    "the coefficient changes together with loads or displacements; in CalculiX before these: where slip turns round "
-    "within the step, forces differ: change friction in a step of its own"
+FRICTION_FIRST = (
+    "the coefficient changes before the loads of its step, in a step of its own, as in CalculiX with small increments"
 )
 NO_CLEARANCE = "a clearance that a file gives node by node, or that a later step changes"
 OTHER_BEHAVIOUR = "another stiffness, or a bond, from a step on: the first one is taken"
@@ -162,7 +161,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.TAKEN, "preload", "PRE-TENSION SECTION"),
     *_rules(Grade.TAKEN, "contact", "CONTACT PAIR", "SURFACE INTERACTION", "FRICTION", "SURFACE BEHAVIOR"),
     *_rules(Grade.TAKEN, "friction that changes with the load step", "CHANGE FRICTION"),
-    *_rules(Grade.LOST, TOGETHER, "CHANGE FRICTION", case="beside loads or displacements of the step"),
+    *_rules(Grade.NOTED, FRICTION_FIRST, "CHANGE FRICTION", case="beside loads or displacements of a later step"),
     *_rules(
         Grade.TAKEN, "contact pairs in the steps that have them; no elements that the first one removes", "MODEL CHANGE"
     ),

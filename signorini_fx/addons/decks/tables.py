@@ -98,6 +98,8 @@ def dat(deck: Deck, moments: Sequence[NodeResults]) -> Iterator[str]:
             case "ENDSTEP":
                 by_step.append(list(chain(*requests.values())))
     for step, (moment, file_step) in enumerate(zip(moments, deck.taken or range(len(by_step)), strict=False)):
+        if file_step is None:
+            continue
         time = deck.ends.get(step, step + 1.0)
         yield f"\n{'':24}S T E P {file_step + 1:7d}\n\n\n{'':32}INCREMENT     1\n\n"
         for block in by_step[file_step]:
@@ -166,6 +168,8 @@ def frd(deck: Deck, moments: Sequence[NodeResults]) -> Iterator[str]:
     block = 0
     file_steps = deck.taken or range(len(moments))
     for step, (moment, file_step) in enumerate(zip(moments, file_steps, strict=False)):
+        if file_step is None:
+            continue
         stress = moment.stress[:, [0, 1, 2, 3, 5, 4]]
         values = (moment.displacement, stress, moment.forces, np.nan_to_num(moment.contact))
         for (title, components, kind_of_field), field in zip(_FIELDS, values, strict=True):
