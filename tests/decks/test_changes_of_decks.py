@@ -148,6 +148,16 @@ def test_clearance(tmp_path, clearance):
     np.testing.assert_allclose(solution.contact.pressure, pressure, rtol=1e-4, atol=1e-9)
 
 
+def test_sides_inside_a_body_are_in_the_order_of_the_deck(tmp_path):
+    """And not in one that differs between runs of Python, in which a draft would differ, too."""
+    names = [f"MIDDLE_{letter}" for letter in "HBFDGACE"]
+    lines = stacked([])
+    at = lines.index("*STEP")
+    lines[at:at] = [line for name in names for line in (f"*SURFACE, NAME={name}", "LOW_LOW, S3")]
+    made, _ = drafted(tmp_path, lines)
+    assert list(made.deck.mesh.inside.items()) == [(name, 4) for name in names]
+
+
 def test_a_clearance_of_no_contact(tmp_path):
     """It is lost with the names of its sides."""
     lines = stacked([])

@@ -259,7 +259,7 @@ def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> di
 
 def _inside_body(raw: RawMesh, sides: _Entities, data: str | None, name: str) -> dict[str, int]:
     """By the names of ``_names`` how many of their elements are no exterior facets, where there are some."""
-    named = {label for label, members in raw.sets.items() if any(members[block].size for block in sides.rows)}
+    named = [label for label, members in raw.sets.items() if any(members[block].size for block in sides.rows)]
     missed = {label: sides.missed(raw.sets[label].__getitem__) for label in named}
     if not named and (numbers := _numbers(raw, sides, data, name)) is not None:
         missed = {f"boundary_{value}": _missed(raw, sides, value, data, name) for value in sides.values(numbers)}
