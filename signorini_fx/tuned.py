@@ -1100,6 +1100,9 @@ TRIED_STRAINS = (0.0, 1e-3, 0.02, 0.2)
 # Points along each axis of the quadrature of loads in the judge: exact for polynomials that decks can say, and more.
 # Choice.
 JUDGED_LOAD_POINTS = 6
+# Degrees of quadrature with which programs may have integrated loads that jump inside facets or cells, besides that of
+# ours.  Choice.
+JUDGED_DEGREES = (1, 2, 3, 4, 6)
 # Hard contact of CalculiX is a penalty of this many times Young's modulus per unit of length, with every kind of
 # contact.  Measured with version 2.20 in six problems: 1.51e5 with E = 3000, 5.0e4 with E = 1000.
 HARD_OF_CALCULIX = 50.0
@@ -1113,6 +1116,8 @@ JUDGED_SHIFT = 1e-13
 # Residual in the dual norm above which a result is not in equilibrium, and the same in units of what its print leaves.
 # Of 182 good results the median is 2e-6, the largest 1.8e-4; of quadrilaterals of revolution 2.6e-4.
 JUDGED_EQUILIBRIUM, JUDGED_EQUILIBRIUM_OF_PRINT = 1e-3, 5.0
+# Below this residual the formulation of a scene is sure: what is left of another one was never below 1e-4.
+JUDGED_SURE = 1e-6
 # A result is of elements with a stiffness against hourglassing if the reduced formulation leaves less than this share
 # of what others leave, less than this of the energy norm, and no node has more of it than this share.  C3D8R leaves
 # 9e-3 of .15, CPS4R 3e-3 of .19 and up to .42 of that at one node.

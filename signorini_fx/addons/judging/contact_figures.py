@@ -33,15 +33,15 @@ class JudgedContactFigures:
         force: force.
         tension: share that pulls.
         pulling: the corner that pulls most.
-        penetration: largest, over the largest displacement.
+        penetration: largest, over the largest displacement, without what contact at nodes does not see.
         entered: what of it the stiffness of contact does not explain, likewise.
         deepest: the corner where that is.
         stiffness: measured, stress per length; nan: nothing enters.
         penalty_energy: work of forces on what enters, over a(v, v).
         apart: share of corners around which the sides are apart.
         beside: the corner of these with most force.
-        coarse: share of corners where it is, but where the clearance varies by more on the facets, of degree 2: if its
-            mean vanishes with weights that are negative somewhere, that does not say where they touch.
+        coarse: share of corners where it is, but where the clearance varies by more on the facets, of degree 2 or
+            between two bodies: a mean of it with weights that are negative somewhere does not say where they touch.
         coarsest: the corner of these with most force.
         cone: shear over its bound where it is above it, 1 elsewhere; without friction the share of shear.
         cone_share: share of force of these corners.
@@ -129,7 +129,9 @@ def contact_figures(
     carried = float(np.abs(push).sum())
     least = JUDGED_CARRIES * size
     force = max(carried, least) or np.inf
-    pulls = (-push).clip(min=0.0)
+    # Of shear a part acts along the normal, if that is another one.
+    askew = s.rotation * np.linalg.norm(s.shear, axis=1)
+    pulls = (-push - askew).clip(min=0.0)
     pressed = push > JUDGED_CARRIES * push.max(initial=0.0)
     stated = contact_stiffness(problem, s)
     deep = s.judged & (s.penetration > JUDGED_DEEP * s.penetration[s.judged].max(initial=0.0)) & (s.penetration > 0)
@@ -143,19 +145,20 @@ def contact_figures(
         allowed = law.overclosure(JUDGED_PENETRATION_OF_PRESSURE * around).clip(min=0.0)
     else:
         allowed = JUDGED_PENETRATION_OF_PRESSURE * around / hardness if hardness > 0 else np.zeros_like(around)
-    entered = np.where(s.judged, s.penetration - allowed, 0.0)
+    entered = np.where(s.judged, s.penetration - allowed - s.uneven, 0.0)
     reach = 0.0 if law is None else law.reach
     is_apart = (s.clearance > JUDGED_APART * largest + reach) & s.judged
-    is_coarse = is_apart & (s.clearance < s.varies) & (problem.mesh.facet.degree > 1)
-    apart = np.where(is_apart & ~is_coarse, np.abs(push), 0.0)
-    coarse = np.where(is_coarse, np.abs(push), 0.0)
+    weighted = problem.mesh.facet.degree > 1 or s.contact.opposite.size > 0
+    is_coarse = is_apart & (s.clearance < s.varies) & weighted
+    carries = (np.abs(push) - askew).clip(min=0.0)
+    apart, coarse = np.where(is_apart & ~is_coarse, carries, 0.0), np.where(is_coarse, carries, 0.0)
     figures = _friction(s, push, force, energy, least) | _lawful(s, push, pressure, energy, least)
     return JudgedContactFigures(
         surface=s,
         force=carried,
         tension=float(pulls.sum() / force),
         pulling=int(np.argmax(pulls)),
-        penetration=float(s.penetration[s.judged].max(initial=0.0) / largest),
+        penetration=float((s.penetration - s.uneven)[s.judged].max(initial=0.0) / largest),
         entered=float(entered.max(initial=0.0) / largest),
         deepest=int(np.argmax(entered)),
         stiffness=stiffness,
@@ -211,7 +214,7 @@ def _friction(s: TouchingSurface, push: Floats, force: float, energy: float, lea
     if s.rubbed:
         along = np.where(slip > JUDGED_ELASTIC_SLIP * elastic, along, 0.0)
     beyond = (slip - JUDGED_ELASTIC_SLIP * elastic).clip(min=0.0) * (carries & s.touched & _same_way(s, slip))
-    missing = (s.straight * s.bound - size).clip(min=0.0) * beyond
+    missing = (s.straight * s.bound - size - s.rotation * push).clip(min=0.0) * beyond
     rubbing = carries & (s.bound > 0) if s.contact.rubs else np.zeros_like(carries)
     work = float((s.bound * slip)[carries & s.touched].sum())
     return {

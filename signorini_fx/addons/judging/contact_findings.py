@@ -213,7 +213,8 @@ def figures_of_contact(
             figures[name] = {"value": None, "reason": "slip counts from the load step before, which is not there"}
     stiffness = [figure.stiffness for figure in contacts if np.isfinite(figure.stiffness)]
     figures["stiffness"] = {"value": min(stiffness) if stiffness else None, "threshold": None}
-    figures["rotation"] = {"value": max(figure.surface.rotation for figure in contacts), "threshold": None}
+    turned = max(float(figure.surface.rotation.max(initial=0.0)) for figure in contacts)
+    figures["rotation"] = {"value": turned, "threshold": None}
     figures["reaction"] = {"value": None, "reason": "the other side does not deform"}
     if sides:
         figures["reaction"] = {"value": max(side.missing for side in sides), "threshold": JUDGED_REACTION[unknown]}

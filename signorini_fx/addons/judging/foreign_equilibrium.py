@@ -19,10 +19,10 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from signorini_fx.addons.judging.formulations import (
-    EXACT,
     FULL,
     INCOMPATIBLE,
     SELECTIVE,
+    SELECTIVE_EXACT,
     UNIFORM,
     Formulation,
     candidates,
@@ -38,6 +38,7 @@ from signorini_fx.tuned import (
     JUDGED_HOURGLASS_LEFT,
     JUDGED_HOURGLASS_NODE,
     JUDGED_SHIFT,
+    JUDGED_SURE,
 )
 
 
@@ -96,7 +97,7 @@ class Equilibrium:
 
     def __init__(self, problem: JudgedProblem, v: Floats, half_digits: Floats) -> None:
         self.problem, self.v = problem, v
-        self._half_digits = half_digits
+        self._half_digits = np.maximum(half_digits, np.finfo(np.float64).eps / 2 * np.abs(v).max(initial=0.0))
         self._free = np.flatnonzero(problem.free.ravel())
         self._basis, self._independent = free_directions(problem.links, self._free, v.size)
         self._plain = stiffness_by_material(problem, FULL)
@@ -222,6 +223,16 @@ def own_formulation(problem: JudgedProblem) -> Formulation | None:
     return Formulation("reduced" if reduced and not problem.mesh.element.simplex else "full", layer)
 
 
+def stated_formulations(problem: JudgedProblem) -> list[Formulation]:
+    """That of the elements of a deck; of a scene, which has no rule of quadrature, those that it may mean."""
+    if problem.deck is not None:
+        own = own_formulation(problem)
+        return [Formulation("full", problem.hypothesis == "plane stress")] if own is None else [own]
+    fewer = problem.scene.element.volumetric in ("auto", "reduced")
+    names = ["full", "exact", *[SELECTIVE, SELECTIVE_EXACT] * fewer]
+    return [Formulation(name) for name in names]
+
+
 def hourglass(problem: JudgedProblem) -> bool:
     """Whether the elements of its deck have a stiffness against hourglassing, which is known of some programs only."""
     reduced = problem.element.endswith("R") or problem.element.endswith("RH")
@@ -257,15 +268,14 @@ def best_fit(equilibrium: Equilibrium, *, of_calculix: bool = False) -> BestFit:
         of_calculix: whether the stiffness against hourglassing is that of CalculiX: then none that is similar will do.
     """
     problem = equilibrium.problem
-    stated = own_formulation(problem)
-    order = candidates(problem)
-    if stated in order:
-        order = [stated, *(entry for entry in order if entry != stated)]
+    stated = stated_formulations(problem)
     tried: list[Fit] = []
-    for formulation in order:
-        tried.append(equilibrium.fit(formulation))
-        if tried[-1].rho <= equilibrium.threshold:
+    for formulation in sorted(candidates(problem), key=lambda entry: entry not in stated):
+        least = min((fit.rho for fit in tried), default=np.inf)
+        # Of several that a scene may mean the best one is taken, unless one is sure.
+        if least <= (JUDGED_SURE if formulation in stated else equilibrium.threshold):
             break
+        tried.append(equilibrium.fit(formulation))
     best = min(tried, key=lambda entry: entry.rho)
     exact = best.rho <= equilibrium.threshold
     softer = ("reduced", UNIFORM)
@@ -279,12 +289,6 @@ def best_fit(equilibrium: Equilibrium, *, of_calculix: bool = False) -> BestFit:
         and best.rho <= JUDGED_HOURGLASS_LEFT
         and (hourglass(problem) or (best.worst_share <= JUDGED_HOURGLASS_NODE and much_better))
     )
-    plain = order[0] if stated is None and not hourglass(problem) else stated
-    names = {plain.name} if plain is not None else set()
-    if (
-        problem.deck is None
-    ):  # a scene states no rule of quadrature, but whether volumes are integrated with fewer points
-        names |= {EXACT.name, SELECTIVE if problem.scene.element.volumetric in ("auto", "reduced") else EXACT.name}
-    as_stated = exact and best.formulation.name in names
+    as_stated = exact and best.formulation.name in {formulation.name for formulation in stated}
     resolution = max(best.rho, equilibrium.threshold) if similar else equilibrium.threshold
     return BestFit(best, tuple(tried), as_stated, exact, resolution, similar)

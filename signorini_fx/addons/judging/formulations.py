@@ -5,8 +5,9 @@ Strains are xx, yy, zz, xy, xz, yz, of shear twice the tensor's; of a body of re
 - ``full``: as many points as the program takes for its plain elements;
 - ``reduced``: one point less along each axis;
 - ``B-bar``: the mean dilatation of each element (T. J. R. Hughes, The Finite Element Method, 1987, 4.5.2);
+- ``exact``: to many digits, on distorted cells, too;
 - ``selective``: lambda div(u) div(v) alone with one point less along each axis, on simplices of degree 2 with one
-  (the same book, 4.4.2);
+  (the same book, 4.4.2), the rest as ``full``; ``selective, exact``: the rest as ``exact``;
 - ``incompatible``: quadratic modes that neighbours do not share, condensed, with the Jacobian of the centre, as in
   CalculiX (E. L. Wilson, R. L. Taylor, W. P. Doherty, J. Ghaboussi, Incompatible displacement models, 1973);
 - ``incompatible, scaled``: the same times its determinant over that of the point, which represents uniform strain on
@@ -35,7 +36,7 @@ from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import HALF_SECTOR_OF_CALCULIX, HOURGLASS_OF_CALCULIX
 
 INCOMPATIBLE, SCALED, UNIFORM = "incompatible", "incompatible, scaled", "uniform strain"
-SELECTIVE = "selective"
+SELECTIVE, SELECTIVE_EXACT = "selective", "selective, exact"
 # Numbers of strains that are made at once.
 _AT_ONCE = 4_000_000
 _IN_PLANE = (0, 1, 3)
@@ -46,7 +47,7 @@ class Formulation:
     """An element formulation.
 
     Attributes:
-        name: that of the list above; or ``exact``, which integrates distorted cells, too, to many digits.
+        name: that of the list above.
         layer: whether plane stress is a layer of bricks.
     """
 
@@ -65,6 +66,7 @@ class Formulation:
             "full": "full integration",
             "reduced": "reduced integration",
             SELECTIVE: "selective reduced integration",
+            SELECTIVE_EXACT: "selective reduced, else exact integration",
             "B-bar": "mean dilatation (B-bar)",
             INCOMPATIBLE: "incompatible modes",
             SCALED: "incompatible modes (Taylor)",
@@ -87,15 +89,16 @@ def candidates(problem: JudgedProblem) -> list[Formulation]:
             names += ["B-bar"] * (problem.hypothesis != "plane stress")
             names += [INCOMPATIBLE, SCALED] * (problem.hypothesis != "axisymmetric")
             names.append(UNIFORM)
-    if problem.hypothesis != "plane stress" and (element.degree == 2 or not element.simplex):
-        names.append(SELECTIVE)
-    if element.degree == 2 or problem.hypothesis == "axisymmetric":
-        # Programs that generate their quadrature from forms take more points on curved cells, and of 1/r.
-        names.append("exact")
+    selective = problem.hypothesis != "plane stress" and (element.degree == 2 or not element.simplex)
+    names += [SELECTIVE] * selective
+    if element.degree == 2 or not element.simplex or problem.hypothesis == "axisymmetric":
+        # Programs that generate quadrature from forms take more points on distorted cells, and of 1/r.
+        names += ["exact", *[SELECTIVE_EXACT] * selective]
     if problem.hypothesis != "plane stress":
         return [Formulation(name) for name in names]
     plain = [Formulation(name) for name in names if name != UNIFORM]
-    return [Formulation(name, layer=True) for name in names if name not in (INCOMPATIBLE, SCALED, "exact")] + plain
+    layers = [Formulation(name, layer=True) for name in names if name not in (INCOMPATIBLE, SCALED, "exact")]
+    return layers + plain if problem.deck is not None else plain + layers  # a scene is no layer
 
 
 def stiffness_by_material(problem: JudgedProblem, formulation: Formulation) -> list[csr_array]:
@@ -146,10 +149,11 @@ def _stiffness_of_cells(problem: JudgedProblem, formulation: Formulation, x: Flo
     """The stiffness of cells with the nodes x, shape (m, k, d) -> (m, a, a)."""
     if formulation.name == UNIFORM:
         return _uniform_strain(problem, formulation, x, stiffness)
-    if formulation.name == SELECTIVE:
+    if formulation.name in (SELECTIVE, SELECTIVE_EXACT):
         dilatation = np.zeros_like(stiffness)
         dilatation[:3, :3] = stiffness[0, 1]
-        parts = (FULL, stiffness - dilatation), (REDUCED, dilatation)
+        whole = FULL if formulation.name == SELECTIVE else EXACT
+        parts = (whole, stiffness - dilatation), (REDUCED, dilatation)
         return np.sum([_stiffness_of_cells(problem, rule, x, share) for rule, share in parts], axis=0)
     element = problem.mesh.element
     places, weights = stiffness_rule(element, formulation.further_points)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -99,16 +99,21 @@ class _Judging:
         theirs: the result.
         about: what is known of it.
         begun: when it began, seconds.
+        integrated: how loads are integrated, in words, if not on the parts between their jumps.
     """
 
     problem: JudgedProblem
     theirs: ForeignResult
     about: dict[str, Any]
     begun: float
+    integrated: str = ""
 
     def judgement(self, *, compare: bool) -> Judgement:
         """See ``judge``."""
         v, largest, equilibrium = self._equilibrium(self.theirs)
+        if not equilibrium.printed < 1.0:
+            lost = JudgedFinding("judged", "it is a rigid motion but for digits that it has not")
+            return Judgement(self.theirs.name, (lost,), self.about, lost=self.problem.lost)
         # Of bodies of revolution it is nearly known: up to 5e-3 of the energy norm is left.
         of_calculix = self.theirs.program.startswith("CalculiX") and self.problem.hypothesis != "axisymmetric"
         best = best_fit(equilibrium, of_calculix=of_calculix)
@@ -116,6 +121,13 @@ class _Judging:
             candidate = self._equilibrium(unprinted)
             if (fits := best_fit(candidate[2])).fit.rho < best.fit.rho:  # it is no file of ours, which has what moves
                 self.theirs, (v, largest, equilibrium), best = unprinted, candidate, fits
+        for words, loads in self.problem.other_loads.items():
+            if best.exact:
+                break
+            with_them = Equilibrium(replace(equilibrium.problem, loads=loads), v, self.theirs.half_units)
+            fits = best_fit(with_them, of_calculix=of_calculix)
+            if fits.exact:
+                equilibrium, best, self.integrated = with_them, fits, words
         problem = self.problem = equilibrium.problem
         findings: list[JudgedFinding] = []
         lines: dict[str, str] = {}
@@ -194,7 +206,7 @@ class _Judging:
         words = [self.theirs.program, self.problem.element]
         fit = f"{best.fit.formulation.words} fits to {best.fit.rho:.0e}, print round-off {equilibrium.printed:.0e}"
         when = "" if self.theirs.time is None else f"step {self.about['step']}, time {self.theirs.time:g}"
-        return ", ".join(filter(None, [*words, fit, when]))
+        return ", ".join(filter(None, [*words, fit, self.integrated, when]))
 
     def _hourglass(self, best: BestFit) -> bool:
         return hourglass(self.problem) and best.similar

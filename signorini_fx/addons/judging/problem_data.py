@@ -63,15 +63,16 @@ class JudgedMesh:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def owners(self, facets: Ints) -> Ints:
-        """The cell of each exterior facet."""
+        """The cell of each exterior facet, which may be there several times."""
         sides = np.array(CELLS[_COMPLETE.get(self.kind, self.kind)].facets)
         width = sides.shape[1]
         table = self.cells[:, sides].reshape(-1, width)
-        order = rows_of(table, facets[:, :width])
-        owner = np.full(len(facets), -1)
+        distinct, of_facet = np.unique(np.sort(facets[:, :width], axis=1), axis=0, return_inverse=True)
+        order = rows_of(table, distinct)
+        owner = np.full(len(distinct), -1)
         held = np.flatnonzero(order >= 0)
         owner[order[held]] = held // len(sides)
-        return owner
+        return np.asarray(owner[of_facet.ravel()])
 
     @cached_property
     def bodies(self) -> Ints:
@@ -169,6 +170,7 @@ class JudgedProblem:
         lost: what the problem lacks of the deck.
         links: C of the relations C v = 0 of equations and of ties that are no bonds, without unit, shape (links, n d).
         bonds: the same of ties that are bonds of ``contacts``, too.
+        other_loads: ``loads`` as programs may integrate them instead, by what is to be said of it.
         rigid_bodies: numbers of bodies all of whose nodes are held.
     """
 
@@ -191,6 +193,7 @@ class JudgedProblem:
     bonds: csr_array = field(default_factory=lambda: csr_array((0, 0)))
     begun: float | None = None
     prescribed_before: Floats | None = None
+    other_loads: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
 
     def linked_in(self, v: Floats, allowed: float) -> Self:
         """The problem whose ties are links of nodes if a displacement keeps to these, else are bonds.
@@ -258,20 +261,25 @@ class FacetPoints:
     shape: Floats
 
 
-def facet_points(mesh: JudgedMesh, facets: Ints, count: int, *, revolved: bool) -> FacetPoints:
-    """Points of Gauss's rule on facets.
+def facet_points(
+    mesh: JudgedMesh, facets: Ints, count: int, *, revolved: bool, rule: tuple[Floats, Floats] | None = None
+) -> FacetPoints:
+    """Points of a rule of quadrature on facets.
 
     Args:
         mesh: the mesh.
         facets: nodes, shape (f, l).
-        count: of points along each axis.
+        count: of points along each axis of Gauss's rule.
         revolved: whether the mesh is a section whose points lie on circles.
+        rule: places and weights on each facet instead of Gauss's, shapes (f, q, dim - 1) and (f, q).
     """
     element = mesh.facet
-    places, weights = gauss(count, element.dim, simplex=element.simplex)
-    shape, gradient = element.shape(places), element.gradient(places)
-    x = np.einsum("qk,fkd->fqd", shape, mesh.points[facets])
-    tangents = np.einsum("qkj,fkd->fqdj", gradient, mesh.points[facets])
+    places, weights = gauss(count, element.dim, simplex=element.simplex) if rule is None else rule
+    flat = places.reshape(-1, element.dim)
+    shape = element.shape(flat).reshape(*places.shape[:-1], -1)
+    gradient = element.gradient(flat).reshape(*shape.shape, element.dim)
+    x = np.einsum("...qk,...kd->...qd", shape, mesh.points[facets])
+    tangents = np.einsum("...qkj,...kd->...qdj", gradient, mesh.points[facets])
     if mesh.dim == 2:
         normal = np.stack((tangents[..., 1, 0], -tangents[..., 0, 0]), axis=2)
     else:

@@ -33,7 +33,7 @@ from signorini_fx.addons.judging.problem_data import (
     facet_points,
 )
 from signorini_fx.addons.judging.soft_contact import law_of_deck, law_of_scene
-from signorini_fx.addons.judging.stated_loads import loads_of, prescribed_of
+from signorini_fx.addons.judging.stated_loads import loads_by_degree, loads_of, prescribed_of
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.materials.protocol import PAIRS
@@ -246,6 +246,7 @@ def _problem(
         links=links,
         bonds=bonds,
         begun=None if deck is None else deck.ends.get(len(deck.steps) - 2),
+        other_loads=loads_by_degree(statement, position, mesh, materials, revolved=revolved) if deck is None else {},
         prescribed_before=prescribed_of(statement, position - 1, mesh)[0] if position > 0 else None,
     ), reasons
 

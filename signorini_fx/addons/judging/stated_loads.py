@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import basix
 import numpy as np
 
 from signorini_fx.addons.judging.problem_data import JudgedMaterial, JudgedMesh, facet_points
-from signorini_fx.addons.judging.reference_elements import gauss
+from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.statement.cut_simplices import cut
 from signorini_fx.mechanics.statement.effect import Effect, Force, Load
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.tuned import JUDGED_LOAD_POINTS
+from signorini_fx.tuned import JUDGED_DEGREES, JUDGED_LOAD_POINTS
 
 # In words what is not known of a problem that is judged.
 Reasons = list[str]
@@ -64,7 +66,13 @@ class LoadPoints:
 
 
 def loads_of(
-    statement: Statement, position: float, mesh: JudgedMesh, materials: tuple[JudgedMaterial, ...], *, revolved: bool
+    statement: Statement,
+    position: float,
+    mesh: JudgedMesh,
+    materials: tuple[JudgedMaterial, ...],
+    *,
+    revolved: bool,
+    degree: int | None = None,
 ) -> tuple[dict[str, Floats], Reasons]:
     """Forces at the nodes by the names of loads, and what acts that is not known here.
 
@@ -74,6 +82,7 @@ def loads_of(
         mesh: the mesh.
         materials: of the body.
         revolved: whether the mesh is a section of a body of revolution; then forces are per radian.
+        degree: of the quadrature of loads that jump; None: on the parts between the jumps.
     """
     forces: dict[str, Floats] = {}
     reasons: Reasons = []
@@ -93,7 +102,7 @@ def loads_of(
             name += "'"
         total = load.weighting is not None or load.nodal
         share = 2 * np.pi if revolved and total else 1.0  # a total is that of a revolution
-        forces[name] = factor / share * _forces(load, mesh, materials, revolved=revolved)
+        forces[name] = factor / share * _forces(load, mesh, materials, degree, revolved=revolved)
     return forces, reasons
 
 
@@ -104,7 +113,26 @@ def _name(load: Force) -> str:
     return word if load.where is None else f"{word} on {load.where}"
 
 
-def _forces(load: Force, mesh: JudgedMesh, materials: tuple[JudgedMaterial, ...], *, revolved: bool) -> Floats:
+def loads_by_degree(
+    statement: Statement, position: float, mesh: JudgedMesh, materials: tuple[JudgedMaterial, ...], *, revolved: bool
+) -> dict[str, dict[str, Floats]]:
+    """Loads that jump inside facets or cells as programs integrate them that do not look for jumps, by what is to be
+    said of it; nothing if none jumps.  The arguments are those of ``loads_of``.
+    """
+    loads = [statement.now(entry, position)[1] for _, entry in statement.listed() if isinstance(entry, Load)]
+    jumping = [load for load in loads if isinstance(load, Force) and load.jumps]
+    degrees = {*JUDGED_DEGREES, *(load.degree(mesh.element.degree) for load in jumping)} if jumping else ()
+    return {
+        f"loads that jump by quadrature of degree {degree}": loads_of(
+            statement, position, mesh, materials, revolved=revolved, degree=degree
+        )[0]
+        for degree in sorted(degrees)
+    }
+
+
+def _forces(
+    load: Force, mesh: JudgedMesh, materials: tuple[JudgedMaterial, ...], degree: int | None, *, revolved: bool
+) -> Floats:
     forces = np.zeros(mesh.points.shape)
     if load.nodal:
         listed: Any = load
@@ -114,16 +142,20 @@ def _forces(load: Force, mesh: JudgedMesh, materials: tuple[JudgedMaterial, ...]
         return forces
     if load.where is not None:
         facets = mesh.boundaries[load.where]
-        at = facet_points(mesh, facets, JUDGED_LOAD_POINTS, revolved=revolved)
+        rule, facets = _rule(mesh.facet, mesh.points, facets, load, degree)
+        at = facet_points(mesh, facets, JUDGED_LOAD_POINTS, revolved=revolved, rule=rule)
         points = LoadPoints(at.x, at.normal, at.weight, np.zeros(at.weight.shape))
-        _add(forces, facets, at.shape, points, load)
+        shape = np.broadcast_to(at.shape, (*at.weight.shape, at.shape.shape[-1]))
+        _add(forces, facets, shape, points, load)
         return forces
     for material in materials:
-        cells = mesh.cells[material.cells]
-        places, weights = gauss(JUDGED_LOAD_POINTS, mesh.dim, simplex=mesh.element.simplex)
-        shape, gradient = mesh.element.shape(places), mesh.element.gradient(places)
-        x = np.einsum("qk,mkd->mqd", shape, mesh.points[cells])
-        size = np.abs(np.linalg.det(np.einsum("qkj,mkd->mqdj", gradient, mesh.points[cells]))) * weights
+        rule, cells = _rule(mesh.element, mesh.points, mesh.cells[material.cells], load, degree)
+        places, weights = rule
+        flat = places.reshape(-1, mesh.dim)
+        shape = mesh.element.shape(flat).reshape(*weights.shape, -1)
+        gradient = mesh.element.gradient(flat).reshape(*shape.shape, mesh.dim)
+        x = np.einsum("mqk,mkd->mqd", shape, mesh.points[cells])
+        size = np.abs(np.linalg.det(np.einsum("mqkj,mkd->mqdj", gradient, mesh.points[cells]))) * weights
         size = size * (x[..., 0] if revolved else 1.0)
         density = np.full(size.shape, 0.0 if material.density is None else material.density)
         _add(forces, cells, shape, LoadPoints(x, np.zeros_like(x), size, density), load)
@@ -132,8 +164,60 @@ def _forces(load: Force, mesh: JudgedMesh, materials: tuple[JudgedMaterial, ...]
 
 def _add(forces: Floats, nodes: Ints, shape: Floats, points: LoadPoints, load: Force) -> None:
     density = load.density_at(points)
-    parts = np.einsum("fq,fqd,qk->fkd", points.weight, density, shape)
+    parts = np.einsum("fq,fqd,fqk->fkd", points.weight, density, shape)
     np.add.at(forces, nodes, parts)
+
+
+def _rule(
+    element: ReferenceElement, points: Floats, nodes: Ints, load: Force, degree: int | None
+) -> tuple[tuple[Floats, Floats], Ints]:
+    """Places and weights of quadrature in facets or cells, and their nodes.
+
+    Where a load jumps inside, there is a rule on each part between the jumps, which is as good as the cells are affine.
+
+    Returns:
+        Places and weights, shapes (m, q, dim) and (m, q), and nodes, shape (m, k).
+
+    Args:
+        element: of the facets or cells.
+        points: positions of nodes, length, shape (n, d).
+        nodes: of each, shape (f, k).
+        load: the load.
+        degree: of the rule of a load that jumps; None: on the parts.
+    """
+    if not load.jumps or degree is not None or not len(nodes):
+        places, weights = gauss(JUDGED_LOAD_POINTS, element.dim, simplex=element.simplex)
+        if load.jumps and degree is not None:
+            places, weights = basix.make_quadrature(_BASIX[element.corner_count, element.dim], degree)
+        shape = len(nodes), *weights.shape
+        return (np.broadcast_to(places, (*shape, element.dim)), np.broadcast_to(weights, shape)), nodes
+    corners = element.nodes[np.array(_FILLINGS[element.corner_count, element.dim])]
+    at_corners = element.shape(corners.reshape(-1, element.dim)).reshape(*corners.shape[:2], -1)
+    x = np.einsum("scn,fnd->fscd", at_corners, points[nodes]).reshape(-1, corners.shape[1], points.shape[1])
+    owner, parts = cut(x, load.jumps)
+    facet, simplex = np.divmod(owner, len(corners))
+    inner, weights = gauss(JUDGED_LOAD_POINTS, element.dim, simplex=True)
+    local = np.column_stack((1 - inner.sum(axis=1), inner)) @ parts
+    edges = corners[:, 1:] - corners[:, :1]
+    size = np.abs(np.linalg.det(edges))[simplex] * np.abs(np.linalg.det(parts))
+    return (local @ corners[simplex], size[:, None] * weights), nodes[facet]
+
+
+# By the number of corners and the dimension of a facet or cell: the cell of basix, and simplices that fill it.
+_BASIX = {
+    (2, 1): basix.CellType.interval,
+    (3, 2): basix.CellType.triangle,
+    (4, 2): basix.CellType.quadrilateral,
+    (4, 3): basix.CellType.tetrahedron,
+    (8, 3): basix.CellType.hexahedron,
+}
+_FILLINGS = {
+    (2, 1): ((0, 1),),
+    (3, 2): ((0, 1, 2),),
+    (4, 2): ((0, 1, 2), (0, 2, 3)),
+    (4, 3): ((0, 1, 2, 3),),
+    (8, 3): tuple((0, *pair, 6) for pair in ((1, 2), (2, 3), (3, 7), (7, 4), (4, 5), (5, 1))),
+}
 
 
 def prescribed_of(statement: Statement, position: float, mesh: JudgedMesh) -> tuple[Floats, Reasons]:

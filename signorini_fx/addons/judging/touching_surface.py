@@ -49,7 +49,10 @@ class TouchingSurface:
         judged: which corners no support holds and no other contact or link shares, shape (c,).
         sliding: of these the ones that no support holds in any direction, shape (c,).
         neighbours: which corners share a facet, shape (c, c).
-        rotation: by which facets in contact turn at most, radians.
+        rotation: by which the normal may be another one, radians, shape (c,): that by which facets in contact turn at
+            most, and those between the mean around a corner and the normals of its facets and of the two bodies.
+        uneven: by how much the clearance before the deformation differs from a function of the elements on the facets
+            around a corner, length, shape (c,): contact at nodes does not see it.
         bound: force that friction can have, shape (c,); zero without friction.
         lawful: the least and the largest force by the law of soft contact, shape (2, c); None: contact is hard.
     """
@@ -71,7 +74,8 @@ class TouchingSurface:
     judged: npt.NDArray[np.bool_]
     sliding: npt.NDArray[np.bool_]
     neighbours: csr_array
-    rotation: float
+    rotation: Floats
+    uneven: Floats
     bound: Floats
     lawful: Floats | None
 
@@ -114,13 +118,20 @@ def touching_surface(
     gap, normal, slip = _opposite(problem, contact, (v, change), flat, (moved, changed), at.normal.reshape(flat.shape))
     gap, normal, slip = gap.reshape(at.weight.shape), normal.reshape(at.x.shape), slip.reshape(at.x.shape)
     begun = np.zeros_like(v) if step_start is None else step_start
-    began = np.einsum("qk,fkd->fqd", at.shape, begun[facets]).reshape(flat.shape)
-    open_then, _, _ = _opposite(
-        problem, contact, (begun, change), flat, (began, changed), at.normal.reshape(flat.shape)
+    before, open_then = (
+        _opposite(
+            problem,
+            contact,
+            (u, change),
+            flat,
+            (np.einsum("qk,fkd->fqd", at.shape, u[facets]).reshape(flat.shape), changed),
+            at.normal.reshape(flat.shape),
+        )[0].reshape(at.weight.shape)
+        for u in (np.zeros_like(v), begun)
     )
     near = JUDGED_APART * float(np.linalg.norm(v, axis=1).max())
     touched = np.zeros(len(corners), dtype=bool)
-    touched[local[open_then.reshape(at.weight.shape).min(axis=1) <= near]] = True
+    touched[local[open_then.min(axis=1) <= near]] = True
     penetration, mean_slip = mean((-gap).clip(min=0.0)), mean(slip)
     clearance = np.full(len(corners), np.inf)
     np.minimum.at(clearance, local, np.repeat(_least(mesh.facet, at.shape, gap)[:, None], width, axis=1))
@@ -130,22 +141,27 @@ def touching_surface(
     varies = np.where(np.isfinite(most), most, 0.0) - np.where(np.isfinite(clearance), clearance, 0.0)
     toward = mean(normal)
     toward /= np.linalg.norm(toward, axis=1)[:, None]
+    kink, uneven = np.zeros(len(corners)), np.zeros(len(corners))
+    bent = np.linalg.norm(normal[:, None] - toward[local][:, :, None], axis=3).max(axis=2)
+    np.maximum.at(kink, local, bent)
+    own = mean(at.normal)
+    if contact.opposite.size:
+        kink += np.linalg.norm(own / np.linalg.norm(own, axis=1)[:, None] - toward, axis=1)
+    np.maximum.at(uneven, local, np.repeat(_uneven(at.shape, before)[:, None], width, axis=1))
     straight = np.ones(len(corners)) if contact.nodal else _straight(mean, slip, normal, (-gap).clip(min=0.0))
     lawful = None
     if contact.law is not None and not contact.nodal:
         lawful = np.stack([mean(limit) * area for limit in contact.law.pressures(-gap)])
-    if contact.nodal or (contact.law is not None and contact.law.apart):
-        outward = mean(at.normal)
-        at_corners = v[corners], change[corners]
-        gap_at, _, slip_at = _opposite(problem, contact, (v, change), mesh.points[corners], at_corners, outward)
-        if contact.nodal:
-            penetration, mean_slip = (-gap_at).clip(min=0.0), slip_at
-            clearance = np.minimum(clearance, gap_at)  # of curved sides nodes may touch where facets do not
-        if contact.law is not None:
-            of_nodes = np.stack(contact.law.pressures(-gap_at[:, None]))[..., 0] * area
-            # Points of a scene are in nodes or in facets: the force is between both.
-            pairs = of_nodes if lawful is None else np.concatenate((lawful, of_nodes))
-            lawful = np.stack((pairs.min(axis=0), pairs.max(axis=0)))
+    at_corners = v[corners], change[corners]
+    gap_at, _, slip_at = _opposite(problem, contact, (v, change), mesh.points[corners], at_corners, own)
+    clearance = np.minimum(clearance, gap_at)  # nodes may touch where the points of facets do not
+    if contact.nodal:
+        penetration, mean_slip = (-gap_at).clip(min=0.0), slip_at
+    if contact.law is not None and (contact.nodal or contact.law.apart):
+        of_nodes = np.stack(contact.law.pressures(-gap_at[:, None]))[..., 0] * area
+        # Points of a scene are in nodes or in facets: the force is between both.
+        pairs = of_nodes if lawful is None else np.concatenate((lawful, of_nodes))
+        lawful = np.stack((pairs.min(axis=0), pairs.max(axis=0)))
     force = weights @ residual
     held = ~np.isnan(problem.prescribed)
     along = weights @ held.astype(float) > 0
@@ -192,7 +208,8 @@ def touching_surface(
         judged,
         sliding,
         graph,
-        float(turns.max(initial=0.0)),
+        turns.max(initial=0.0) + kink,
+        uneven,
         np.asarray(bound),
         lawful,
     )
@@ -237,6 +254,22 @@ def _straight(mean: Callable[[Floats], Floats], slip: Floats, normal: Floats, de
     weighted = mean(direction * depth[..., None]) / np.where(pressed, weight, 1.0)[:, None]
     length = np.linalg.norm(np.where(pressed[:, None], weighted, mean(direction)), axis=1)
     return np.where(length > 0, length, 1.0)
+
+
+def _uneven(shape: Floats, gap: Floats) -> Floats:
+    """By how much a clearance differs from its interpolation by shape functions, length, shape (f,).
+
+    The function nearest at the points misses half of what the interpolation misses of a parabola or of a jump.
+
+    Args:
+        shape: of the nodes of a facet at the points, shape (q, l).
+        gap: at the points, length, infinite where nothing is opposite, shape (f, q).
+    """
+    known = np.isfinite(gap).all(axis=1)
+    missed = np.zeros(len(gap))
+    at_points = gap[known].T
+    missed[known] = 2 * np.abs(at_points - shape @ np.linalg.lstsq(shape, at_points, rcond=None)[0]).max(axis=0)
+    return missed
 
 
 def _least(element: ReferenceElement, shape: Floats, gap: Floats) -> Floats:
