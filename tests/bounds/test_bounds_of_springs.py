@@ -1,6 +1,7 @@
 """Bounds of bodies on springs: true errors, exact states, and what each part of (B11) is for."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,9 +9,11 @@ from loaded_scenes import effectivity
 from scenes import alone
 from spaces import box
 
+from signorini_fx.addons.bounds.applied_loads import PlaneLoads
 from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
-from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
+from signorini_fx.addons.bounds.facets import GAUSS, POINTS, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.spring_facets import SpringFacets
+from signorini_fx.addons.bounds.varying_springs import VaryingSprings
 from signorini_fx.scenes.reading import parse_scene
 
 SLOW, LONG = pytest.mark.slow, pytest.mark.long
@@ -32,6 +35,10 @@ SLOW, LONG = pytest.mark.slow, pytest.mark.long
         pytest.param("pressed springs", "pair", (3, 5), marks=SLOW),
         pytest.param("pressed springs", "space", (100,), marks=SLOW),
         pytest.param("facing springs", "pair", (4, 7), marks=SLOW),
+        ("varying springs", "plane", (2,)),
+        pytest.param("varying springs", "plane", (1, 4, 5, 9), marks=SLOW),
+        pytest.param("varying springs", "pair", (3, 5), marks=SLOW),
+        pytest.param("varying springs", "space", (1, 3), marks=SLOW),
     ],
 )
 def test_true_errors(kind, study, seeds):
@@ -127,6 +134,44 @@ def test_the_force_of_a_support_beside_springs():
     assert low - 1e-12 <= exact <= high + 1e-12
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_bar_that_springs_of_a_varying_stiffness_hold(dimension):
+    """Its left end moves as a whole, with a traction that is right for this: what the springs exert is linear there,
+    the elements have its displacement, and the bound is round-off."""
+    moved, strain = 0.1, PULL / YOUNG
+    traction = [{"boundary": "right", "x": PULL}, {"boundary": "left", "x": f"{moved}*(2 + 6*x[1]) - {PULL}"}]
+    solution = alone(bar([{"normal": "2 + 6*x[1]", "tangential": 3.0}], dimension=dimension, traction=traction))
+    bound = solution.error_bound
+    assert bound.error < 1e-5 * bound.size
+    assert bound.size**2 == pytest.approx(PULL * strain * LONG_BAR + 5 * moved**2, rel=1e-9)
+    if dimension == 2:
+        low, high = solution.mean_displacement_bounds("right", (1.0, 0.0))
+        assert low - 1e-10 <= moved + strain * LONG_BAR <= high + 1e-10
+        assert high - low < 1e-8
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.02, 0.98])
+def test_a_varying_stiffness_that_is_wrong(monkeypatch, factor):
+    """Seen with another one, the mean displacement of the pulled end is refuted."""
+    moved = 0.1
+    traction = [{"boundary": "right", "x": PULL}, {"boundary": "left", "x": f"{moved}*(2 + 6*x[1]) - {PULL}"}]
+    solution = alone(bar([{"normal": "2 + 6*x[1]", "tangential": 3.0}], traction=traction))
+    of = VaryingSprings._stiffness
+    monkeypatch.setattr(VaryingSprings, "_stiffness", lambda *args: factor * of(*args))
+    low, high = solution.mean_displacement_bounds("right", (1.0, 0.0))
+    assert (low - 1e-10 <= moved + PULL / YOUNG * LONG_BAR <= high + 1e-10) == (factor == 1)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_an_expression_that_is_a_number(degree):
+    """It has the bound of the number, which is not the same code."""
+    number, same = (alone(uneven(degree, springs=springs)).error_bound for springs in (
+        {"boundary": "left", "normal": 20.0, "tangential": 30.0},
+        {"boundary": "left", "normal": "20 + 0*x[1]", "tangential": "where(x[1] < 0.3, 30, 30)"},
+    ))  # fmt: skip
+    assert same.error == pytest.approx(number.error, rel=1e-9)
+
+
 # --- what each part is for --------------------------------------------------------------------------------------------
 
 
@@ -167,6 +212,56 @@ def test_a_displacement_that_the_springs_alone_know_to_be_wrong(monkeypatch, cou
     assert (error_of(solution, displaced).error > lifted - own) == counted
 
 
+@pytest.mark.parametrize("counted", [True, False])
+def test_what_linear_functions_miss_of_springs(monkeypatch, counted):
+    """A stiffness with a part that is orthogonal to linear functions on the one facet of a bar: the elements and the
+    linear tractions see uniform tension, and only the rest of the load knows that it is wrong."""
+    springs = {"boundary": "left", "x": "5 + 9*(6*x[1]**2 - 6*x[1] + 1)", "y": 3.0}
+    scene = bar([]).model_copy(update={"springs": ()})
+
+    def solved(many):
+        shape = {"length": LONG_BAR, "height": 1.0, "nx": 2 * many, "ny": many, "cell": "triangle"}
+        fields = {key: getattr(scene, key) for key in scene.model_fields_set}
+        return alone(
+            parse_scene(fields | {"mesh": {"generator": "rectangle", "parameters": shape}, "springs": springs})
+        )
+
+    coarse, fine = solved(1), solved(16)
+    if not counted:
+        monkeypatch.setattr(PlaneLoads, "missed_beside", lambda self, _: np.zeros(len(self._t.corners)))
+    # The energy norm of the error is at least that of what the body and the springs store beyond the coarse solution.
+    bound, finer = (solution.error_bound for solution in (coarse, fine))
+    apart = np.sqrt(abs(finer.size**2 - bound.size**2))
+    assert (bound.error > apart) == counted
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_energies_in_springs_that_vary(degree):
+    """As below, of a stiffness that jumps inside a facet, vanishes at a place of another one, and has a kink."""
+    springs = {"boundary": "left", "normal": "where(x[1] < 0.3, 50*x[1]**2, 7)", "tangential": "max(0, 40*x[1] - 6)"}
+    solution = alone(uneven(degree, springs=springs))
+    displaced = solution.displacement.copy()
+    displaced.x.array[:] = np.random.default_rng(degree).normal(size=len(displaced.x.array))
+    case = Bounded(solution.model, displaced, solution.contact, 0.0)
+    facets = case._facets("left")
+    up = case.t.x[case.t.facets[facets]][..., 1]
+    exact, own, (points, weights) = 0.0, case.on_facets(case.y, case.middle, facets), GAUSS
+    for (low, high), coefficients in zip(up, own, strict=True):
+        marks = np.unique(np.clip([min(low, high), 0.15, 0.3, max(low, high)], min(low, high), max(low, high)))
+        for begin, end in pairwise(marks):
+            at = begin + (end - begin) * points
+            share = (at - low) / (high - low)
+            normal = np.where(at < 0.3, 50 * at**2, 7)
+            moved = bernstein(np.column_stack((1 - share, share))) @ coefficients
+            density = normal * moved[:, 0] ** 2 + np.maximum(0, 40 * at - 6) * moved[:, 1] ** 2
+            exact += (end - begin) * float(density @ weights)
+    assert case._stored(case.y, case.middle)[0].sum() == pytest.approx(exact, rel=1e-9)
+    least = case.springs.stiffness
+    assert (least >= 0).all()
+    # No facet has a larger one than its least: that is zero where it vanishes on a part.
+    assert np.abs(least[case.t.x[case.t.facets[case.springs.facets]][..., 1].min(axis=1) < 0.1]).max(initial=0.0) < 1e-9
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 def test_energies_in_springs(degree):
     """Of a displacement that is drawn, beside a rule of quadrature at points of the scene's own mesh."""
@@ -177,7 +272,7 @@ def test_energies_in_springs(degree):
     facets = case._facets("left")
     at = bernstein(POINTS[2]) @ case.on_facets(case.y, case.middle, facets)
     exact = case.t.area[facets] @ (20 * at[..., 0] ** 2 + 30 * at[..., 1] ** 2) @ WEIGHTS[2]
-    assert case._stored(case.y, case.middle).sum() == pytest.approx(exact, rel=1e-12)
+    assert case._stored(case.y, case.middle)[0].sum() == pytest.approx(exact, rel=1e-12)
     away = np.array([0.3, 0.1])
     moved = case._beside((case.y + away, case.middle + away), case.t.strain_at_corners(case.y, case.middle))
     assert moved.moved.sum() == pytest.approx(20 * 0.09 + 30 * 0.01, rel=1e-9)
@@ -214,7 +309,14 @@ def test_springs_of_one_direction_exert_no_other_force():
 @pytest.mark.parametrize(
     ("more", "reason"),
     [
-        ({"springs": {"boundary": "left", "normal": "20 + x[1]", "tangential": 30.0}}, "is a number so far"),
+        (
+            {"springs": {"boundary": "left", "normal": "100*(x[1] - 0.3)*(x[1] - 0.4)", "tangential": 30.0}},
+            "is not negative",
+        ),
+        (
+            {"springs": {"boundary": "left", "normal": "1e5*(x[1] - 0.5)**2", "tangential": 300.0}, "contact": []},
+            "vanishes nowhere on some facets",
+        ),
         (
             {"contact": {"boundary": "bottom", "gap": 0.02, "kind": "bilateral", "direction": [0.6, -0.8]},
              "springs": [{"boundary": "bottom", "x": 5.0}, {"boundary": "left", "normal": 20.0, "tangential": 30.0}]},
@@ -228,7 +330,8 @@ def test_springs_of_one_direction_exert_no_other_force():
     ],
 )  # fmt: skip
 def test_what_has_no_bound(more, reason):
-    """Springs whose stiffness varies, that are not along what holds the boundary, or of which one is round-off."""
+    """Springs whose stiffness is negative, or vanishes somewhere on each facet where they alone hold the body; that are
+    not along what holds the boundary, or of which one is round-off."""
     assert reason in alone(uneven(**more)).error_bound
 
 

@@ -23,8 +23,9 @@ from test_jumping_loads import square
 
 from signorini_fx.addons.bounds import error_bound as proof
 from signorini_fx.addons.bounds import whole_problem
+from signorini_fx.addons.bounds.bounded_scene import REFUSES
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.effects.springs import Springs
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.quantities.proved_statements import ErrorBound
@@ -69,6 +70,8 @@ SCENES = {
     "a chain": chained,
     "space": partial(drawn_in_space, 1),
     "springs in space": partial(loaded, "springs", "space", 4),
+    "springs that vary": partial(loaded, "varying springs", "plane", 4),
+    "springs that vary in space": partial(loaded, "varying springs", "space", 4),
     "two bodies in space": partial(pair_in_space, 1),
     "two bodies in space that do not match": partial(pair_in_space, 1, unmatched=1),
 }
@@ -205,10 +208,9 @@ def test_an_error_of_the_bound_is_raised_on_all(monkeypatch):
 
 def test_what_has_no_bound():
     """The same reason on all ranks, before anything is sent and on the first rank."""
-    springs = (Springs(boundary="top", x="1 + x[0]"),)
-    varies = solve(example1(nx=6, ny=2, cell="triangle").model_copy(update={"springs": springs}), WORLD).error_bound
-    assert WORLD.allgather(varies) == ["springs have a guaranteed bound where their stiffness is a number so far"] * (
-        WORLD.size
-    )
+    scene = example1(nx=6, ny=2, cell="triangle")
+    held = (*scene.displacement, PrescribedDisplacement(at=(0.0, 1.0), x=0.0))
+    pinned = solve(scene.model_copy(update={"displacement": held}), WORLD).error_bound
+    assert WORLD.allgather(pinned) == [REFUSES["support of a point"]] * WORLD.size
     bound = solve(example1(nx=6, ny=2, cell="triangle"), WORLD).force_bounds("top", (0.0, 1.0))
     assert WORLD.allgather(bound) == ["'top' is neither a support nor a contact"] * WORLD.size

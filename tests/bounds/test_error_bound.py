@@ -21,7 +21,7 @@ from error_bounds import (
 )
 from scenes import alone, example1
 
-from signorini_fx.addons.bounds.bounded_scene import REFUSES_BESIDES, VARYING_SPRINGS
+from signorini_fx.addons.bounds.bounded_scene import REFUSES
 from signorini_fx.addons.bounds.cell_pieces import free_motions
 from signorini_fx.addons.bounds.equilibrated_stress import Equilibration, Loads
 from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
@@ -34,7 +34,7 @@ from signorini_fx.addons.bounds.stress_products import energy, from_strain
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.contact import BilateralContact
-from signorini_fx.mechanics.effects.springs import Springs
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.short_answer import short_answer
@@ -523,15 +523,16 @@ def test_a_mean_along_no_axis_of_a_boundary_that_slides():
 def test_what_has_no_bound():
     """Reasons, in the summary and as an error of the scene that wants a certified accuracy."""
     scene = example1(bound=1.5, nx=12, ny=4, error_bound=True)
-    sprung = scene.model_copy(update={"springs": (Springs(boundary="right", x="1 + x[1]"),)})
-    solution = alone(sprung)
+    held = PrescribedDisplacement(at=(0.0, 1.0), x=0.0)
+    pinned = scene.model_copy(update={"displacement": (*scene.displacement, held)})
+    solution = alone(pinned)
     summary = summarise(solution)
-    assert summary["error_bound"]["statement"] == "none: " + REFUSES_BESIDES[VARYING_SPRINGS]
+    assert summary["error_bound"]["statement"] == "none: " + REFUSES["support of a point"]
     # The first lines say so too.
     (warning,) = (line for line in map(str, short_answer(summary, Path("results"))) if "warning" in line)
-    assert "error_bound: there is no guaranteed bound: springs have" in warning
-    with pytest.raises(SceneError, match=r"accuracy.certified: springs have a guaranteed bound where"):
-        alone(sprung.model_copy(update={"accuracy": Accuracy(target=0.05, certified=True)}))
+    assert "error_bound: there is no guaranteed bound: a displacement at" in warning
+    with pytest.raises(SceneError, match=r"accuracy.certified: a displacement at a point has no"):
+        alone(pinned.model_copy(update={"accuracy": Accuracy(target=0.05, certified=True)}))
     with pytest.raises(SceneError, match="of = 'energy' only"):
         Accuracy(target=0.05, of="pressure", certified=True)
 
@@ -539,7 +540,6 @@ def test_what_has_no_bound():
 @pytest.mark.parametrize(
     ("more", "reason"),
     [
-        ({"springs": {"boundary": "top", "normal": "10*x[0]"}}, "where their stiffness is a number"),
         ({"displacement": [{"at": [0.0, 1.0], "x": 0.0}, {"boundary": "right", "y": 0.0, "x": 0.0}]}, "at a point"),
         ({"preload": {"point": [0.6, 0.5], "axis": [1.0, 0.0], "shortening": 1e-4}}, "preloaded section has no"),
     ],

@@ -22,7 +22,9 @@ from scenes import alone
 
 from signorini_fx.addons.bounds.error_bound import error_bound
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
+from signorini_fx.addons.bounds.varying_springs import SpringPoints
 from signorini_fx.errors import SignoriniError
+from signorini_fx.mechanics.effects.springs import Springs
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.scenes.reading import parse_scene
 
@@ -114,30 +116,31 @@ def in_springs(solution, reference, problem):
     """Root of twice the energy in springs of the difference of two displacements on nested meshes, the second one
     finer; zero without springs."""
     coarse, fine = problem(solution), problem(reference)
-    if fine.springs is None:
-        return 0.0
-    d, springs = fine.t.dimension, fine.springs
-    corners = coarse.t.x[coarse.t.facets[coarse.springs.facets]]
+    entries, d = solution.statement.of(Springs), fine.t.dimension
     points, weights = POINTS[d], WEIGHTS[d]
-    x = np.einsum("qc,fcd->fqd", points, fine.t.x[fine.t.facets[springs.facets]])
-    # The coarse facet that each fine one is on: where the middle has the largest least barycentric coordinate, and is
-    # in its plane, on the same side, as two bodies may touch there.
-    sides = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    inverse = np.linalg.pinv(sides)
-    away = x.mean(axis=1)[:, None] - corners[:, 0]
-    local = np.einsum("ckd,fcd->fck", inverse, away)
-    off = np.linalg.norm(np.einsum("cdk,fck->fcd", sides, local) - away, axis=2)
-    other_side = fine.t.normal[springs.facets] @ coarse.t.normal[coarse.springs.facets].T < 0
-    least = np.minimum(local.min(axis=2), 1 - local.sum(axis=2)) - 1e6 * off / np.ptp(coarse.t.x) - other_side
-    owner = least.argmax(axis=1)
-    assert (least.max(axis=1) > 0).all()
-    rest = np.einsum("fkd,fqd->fqk", inverse[owner], x - corners[owner, :1])
-    places = np.concatenate((1 - rest.sum(axis=2, keepdims=True), rest), axis=2)
-    of_coarse = coarse.on_facets(coarse.y, coarse.middle, coarse.springs.facets)[owner]
-    of_fine = fine.on_facets(fine.y, fine.middle, springs.facets)
-    own = np.stack([bernstein(at) @ values for at, values in zip(places, of_coarse, strict=True)])
-    apart = bernstein(points) @ of_fine - own
-    return float(np.sqrt(springs.area @ np.einsum("fqi,fij,fqj->fq", apart, springs.stiffness, apart) @ weights))
+    square = 0.0
+    for entry in entries:
+        facets, coarse_facets = fine._facets(entry.boundary), coarse._facets(entry.boundary)
+        corners = coarse.t.x[coarse.t.facets[coarse_facets]]
+        x = np.einsum("qc,fcd->fqd", points, fine.t.x[fine.t.facets[facets]])
+        # The coarse facet that each fine one is on: where the middle has the largest least barycentric coordinate, and
+        # is in its plane.
+        sides = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+        inverse = np.linalg.pinv(sides)
+        away = x.mean(axis=1)[:, None] - corners[:, 0]
+        local = np.einsum("ckd,fcd->fck", inverse, away)
+        off = np.linalg.norm(np.einsum("cdk,fck->fcd", sides, local) - away, axis=2)
+        least = np.minimum(local.min(axis=2), 1 - local.sum(axis=2)) - 1e6 * off / np.ptp(coarse.t.x)
+        owner = least.argmax(axis=1)
+        assert (least.max(axis=1) > 0).all()
+        rest = np.einsum("fkd,fqd->fqk", inverse[owner], x - corners[owner, :1])
+        places = np.concatenate((1 - rest.sum(axis=2, keepdims=True), rest), axis=2)
+        of_coarse = coarse.on_facets(coarse.y, coarse.middle, coarse_facets)[owner]
+        own = np.stack([bernstein(at) @ values for at, values in zip(places, of_coarse, strict=True)])
+        apart = bernstein(points) @ fine.on_facets(fine.y, fine.middle, facets) - own
+        at = SpringPoints(x, np.broadcast_to(fine.t.normal[facets][:, None], x.shape), apart)
+        square += float(fine.t.area[facets] @ (entry.reaction_at(at) * apart).sum(axis=2) @ weights)
+    return float(np.sqrt(square))
 
 
 def refuted(solution, reference, bound):

@@ -2,8 +2,8 @@
 
     ./env python3 tests/support/loaded_scenes.py KIND STUDY [SEEDS] [FIRST]
 
-KIND is gravity, force, rotation, fluid, springs, 'pressed springs', or 'facing springs', STUDY one of
-``heated_scenes``.  Prints guaranteed bounds over true errors, and what finer solutions say against other bounds.
+KIND is gravity, force, rotation, fluid, springs, 'varying springs', 'pressed springs', or 'facing springs', STUDY one
+of ``heated_scenes``.  Prints guaranteed bounds over true errors, and what finer solutions say against other bounds.
 """
 
 import sys
@@ -70,6 +70,9 @@ def loaded(scene, seed, kind):
             fields["fluid"].append({"boundary": top, "level": f"{high - 0.2} + 0.6*x[0]", "weight": size / high})
     elif kind == "springs":
         fields |= _on_springs(scene, chance, (top, right), up, young / high)
+    elif kind == "varying springs":
+        fields |= _on_springs(scene, chance, (top, right), up, young / high)
+        fields["springs"] = _varying(fields["springs"], chance, up, (length, high))
     elif kind == "pressed springs":  # where contact is
         stiff = young / high * 10 ** chance.uniform(-2, 1, 2)
         springs = [{"normal": float(stiff[0]), "tangential": float(stiff[1])}, {"x": float(stiff[0])}]
@@ -107,6 +110,28 @@ def _on_springs(scene, chance, boundaries, up, stiffness):
         springs.append({"boundary": top, up: float(stiff[2])})
     springs = [spring for spring in springs if spring["boundary"] not in held]
     return {"springs": springs or [{"boundary": right, **frames[0]}], "displacement": supports}
+
+
+def _varying(springs, chance, up, sizes):
+    """The same with stiffnesses that vary: polynomials, some of which vanish at a place, jumps, and waves."""
+    length, high = sizes
+    along = (f"(x[0]/{length})", f"(x[{'xyz'.index(up)}]/{high})")
+    changed = []
+    for spring in springs:
+        values = dict(spring)
+        for key in set(values) - {"boundary"}:
+            a, b = along if chance.random() < 0.5 else along[::-1]
+            shapes = [
+                f"0.1 + {a} + 2*{b}**2",
+                f"2*({b} - 0.3)**2",
+                f"where({b} < 0.37, 0.02, 1.5)",
+                f"where({a} < 0.41, 0, 1 + {b})",
+                f"3*max(0, {b} - 0.45)",
+                f"1.2 + sin(3*{b} + {a})",
+            ]
+            values[key] = f"{values[key]}*({shapes[int(chance.integers(len(shapes)))]})"
+        changed.append(values)
+    return changed
 
 
 def drawn(kind, study, seed):

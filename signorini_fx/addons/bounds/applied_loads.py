@@ -5,6 +5,7 @@ Constants of Korn's inequality, in ``korn``, bound the work of what is missed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints, DensityPoints, profile_of
 from signorini_fx.addons.bounds.equilibrated_stress import Loads
 from signorini_fx.addons.bounds.facets import coefficients
+from signorini_fx.addons.bounds.initial_stress import sizes_of_rules
 from signorini_fx.addons.bounds.integrated_loads import (
     Density,
     Integrated,
@@ -26,6 +28,7 @@ from signorini_fx.addons.bounds.johnson_mercier import constant_forces
 from signorini_fx.addons.bounds.korn import missed_squares, work_beside_linear, work_inside
 from signorini_fx.addons.bounds.lifted_forces import lifted_forces
 from signorini_fx.addons.bounds.simplices import CORNERS_OF_PARTS, EDGES, EDGES_OF_FACET, Simplices
+from signorini_fx.addons.bounds.varying_springs import SpringReaction
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.proved_statements import Refused
 
@@ -44,6 +47,7 @@ class Acting:
         mass: of the cells, mass per volume, shape (n,).
         whole: the integral of its ``weighting``; what has none does not ask for it.
         doubtful: how far this is not known by quadrature, relative.
+        beyond: degree of what its values are multiplied by.
     """
 
     factor: float
@@ -52,6 +56,7 @@ class Acting:
     mass: Array
     whole: float = np.nan
     doubtful: float = 0.0
+    beyond: int = 0
 
     @staticmethod
     def of(t: Simplices, factor: float, load: Force, facets: Ints | None, mass: Array) -> Acting:
@@ -77,6 +82,13 @@ class Acting:
         """
         asked = DensityPoints(points.x, points.normal, self.mass[rows], self.whole)
         return np.asarray(self.factor * np.broadcast_to(self.load.density_at(asked), points.x.shape))
+
+    def on(self, t: Simplices, facets: Ints, points: BoundPoints) -> Array:
+        """Force per area at points on parts of facets, shape (m, q, d)."""
+        return self.at(t.sides[facets, 0], points)
+
+
+Load = Acting | SpringReaction
 
 
 @dataclass(frozen=True)
@@ -161,7 +173,7 @@ class BodyLoads:
         return np.asarray((middle - y[self.t.edges].mean(axis=1))[self.t.edges_of])
 
 
-def _tractions(t: Simplices, facets: Ints, loads: list[tuple[Acting, Ints]], held: Array) -> Density:
+def _tractions(t: Simplices, facets: Ints, loads: list[tuple[Load, Ints]], held: Array) -> Density:
     """The sum of loads on some facets, without what supports take of it.
 
     Args:
@@ -176,7 +188,7 @@ def _tractions(t: Simplices, facets: Ints, loads: list[tuple[Acting, Ints]], hel
         for load, loaded_facets in loads:
             rows = np.flatnonzero(np.isin(facets[owner], loaded_facets))
             at = BoundPoints(points.x[rows], points.normal[rows])
-            force[rows] += load.at(t.sides[facets[owner[rows]], 0], at)
+            force[rows] += load.on(t, facets[owner[rows]], at)
         return np.asarray(force - np.einsum("mij,mqj->mqi", held[facets[owner]], force))
 
     return density
@@ -191,9 +203,11 @@ class PlaneLoads:
         missed_inside: the square of what constants on the thirds miss of the force in each triangle, shape (n,).
     """
 
-    def __init__(self, t: Simplices, held: Array, forces: list[Acting]) -> None:
+    def __init__(self, t: Simplices, held: Array, forces: Sequence[Load]) -> None:
         self._t, self._held = t, held
-        self._inside = BodyLoads.of(t, [force for force in forces if force.facets is None])
+        self._inside = BodyLoads.of(
+            t, [force for force in forces if isinstance(force, Acting) and force.facets is None]
+        )
         self.body, self.missed_inside = self._inside.moments, self._inside.missed
         self.traction, self._missed_on_edges = np.zeros((len(t.facets), 2, 2)), np.zeros(len(t.facets))
         self._on_edges, self._unknown_on_edges = np.zeros((2, len(t.facets), 3, 2))
@@ -221,7 +235,7 @@ class PlaneLoads:
         edges = (np.sqrt(self._missed_on_edges) + contact) ** 2
         return missed_squares(self._t, self.missed_inside, edges)
 
-    def _integrate_tractions(self, loads: list[tuple[Acting, Ints]]) -> None:
+    def _integrate_tractions(self, loads: list[tuple[Load, Ints]]) -> None:
         """Linear tractions with the moments of those given, and the square of what they miss on each edge."""
         t = self._t
         if not loads:
@@ -243,14 +257,14 @@ class PlaneLoads:
         unknown = self._unknown_on_edges[edges].sum(axis=(1, 2))
         np.add.at(self._unknown, t.sides[edges, 0], t.area[edges] * unknown)
 
-    def _largest_moments(self, load: Acting, edges: Ints) -> tuple[Array, Array]:
+    def _largest_moments(self, load: Load, edges: Ints) -> tuple[Array, Array]:
         """Bounds of the moments of a traction on edges, which are at most the root of its mean square, and that of what
         linear functions miss of it, stresses, shape (m,).
         """
         integrated = on_edges(
             self._t,
             edges,
-            lambda owner, points: load.at(self._t.sides[edges[owner], 0], points),
+            lambda owner, points: load.on(self._t, edges[owner], points),
             list(load.profile(2)),
         )
         linear = 4 * np.linalg.norm(integrated.moments, axis=2).sum(axis=1)
@@ -294,9 +308,11 @@ class SpatialLoads:
         traction: see ``body``.
     """
 
-    def __init__(self, t: Simplices, held: Array, forces: list[Acting]) -> None:
+    def __init__(self, t: Simplices, held: Array, forces: Sequence[Load]) -> None:
         self._t, self._held = t, held
-        self._inside = BodyLoads.of(t, [force for force in forces if force.facets is None])
+        self._inside = BodyLoads.of(
+            t, [force for force in forces if isinstance(force, Acting) and force.facets is None]
+        )
         self.body, self.traction = self._inside.moments, np.zeros((len(t.facets), 3, 3))
         loads = [(force, force.facets) for force in forces if force.facets is not None]
         self._faces: Ints = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(faces for _, faces in loads)]))
@@ -335,15 +351,16 @@ class SpatialLoads:
         linear = lifted_forces(t, closest_linear(inside.moments / t.volume[:, None, None]))
         return np.asarray((bounds / np.sqrt(t.moduli.softest) + linear) ** 2)
 
-    def _integrate_tractions(self, loads: list[tuple[Acting, Ints]]) -> None:
+    def _integrate_tractions(self, loads: list[tuple[Load, Ints]]) -> None:
         """Linear tractions with the moments of those given, and what they miss."""
         t, faces = self._t, self._faces
 
-        def integrated(selected: list[tuple[Acting, Ints]]) -> tuple[Integrated, Array]:
+        def integrated(selected: list[tuple[Load, Ints]]) -> tuple[Integrated, Array]:
             """Without what supports take of some loads; and the linear tractions at vertices, shape (m, 3, 3)."""
             density = _tractions(t, faces, selected, self._held)
             values = [value for load, _ in selected for value in load.profile(3)]
-            integral_values = in_simplices(t.x[t.facets[faces]], density, values, normal=t.normal[faces])
+            sizes = sizes_of_rules(values, 1 + max(load.beyond for load, _ in selected))
+            integral_values = in_simplices(t.x[t.facets[faces]], density, values, normal=t.normal[faces], sizes=sizes)
             return integral_values, closest_linear(integral_values.moments[:, :3])
 
         def of_bernstein(moments: Array) -> Array:

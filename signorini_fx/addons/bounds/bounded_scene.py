@@ -57,7 +57,6 @@ CURVED, POINT = "curved cells", "parts that share a point"
 HEXAHEDRA = "hexahedra"
 INCOMPRESSIBLE = "material without a change of volume"
 TURNING, NO_POLYNOMIAL = "Poisson's ratio or axes that vary", "grading that is no polynomial"
-VARYING_SPRINGS = "springs whose stiffness varies"
 FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
 SHAPE = "some foundations with shapes"
 LONG_FACETS = (
@@ -75,7 +74,6 @@ REFUSES_BESIDES = {
     TURNING: "Poisson's ratio or axes that vary have no guaranteed bound yet",
     NO_POLYNOMIAL: "a grading has a guaranteed bound where it is a polynomial of degree 5 at most, but for jumps and "
     "kinks along straight lines, and on triangles, parallelograms of degree 1 and tetrahedra so far",
-    VARYING_SPRINGS: "springs have a guaranteed bound where their stiffness is a number so far",
     FORM_AS_GAP: "a gap given as a form is not known between the nodes",
     FORM_AS_BOUND: "a friction bound given as a form is not known between the nodes",
 }
@@ -84,6 +82,9 @@ REFUSES_BESIDES = {
 APART, TWICE_MET = "friction or bond of sides that are apart", "side that meets two others at a place"
 NO_MATCH = "facets in space that are not over each other one to one, of sides that are not flat and parallel"
 CLOSED_NO_MATCH = "bonds and contact that cannot open in space, of facets that are not over each other one to one"
+HELD_BY_VARYING_SPRINGS = (
+    "a body that springs alone hold has a guaranteed bound where their stiffness vanishes nowhere on some facets"
+)
 SPRINGS_MOVED = "with springs a guaranteed bound needs that nodes of two bodies meet, or do not nearly meet, so far"
 NEARLY_MET, PARTLY_CLOSED = "corners of two bodies that nearly meet", "adjust that closes a part of a contact"
 REFUSES_OF_PAIRS = {
@@ -291,7 +292,6 @@ def refuse_unknown(model: Model) -> None:
         CURVED: compat.geometry_degree(mesh) > 1,
         HEXAHEDRA: mesh.topology.cell_name() == "hexahedron",
         POINT: model.pieces.pins.size > 0,
-        VARYING_SPRINGS: any(entry.varies for entry in model.statement.of(Springs)),
         FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in model.statement.contact),
         FORM_AS_BOUND: any(hasattr(value, "ufl_shape") for value in bounds),
     }
@@ -335,12 +335,17 @@ def _data(model: Model, place: float) -> Iterator[_Datum]:
         bound = 0.0 if contact.friction.follows_pressure else contact.friction.given_bound
         yield _Datum("friction bound", f"friction bound of {contact.boundary!r}", bound, 1)
     for _, listed in model.statement.listed():
-        if not isinstance(listed, Force | PrescribedDisplacement | TemperatureChange):
+        if not isinstance(listed, Force | PrescribedDisplacement | TemperatureChange | Springs):
             continue
         _, entry = model.statement.now(listed, place)
         name = entry.label if entry.where is None else f"{entry.label} of {entry.where!r}"
         if isinstance(entry, TemperatureChange):
             yield from (_Datum(entry.label, entry.name, value, KNOWN_DEGREE, True) for value in entry.given.values())
+        elif isinstance(entry, Springs):
+            yield from (
+                _Datum("stiffness of springs", f"stiffness of {name}", value, KNOWN_DEGREE, True)
+                for value in entry.given.values()
+            )
         elif isinstance(entry, Force):
             yield from (_Datum(entry.label, name, value, KNOWN_DEGREE, True) for value in profile_of(entry, dimension))
         else:

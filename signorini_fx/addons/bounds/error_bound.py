@@ -8,13 +8,13 @@ of v and tau from the solution, in the norms of the energy and of the complement
 
 of which every part is local and not negative (W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269; for
 contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysis and Variational Problems); between two
-bodies v_n and v_t are those of the jump, (B1) and (B2) of docs/theory.md; springs add (B11) of docs/bounds.md.  v is
-the finite element solution without what it enters the foundation, w; with the solution itself in the first term only,
-the square of its error is at most the sum above plus that of |w|.  tau the stress of least complementary energy of
-``equilibrated_stress`` with tractions made of the nodal pressures.  What the stress does not hold of the loads enters
-with explicit constants.  In a later load step v_t is the increment, whose beginning is taken as computed.
-docs/theory.md lists what is assumed.  Straight cells; of several ranks the first one bounds the whole, see
-``whole_problem``.
+bodies v_n and v_t are those of the jump, (B1) and (B2) of docs/theory.md; springs add (B11) of docs/bounds.md, those
+whose stiffness varies (B14).  v is the finite element solution without what it enters the foundation, w; with the
+solution itself in the first term only, the square of its error is at most the sum above plus that of |w|.  tau the
+stress of least complementary energy of ``equilibrated_stress`` with tractions made of the nodal pressures.  What the
+stress does not hold of the loads enters with explicit constants.  In a later load step v_t is the increment, whose
+beginning is taken as computed.  docs/theory.md lists what is assumed.  Straight cells; of several ranks the first one
+bounds the whole, see ``whole_problem``.
 
 Tractions are linear on facets, so that p >= 0 and |mu| <= g hold everywhere where they hold at the vertices: both sets
 are convex.  |v_t| is at most the quadratic with the sizes of the coefficients of Bernstein of v_t, for the same reason.
@@ -31,11 +31,17 @@ import scipy.sparse as sp
 from dolfinx import fem
 from scipy.sparse.csgraph import connected_components
 
+from signorini_fx.addons.bounds.applied_loads import PlaneLoads, SpatialLoads
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
 from signorini_fx.addons.bounds.biquadratic_cells import StrainBeyond
 from signorini_fx.addons.bounds.bounded_error import ROUND_OFF, out, small_rests, work_of_loads
-from signorini_fx.addons.bounds.bounded_scene import LONG_FACETS, refuse_unknown, why_estimated
+from signorini_fx.addons.bounds.bounded_scene import (
+    HELD_BY_VARYING_SPRINGS,
+    LONG_FACETS,
+    refuse_unknown,
+    why_estimated,
+)
 from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.addons.bounds.common_refinement import CommonRefinement
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
@@ -105,7 +111,7 @@ class Enclosure:
         inside: the cells of the pieces that are looked at, each of which is a body of its own, shape (n,).
         lifted: bounds of the norms of the stresses that ``stress`` lacks of one in equilibrium, shape (n,), see
             ``Bounded._lifted``.
-        misfit: what tau leaves of the forces of springs that v exerts, (B11) of docs/bounds.md, energies, shape (n,).
+        misfit: what tau leaves of the forces of springs that v exerts, (B14) of docs/bounds.md, energies, shape (n,).
         initial: the stress that initial strains take from the body; None: there are none.
         grading: how moduli vary inside the cells; None: they do not.
     """
@@ -238,13 +244,19 @@ class Bounded(PlainProblem):
         return Equilibration(self.t, self.held, self.springs)
 
     @cached_property
+    def _reaction(self) -> PlaneLoads | SpatialLoads | None:
+        """What the stress holds of springs whose stiffness varies, under the computed displacement."""
+        return self.reaction_of_springs(self.y, self.middle)
+
+    @cached_property
     def enclosure(self) -> Enclosure:
         """Displacement and stress that enclose the solution."""
         t = self.t
         computed = t.strain_at_corners(self.y, self.middle)
         self._balance()
         stress, (size, unknown) = self._stress(), self._energy(computed, self.beyond)
-        size = size + self._stored(self.y, self.middle)
+        in_springs, not_known = self._stored(self.y, self.middle)
+        size, unknown = size + in_springs, unknown + not_known
         between = self._between(computed, stress)
         # Where the displacement is nearly exact, what is round-off need not be known better.
         lifted = self._lifted(float(np.sqrt(max(between.sum(), LITTLE_LIFTED**2 * size.sum()))))
@@ -281,12 +293,17 @@ class Bounded(PlainProblem):
             self.grading,
         )
 
-    def _stored(self, y: Array, middle: Array) -> Array:
-        """Twice the energy of springs under a displacement, by cell, shape (n,)."""
-        if self.springs is None:
-            return np.zeros(len(self.t.corners))
-        reaction = self.springs.reaction(self.on_facets(y, middle, self.springs.facets))
-        return self.springs.by_cell(self.springs.product(reaction, reaction), len(self.t.corners))
+    def _stored(self, y: Array, middle: Array) -> tuple[Array, Array]:
+        """Twice the energy of springs under a displacement, by cell, and how far it is not known, shapes (n,)."""
+        squares, unknown = np.zeros((2, len(self.t.corners)))
+        if self.springs is not None:
+            reaction = self.springs.reaction(self.on_facets(y, middle, self.springs.facets))
+            squares = self.springs.by_cell(self.springs.product(reaction, reaction), len(self.t.corners))
+        if self.varying is not None:
+            along = self.on_facets(y, middle, self.varying.facets)
+            beyond, unknown = self.varying.product(along, along)
+            squares = squares + beyond
+        return squares, unknown
 
     def misfit_of_springs(self, stress: EquilibratedStress, y: Array, middle: Array) -> Array:
         """K v + t of a displacement v and the springs of a stress at ``POINTS``, stress, shape (m, q, d)."""
@@ -296,10 +313,14 @@ class Bounded(PlainProblem):
 
     def _misfit(self, stress: EquilibratedStress, y: Array, middle: Array) -> Array:
         """What a stress leaves of the forces of springs, see ``Enclosure``, shape (n,)."""
-        if self.springs is None:
-            return np.zeros(len(self.t.corners))
-        misfit = self.misfit_of_springs(stress, y, middle)
-        return self.springs.by_cell(self.springs.product(misfit, misfit), len(self.t.corners))
+        squares: Array = np.zeros(len(self.t.corners))
+        if self.springs is not None:
+            misfit = self.misfit_of_springs(stress, y, middle)
+            squares = self.springs.by_cell(self.springs.product(misfit, misfit), len(self.t.corners))
+        if self.varying is not None:  # it holds what these exert under the computed displacement
+            apart = self.on_facets(y - self.y, middle - self.middle, self.varying.facets)
+            squares = np.add(squares, np.add(*self.varying.product(apart, apart)))
+        return squares
 
     def _between(self, computed: Array, stress: EquilibratedStress) -> Array:
         """Squares of the distance of a stress from that of the computed displacement, energies, shape (n,)."""
@@ -363,7 +384,7 @@ class Bounded(PlainProblem):
     @property
     def _may_press_less(self) -> bool:
         """Whether the body is in equilibrium with any share of its contact tractions, and these act on nothing else."""
-        return not (self._pairs or self.tools or self.springs or free_motions(self.t, self.held).size)
+        return not (self._pairs or self.tools or self.sprung or free_motions(self.t, self.held).size)
 
     def _pressing_less(
         self, computed: Array, stress: EquilibratedStress, v: Admissible
@@ -408,13 +429,14 @@ class Bounded(PlainProblem):
         if not self.tools and not any(surface.bound.any() for surface in self.contacts):
             above = (float(np.sqrt(enclosure.gap)) + 2 * enclosure.missed) ** 2 / 2
             strained, strain_unknown = self._energy(v.strain, None)
-            functional = (strained + self._stored(v.y, v.middle)).sum() / 2 - self.loads.work(v.y, v.middle)
+            stored, stored_unknown = self._stored(v.y, v.middle)
+            functional = (strained + stored).sum() / 2 - self.loads.work(v.y, v.middle)
             least, greatest = work_of_loads(functional, above, enclosure.size, total, len(t.corners))
-            unknown = self.loads.unknown_work(v.y, v.middle) + float(strain_unknown.sum()) / 2
+            unknown = self.loads.unknown_work(v.y, v.middle) + float((strain_unknown + stored_unknown).sum()) / 2
             work = least - unknown, greatest + unknown
         round_off, size = enclosure.round_off, enclosure.size
-        in_springs = float(self._stored(self.y, self.middle).sum())
-        alone = None if self.springs is None else float(np.sqrt(max(size**2 - in_springs, 0.0)))
+        in_springs = float(self._stored(self.y, self.middle)[0].sum())
+        alone = float(np.sqrt(max(size**2 - in_springs, 0.0))) if self.sprung else None
         return ErrorBound(float(total), size, duality, missed, moved, round_off, squares, self.grounds, work, alone)
 
     @property
@@ -424,6 +446,8 @@ class Bounded(PlainProblem):
         for surface in self.contacts:
             norms[surface.facets] += np.sqrt(self.t.area[surface.facets] * surface.missed)
         missed = self.loads.missed_beside(norms)
+        if (reaction := self._reaction) is not None:
+            missed = (np.sqrt(missed) + np.sqrt(reaction.missed_beside(np.zeros_like(norms)))) ** 2
         return missed if self.grading is None else missed / self.grading.least
 
     def _lifted(self, size: float) -> Array:
@@ -463,7 +487,10 @@ class Bounded(PlainProblem):
     def _stress(self) -> EquilibratedStress:
         """In equilibrium with the loads and the tractions of the contacts."""
         t, d, acting = self.t, self.t.dimension, self.loads.acting
-        traction = acting.traction.copy()
+        traction, not_known = acting.traction.copy(), acting.unknown
+        if self._reaction is not None:
+            of_springs = self._reaction.acting
+            traction, not_known = traction + of_springs.traction, not_known + of_springs.unknown
         for surface, refined in self._unmatched:
             for side, sign in ((SLAVE, 1.0), (MASTER, -1.0)):
                 faces = refined.facets[side]
@@ -482,7 +509,7 @@ class Bounded(PlainProblem):
         for k, pair in enumerate(EDGES_OF_FACET[d]):
             start[:, pair] += (ends - third) * bubble[:, k, None]
         initial = None if self.initial is None else self.initial.stress
-        return self.equilibrated(Loads(acting.body, traction, acting.unknown, initial), start)
+        return self.equilibrated(Loads(acting.body, traction, not_known, initial), start)
 
     def equilibrated(self, loads: Loads, prescribed: Array) -> EquilibratedStress:
         """A stress in equilibrium, see ``Equilibration.stress``, with work per unit of the energy norm of the body."""
@@ -547,11 +574,13 @@ class Bounded(PlainProblem):
         if not of_bodies + of_tools:
             return
         if not self.contacts:
-            raise Refused("the body is not held")
+            raise Refused("the body is not held" if self.varying is None else HELD_BY_VARYING_SPRINGS)
 
         moments = moments_of(t, modes[t.facets])
         loads = np.einsum("ncd,ncdk->k", self.loads.body, modes[t.corners])
         loads = loads + np.einsum("fad,fadk->k", self.loads.traction, moments)
+        if self._reaction is not None:
+            loads = loads + np.einsum("fad,fadk->k", self._reaction.traction, moments)
         loads = np.concatenate((loads, *(tool.force for tool in self.tools)))
         contacts = []
         for number, surface in enumerate(self.contacts):
@@ -633,7 +662,7 @@ class Bounded(PlainProblem):
             moved = moved * self.grading.greatest
         if self.beyond is not None:
             moved = (moved + self.beyond.added(from_strain(t, computed - strain))).clip(min=0.0)
-        moved = moved + self._stored(v[0] - self.y, v[1] - self.middle)
+        moved = moved + np.add(*self._stored(v[0] - self.y, v[1] - self.middle))
         return Admissible(*v, strain, contact, moved)
 
     def _entered(self) -> Array:

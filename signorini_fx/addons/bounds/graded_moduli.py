@@ -210,7 +210,7 @@ def graded_moduli(model: Model, t: Simplices, owner: Ints, free: FreeStrain | No
     centre = grading(cells, t.x[t.corners].mean(axis=1)[:, None])[:, 0]
     factor = centre / grading(cells, of_mesh)[:, 0]
     degree = int(max(value.degree for value in values if isinstance(value, Expression)))
-    least, greatest = _bounds(t, grading, values, degree)
+    least, greatest = range_of(t.x[t.corners], grading, values, degree)
     room = SAME_NUMBER * np.abs(greatest)  # for the round-off of values whose terms may cancel
     least, greatest = least - room, greatest + room
     if not (least > 0).all():
@@ -256,19 +256,24 @@ def _points(
     return GradedPart(number, rows, at, volume[:, None] * weights, share, strain)
 
 
-def _bounds(t: Simplices, grading: _Grading, values: list[Any], degree: int) -> tuple[Array, Array]:
-    """The least and the largest coefficient of Bernstein of the grading in each cell, shapes (n,); for the arguments
-    see ``_points``.
+def range_of(corners: Array, function: _Grading, values: list[Any], degree: int) -> tuple[Array, Array]:
+    """The least and the largest coefficient of Bernstein of a function in each of some simplices, shapes (n,).
+
+    Args:
+        corners: of the simplices, which may be facets, length, shape (n, count, d).
+        function: a polynomial between the jumps and kinks of the values.
+        values: of the scene that it is made of.
+        degree: of the polynomial.
     """
-    count = t.dimension + 1
+    count = corners.shape[1]
     powers = np.array([exponents for exponents in product(range(degree + 1), repeat=count) if sum(exponents) == degree])
     points = INSIDE_CELL * powers / max(degree, 1) + (1 - INSIDE_CELL * (degree > 0)) / count
     multinomials = [factorial(degree) / prod(factorial(int(power)) for power in exponents) for exponents in powers]
     basis = np.array(multinomials) * np.prod(points[:, None] ** powers, axis=2)
-    rows, places = cut(t.x[t.corners], values)
-    x = np.einsum("mqc,mcd->mqd", points @ places, t.x[t.corners[rows]])
-    coefficients = np.linalg.solve(basis, grading(rows, x).T)
-    least, greatest = np.full(len(t.corners), np.inf), np.full(len(t.corners), -np.inf)
+    rows, places = cut(corners, values)
+    x = np.einsum("mqc,mcd->mqd", points @ places, corners[rows])
+    coefficients = np.linalg.solve(basis, function(rows, x).T)
+    least, greatest = np.full(len(corners), np.inf), np.full(len(corners), -np.inf)
     np.minimum.at(least, rows, coefficients.min(axis=0))
     np.maximum.at(greatest, rows, coefficients.max(axis=0))
     return least, greatest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from signorini_fx.addons.bounds.cell_pieces import rigid_motions
 from signorini_fx.addons.bounds.definite_factor import Factor
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Simplices
 from signorini_fx.addons.bounds.spring_facets import SpringFacets
+from signorini_fx.addons.bounds.varying_springs import VaryingSprings
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
@@ -88,7 +90,10 @@ class PrescribedComponents:
 
 
 def smallest_energy(
-    t: Simplices, constraints: PrescribedComponents, load: Array | None = None, springs: SpringFacets | None = None
+    t: Simplices,
+    constraints: PrescribedComponents,
+    load: Array | None = None,
+    springs: Sequence[SpringFacets | VaryingSprings] = (),
 ) -> tuple[Array, float]:
     """The displacement of least energy, loads included, with given components.
 
@@ -96,7 +101,7 @@ def smallest_energy(
         t: the cells.
         constraints: the components; with springs they leave no rigid motion free.
         load: forces at vertices, shape (v, d); None: there are none.
-        springs: on facets; None: there are none.
+        springs: on facets.
 
     Returns:
         The displacement at the vertices, length, shape (v, d), and how far it is from what is given at most, length.
@@ -114,8 +119,8 @@ def smallest_energy(
         "nik,nk->ni", vectors, np.where(fixed[constrained], along / np.where(fixed[constrained], sizes, 1.0), 0.0)
     )
     matrix = stiffness(t)
-    if springs is not None:
-        matrix = matrix + assembled(springs.matrices, t.facets[springs.facets], count)
+    for sprung in springs:
+        matrix = matrix + assembled(sprung.matrices, t.facets[sprung.facets], count)
     force = (np.zeros((count, d)) if load is None else load) - (matrix @ start.ravel()).reshape(-1, d)
     basis = free_basis(turn, fixed)
     if basis.shape[1]:

@@ -49,6 +49,7 @@ from signorini_fx.addons.bounds.round_foundations import RoundFacets, is_round
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, divide
 from signorini_fx.addons.bounds.split_triangles import SplitTriangles, with_moved_nodes
 from signorini_fx.addons.bounds.spring_facets import SpringFacets
+from signorini_fx.addons.bounds.varying_springs import SpringComponent, SpringReaction, VaryingSprings
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.assembly import facet_entities
@@ -277,7 +278,8 @@ class PlainProblem:
         held: projectors onto the directions in which facets are held, by supports and by contact that cannot open,
             shape (f, d, d).
         supported: those of supports alone.
-        springs: on facets; None: there are none.
+        springs: on facets, with the least stiffness of each; None: there are none.
+        varying: what is more than that; None: nothing is.
         stopped: projectors onto the directions in which facets are held or on springs, shape (f, d, d).
         loads: what acts on the body.
         grading: how moduli vary inside the cells; None: they do not.
@@ -311,10 +313,15 @@ class PlainProblem:
                 facets, normal = self._towards(effect)
                 self.held[facets] += normal[:, :, None] * normal[:, None]
         self.held = self._projectors()
-        springs = [(entry, self._facets(entry.boundary)) for entry in self._statement.of(Springs)]
+        springs = [
+            component
+            for entry in self._statement.of(Springs)
+            for component in SpringComponent.of(self.t, entry, self._facets(entry.boundary))
+        ]
         self.springs = SpringFacets.of(self.t, self.held, springs)
+        self.varying = VaryingSprings.of(self.t, self.held, springs)
         self.stopped = self.held if self.springs is None else self.springs.stopped(self.held)
-        if self.springs is not None and self.moved_nodes > 0:
+        if self.sprung and self.moved_nodes > 0:
             raise Refused(SPRINGS_MOVED)
         acting, mass = (
             [self._statement.now(load, step) for load in self._statement.of(Force)],
@@ -349,6 +356,18 @@ class PlainProblem:
             unknown=self.loads.unknown_share,
             flat=self.flat,
         )
+
+    @property
+    def sprung(self) -> tuple[SpringFacets | VaryingSprings, ...]:
+        """All springs."""
+        return tuple(part for part in (self.springs, self.varying) if part is not None)
+
+    def reaction_of_springs(self, y: Array, middle: Array) -> PlaneLoads | SpatialLoads | None:
+        """What ``varying`` exerts under a displacement, as a load; None: there is nothing."""
+        if self.varying is None:
+            return None
+        reaction = SpringReaction(self.varying, self.on_facets(y, middle, self.varying.facets))
+        return (PlaneLoads if self._dimension == 2 else SpatialLoads)(self.t, self.held, [reaction])
 
     def _divide(self, y: fem.Function) -> None:
         """Simplices of the cells, with degree 2 four of each triangle, and the displacement on them."""

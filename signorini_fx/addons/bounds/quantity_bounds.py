@@ -124,6 +124,7 @@ class _Dual:
         constraints: of w.
         missed: how far w is from these, length.
         pieces: whose quantity it is.
+        sprung: whether the stress holds what springs whose stiffness varies exert under w.
         prescribed: size of what is prescribed in directions that are known up to round-off, length.
     """
 
@@ -132,6 +133,7 @@ class _Dual:
     constraints: PrescribedComponents
     missed: float
     pieces: Ints
+    sprung: bool = True
     prescribed: float = 0.0
 
 
@@ -158,12 +160,12 @@ class _Quantity(Bounded):
             raise Refused("a mean displacement has bounds where supports hold the body without its contact")
         unit = np.zeros((len(t.edges), 2, 2))
         unit[edges] = direction / t.area[edges].sum()  # what supports take of it neither stress nor w know
-        stress = self.equilibrated(Loads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
         load = np.zeros((len(t.x), 2))
         for k in (0, 1):
             np.add.at(load, t.edges[:, k], t.area[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
         constraints = self._closed(np.zeros((len(t.edges), 2)), pieces)
-        w, missed = smallest_energy(t, constraints, load, self.springs)
+        w, missed = smallest_energy(t, constraints, load, self.sprung)
+        stress = self._dual_stress(unit, w, np.zeros_like(unit))
         y, middle = self.enclosure.v.y, self.enclosure.v.middle
         share = t.area[edges] / t.area[edges].sum()
         mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
@@ -187,7 +189,7 @@ class _Quantity(Bounded):
             if load.where is not None
         ):
             raise Refused(f"loads act on {boundary!r}: its own force is not known apart from them")
-        if (support or closed) and self.springs is not None and np.isin(self.springs.facets, edges).any():
+        if (support or closed) and any(np.isin(part.facets, edges).any() for part in self.sprung):
             raise Refused(f"springs act on {boundary!r}: its own force is not known apart from them")
         value = np.zeros((len(t.edges), 2))
         value[edges] = -direction
@@ -198,7 +200,7 @@ class _Quantity(Bounded):
             constraints, PrescribedComponents.of_facets(t.edges, self.stopped - self.held, no_displacement)
         ).fixes(t):
             raise Refused("a force has bounds where supports and contacts hold the body")
-        w, missed = smallest_energy(t, constraints, springs=self.springs)
+        w, missed = smallest_energy(t, constraints, springs=self.sprung)
         if missed > SAME_LENGTH * np.abs(direction).max():
             raise Refused(
                 f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact"
@@ -206,11 +208,24 @@ class _Quantity(Bounded):
         no_traction = np.zeros((len(t.edges), 2, 2))
         stress = EquilibratedStress(np.zeros((len(t.corners), 3, 3, 3)), no_traction, np.zeros(len(t.corners)))
         if support:
-            unloaded = Loads(np.zeros((len(t.corners), 3, 2)), no_traction)
-            stress = self.equilibrated(unloaded, np.stack((value, value), axis=1))
+            stress = self._dual_stress(no_traction, w, np.stack((value, value), axis=1))
         exact = not constraints.value.any() and (np.count_nonzero(constraints.direction, axis=1) == 1).all()
         prescribed = 0.0 if exact else float(np.abs(direction).max())
-        return self._interval(_Dual(w, stress, constraints, missed, pieces, prescribed))
+        return self._interval(_Dual(w, stress, constraints, missed, pieces, support, prescribed))
+
+    def _dual_stress(self, traction: Array, w: Array, prescribed: Array) -> EquilibratedStress:
+        """In equilibrium with tractions and what springs whose stiffness varies exert under w, with what it does not
+        hold of this among the work that it misses.
+        """
+        body, reaction = np.zeros((len(self.t.corners), 3, 2)), self.reaction_of_springs(w, self._middles(w))
+        if reaction is None:
+            return self.equilibrated(Loads(body, traction), prescribed)
+        held = reaction.acting
+        stress = self.equilibrated(Loads(body, traction + held.traction, held.unknown), prescribed)
+        missed = reaction.missed_beside(np.zeros(len(self.t.facets)))
+        if self.grading is not None:
+            missed = missed / self.grading.least
+        return replace(stress, squares=(np.sqrt(stress.squares) + np.sqrt(missed)) ** 2)
 
     def _closed(self, value: Array, pieces: Ints) -> PrescribedComponents:
         """Components where forces of supports and contacts act; without friction there is none along a contact.
@@ -260,6 +275,12 @@ class _Quantity(Bounded):
             of_v = self.misfit_of_springs(enclosure.stress, enclosure.v.y, enclosure.v.middle)
             products = products + self.springs.by_cell(self.springs.product(of_w, of_v), len(t.corners))
             squares = squares + self.springs.by_cell(self.springs.product(of_w, of_w), len(t.corners))
+        if self.varying is not None and not dual.sprung:
+            of_w = self.on_facets(dual.w, self._middles(dual.w), self.varying.facets)
+            of_v = self.on_facets(enclosure.v.y - self.y, enclosure.v.middle - self.middle, self.varying.facets)
+            work, not_known = self.varying.product(of_w, of_v)
+            products, around = products + work, around + not_known
+            squares = squares + np.add(*self.varying.product(of_w, of_w))
         size = float(np.sqrt(squares.sum()))
         rounded = of_strains(t, dual.w, self._middles(dual.w))[enclosure.inside].sum()
         norm = size + self._growth * float(np.sqrt(rounded))
@@ -294,6 +315,11 @@ class _Quantity(Bounded):
                 springs.reaction(self.on_facets(*values, springs.facets)) for values in ((v.y, v.middle), (w, middle))
             )
             inside += float(springs.product(of_v, of_w).sum())
+        if (varying := self.varying) is not None:
+            v = self.enclosure.v
+            of_v, of_w = (self.on_facets(*values, varying.facets) for values in ((v.y, v.middle), (w, middle)))
+            work, not_known = varying.product(of_v, of_w)
+            inside, unknown_part = inside + float(work.sum()), unknown_part + float(not_known.sum())
         return float(self.loads.work(w, middle) - inside), unknown + unknown_part
 
     def _round_off(self, dual: _Dual, enclosure: Enclosure, size: float) -> float:
@@ -315,8 +341,8 @@ class _Quantity(Bounded):
             return growth * float(np.sqrt(squares[inside].sum()))
 
         of_v, of_w = norm(of_strains(t, v.y, v.middle)), norm(of_strains(t, w, middle))
-        size_v = norm(energy(t, v.strain) + self._stored(v.y, v.middle))
-        size_w = norm(energy(t, self._strain(w)) + self._stored(w, middle))
+        size_v = norm(energy(t, v.strain) + self._stored(v.y, v.middle)[0])
+        size_w = norm(energy(t, self._strain(w)) + self._stored(w, middle)[0])
         between = float(np.sqrt(enclosure.gap))
         strains = of_v * (size_w + of_w + size / 2) + of_w * (size_v + between / 2)
         if self.initial is not None:
@@ -334,6 +360,6 @@ class _Quantity(Bounded):
         near = np.zeros_like(w)
         near[vertices] = moved
         of_values = growth * of_boundary_values(t, vertices, np.sqrt(2) * moved)
-        of_values += norm(self._stored(near, self._middles(near)))
+        of_values += norm(self._stored(near, self._middles(near))[0])
         forces = of_values * (enclosure.size + enclosure.distance) + loads.size_of_work(near, self._middles(near))
         return strains + sums + forces

@@ -7,7 +7,8 @@ functionals then has one more term, (B11) of docs/bounds.md,
     int K^+ (K v + t) . (K v + t),
 
 with the pseudo-inverse K^+.  So pairs of a stress and a traction of springs are the stresses of a body that has the
-springs as a part, with the product int K^+ s . t of the latter.
+springs as a part, with the product int K^+ s . t of the latter.  These are springs whose stiffness is the same on each
+facet: of others, what is more than the least stiffness on a facet is in ``varying_springs``.
 """
 
 from __future__ import annotations
@@ -19,28 +20,11 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_error import ROUND_OFF
-from signorini_fx.addons.bounds.bounded_scene import BoundPoints
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.simplices import Simplices
-from signorini_fx.mechanics.statement.effect import Resistance
+from signorini_fx.addons.bounds.varying_springs import SpringComponent
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
-
-
-@dataclass(frozen=True)
-class SpringPoints(BoundPoints):
-    """Points at which springs are asked for their forces, ``statement.effect.Points``.
-
-    Attributes:
-        moved: the displacement there, length, shape (f, q, d).
-    """
-
-    moved: Array
-
-    @property
-    def displacement(self) -> Array:
-        """See ``Points``."""
-        return self.moved
 
 
 @dataclass(frozen=True)
@@ -66,13 +50,14 @@ class SpringFacets:
     softest: Array
 
     @staticmethod
-    def of(t: Simplices, held: Array, springs: Sequence[tuple[Resistance, Ints]]) -> SpringFacets | None:
-        """Those of the scene; None: none acts where supports let the body move.
+    def of(t: Simplices, held: Array, springs: Sequence[SpringComponent]) -> SpringFacets | None:
+        """Those of the scene, with their least stiffness on each facet; None: none acts where supports let the body
+        move.
 
         Args:
             t: the cells.
             held: projectors onto the directions in which facets are held, shape (f, d, d).
-            springs: with their facets.
+            springs: of the scene.
 
         Raises:
             Refused: supports hold a boundary across its springs, or round-off in the largest stiffness of a facet is
@@ -80,13 +65,11 @@ class SpringFacets:
         """
         d, stiffnesses = t.dimension, np.zeros((len(t.facets), t.dimension, t.dimension))
         least_given = np.full(len(t.facets), np.inf)
-        for entry, facets in springs:
-            positive = [value for value in entry.given.values() if value > 0]
-            least_given[facets] = np.minimum(least_given[facets], min(positive, default=np.inf))
-            x = t.x[t.facets[facets]].mean(axis=1)[:, None]
-            for k in range(d):
-                at = SpringPoints(x, t.normal[facets][:, None], np.broadcast_to(np.eye(d)[k], x.shape))
-                stiffnesses[facets, :, k] += np.broadcast_to(entry.reaction_at(at), x.shape)[:, 0]
+        for component in springs:
+            facets, least = component.facets, component.least[:, None, None]
+            stiffnesses[facets] += least * component.directions
+            if isinstance(component.value, float) and component.value > 0:
+                least_given[facets] = np.minimum(least_given[facets], component.value)
         facets = np.flatnonzero(stiffnesses.any(axis=(1, 2)))
         loose = np.eye(d) - held[facets]
         across = np.abs(loose @ stiffnesses[facets] @ held[facets]).max(axis=(1, 2))
