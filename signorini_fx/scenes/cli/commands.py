@@ -409,10 +409,11 @@ def judge(options: argparse.Namespace) -> int:
     from signorini_fx.machine.petsc_start import start_petsc
 
     comm = MPI.COMM_WORLD
-    if comm.size > 1:
-        raise SceneError([("judge", "judges on one rank: run it without mpirun")])
     start_petsc(comm, options.petsc_options)
-    judgement = add_on("judge")(options.problem, options.result, compare=not options.alone)
+    # It reads and solves on one rank alone; the others wait for its verdict.
+    judgement = parallel.on_root(
+        comm, lambda: add_on("judge")(options.problem, options.result, compare=not options.alone)
+    )
     text = json.dumps(judgement.as_dict(), indent=2) if options.json else str(judgement)
     parallel.log_on_root(comm, text)
     return int(judgement.exit_code)
