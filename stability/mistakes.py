@@ -5138,6 +5138,20 @@ MUTANTS = (
         tests=("bounds_of_springs::test_energies_in_springs",),
     ),
     Mutant(
+        "bounds/error_bound",
+        "initial = -of_jump if initial is None else initial - of_jump",
+        "initial = of_jump if initial is None else initial + of_jump",
+        "bounds: the stress is near that of a displacement that jumps the other way",
+        tests=("bounds_of_preload::test_a_bar_that_is_shortened_between_walls",),
+    ),
+    Mutant(
+        "bounds/plain_scene",
+        "return strain if self.jump is None else strain + self.jump.strain",
+        "return strain",
+        "bounds: preloaded sections strain nothing",
+        tests=("bounds_of_preload::test_a_bar_that_is_shortened_between_walls",),
+    ),
+    Mutant(
         "bounds/varying_springs",
         "more = value - component.least[places][:, None]",
         "more = value",

@@ -70,6 +70,7 @@ SCENES = {
     "a chain": chained,
     "space": partial(drawn_in_space, 1),
     "springs in space": partial(loaded, "springs", "space", 4),
+    "preload": partial(loaded, "preload", "plane", 2),
     "springs that vary": partial(loaded, "varying springs", "plane", 4),
     "springs that vary in space": partial(loaded, "varying springs", "space", 4),
     "two bodies in space": partial(pair_in_space, 1),

@@ -541,7 +541,6 @@ def test_what_has_no_bound():
     ("more", "reason"),
     [
         ({"displacement": [{"at": [0.0, 1.0], "x": 0.0}, {"boundary": "right", "y": 0.0, "x": 0.0}]}, "at a point"),
-        ({"preload": {"point": [0.6, 0.5], "axis": [1.0, 0.0], "shortening": 1e-4}}, "preloaded section has no"),
     ],
 )
 def test_what_this_proof_does_not_know(more, reason):

@@ -17,6 +17,7 @@ sys.path.append(str(Path(__file__).resolve().parents[2]))
 from scenes import alone
 
 from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
+from signorini_fx.addons.bounds.preloaded_sections import preloaded_sections
 from signorini_fx.addons.bounds.split_triangles import barycentric
 from signorini_fx.addons.bounds.stress_products import energy
 from signorini_fx.errors import SignoriniError
@@ -30,12 +31,19 @@ def problem(solution):
     return Bounded(solution.model, solution.displacement, solution.contact, solution._position, solution._before)
 
 
+def _strained(solution):
+    """The cells of a solution, and their strain at corners with that of preloaded sections."""
+    case, space = problem(solution), solution.displacement.function_space
+    t = case._undivided
+    strain = t.strain_at_corners(*case._on_cells(solution.displacement))
+    for section in preloaded_sections(solution.model, space, solution._position):
+        strain[section.beyond] += t.strain_at_corners(*case._on_cells(section.moved))[section.beyond]
+    return t, strain
+
+
 def energy_of_difference(coarse, fine):
     """Energy norm of the difference of the displacements of two solutions on nested meshes, the second one finer."""
-    (c, y, middle), (t, finer, between) = (
-        (case._undivided, *case._on_cells(solution.displacement))
-        for solution, case in ((coarse, problem(coarse)), (fine, problem(fine)))
-    )
+    (c, strain), (t, finer) = map(_strained, (coarse, fine))
     local = (np.ones((3, 3)) + 3 * np.eye(3)) / 6  # three points inside, exact for linear strains
     x = np.einsum("qc,ncd->nqd", local, t.x[t.corners])
     middles = t.x[t.corners].mean(axis=1)
@@ -44,9 +52,9 @@ def energy_of_difference(coarse, fine):
     inside = np.stack([barycentric(c, near[:, k], middles).min(axis=1) for k in range(near.shape[1])], axis=1)
     owner = np.take_along_axis(near, inside.argmax(axis=1)[:, None], axis=1)[:, 0]
     assert (inside.max(axis=1) > 0).all()
-    own = c.strain_at_corners(y, middle)[owner]
+    own = strain[owner]
     at = np.stack([barycentric(c, owner, x[:, q]) for q in range(3)], axis=1)
-    difference = np.einsum("qc,nck->nqk", local, t.strain_at_corners(finer, between)) - at @ own
+    difference = np.einsum("qc,nck->nqk", local, finer) - at @ own
     product = (t.stress(difference) * difference * [1, 1, 2]).sum(axis=2)
     return float(np.sqrt((t.volume[:, None] / 3 * product).sum()))
 

@@ -26,7 +26,7 @@ def energy_of_difference(solution, reference):
     """Energy norm of the difference of two displacements on nested meshes, the second one finer."""
     coarse, fine = problem(solution), problem(reference)
     t = fine.t
-    strains = t.strain_at_corners(fine.y, fine.middle)
+    strains = fine.strained(fine.y, fine.middle)
     # Three points inside, exact for linear strains.
     local = (np.ones((3, 3)) + 3 * np.eye(3)) / 6
     x = np.einsum("qc,ncd->nqd", local, t.x[t.corners])
@@ -38,7 +38,7 @@ def energy_of_difference(solution, reference):
     inverse = np.linalg.inv(c.jacobian)[where]
     rest = np.einsum("nqij,nqj->nqi", inverse, x - first)
     barycentric = np.concatenate((1 - rest.sum(axis=2, keepdims=True), rest), axis=2)
-    own = np.einsum("nqc,nqck->nqk", barycentric, c.strain_at_corners(coarse.y, coarse.middle)[where])
+    own = np.einsum("nqc,nqck->nqk", barycentric, coarse.strained(coarse.y, coarse.middle)[where])
     difference = np.einsum("qc,nck->nqk", local, strains) - own
     product = (t.stress(difference) * difference * [1, 1, 2]).sum(axis=2)
     return float(np.sqrt((t.volume[:, None] / 3 * product).sum()))

@@ -35,8 +35,8 @@ def energy_of_difference(solution, reference):
         local[cell] = found[where[cell]]
     assert local.min() > 0
     barycentric = ones + np.einsum("nid,nqd->nqi", c.gradients[where], x - first[where][:, None])
-    own = np.einsum("nqc,nck->nqk", barycentric, c.strain_at_corners(coarse.y, coarse.middle)[where])
-    difference = np.einsum("qc,nck->nqk", _INSIDE, t.strain_at_corners(fine.y, fine.middle)) - own
+    own = np.einsum("nqc,nck->nqk", barycentric, coarse.strained(coarse.y, coarse.middle)[where])
+    difference = np.einsum("qc,nck->nqk", _INSIDE, fine.strained(fine.y, fine.middle)) - own
     return float(np.sqrt((t.volume[:, None] / 4 * (t.stress(difference) * difference * TWICE[3]).sum(axis=2)).sum()))
 
 

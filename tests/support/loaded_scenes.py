@@ -2,8 +2,9 @@
 
     ./env python3 tests/support/loaded_scenes.py KIND STUDY [SEEDS] [FIRST]
 
-KIND is gravity, force, rotation, fluid, springs, 'varying springs', 'pressed springs', or 'facing springs', STUDY one
-of ``heated_scenes``.  Prints guaranteed bounds over true errors, and what finer solutions say against other bounds.
+KIND is gravity, force, rotation, fluid, springs, 'varying springs', preload, 'pressed springs', or 'facing springs',
+STUDY one of ``heated_scenes``.  Prints guaranteed bounds over true errors, and what finer solutions say against other
+bounds.
 """
 
 import sys
@@ -12,6 +13,7 @@ from functools import partial
 import heated_scenes
 import numpy as np
 
+from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.scenes.reading import parse_scene
 
 
@@ -73,6 +75,14 @@ def loaded(scene, seed, kind):
     elif kind == "varying springs":
         fields |= _on_springs(scene, chance, (top, right), up, young / high)
         fields["springs"] = _varying(fields["springs"], chance, up, (length, high))
+    elif kind == "preload":  # a section across the body, or the upper one of two, which is shortened or lengthened
+        long = float(scene.body[0].mesh.parameters["length"]) if scene.body else length
+        axis, point = [1.0, 0.0, 0.0], [float(long * chance.uniform(0.2, 0.8)), 0.0, 0.0]
+        shortening = size / young * high * float(chance.choice([1, 2, -1]))
+        section = {"point": point[: 2 if plane else 3], "axis": axis[: 2 if plane else 3], "shortening": shortening}
+        # Friction would see one side of the section.
+        fields["contact"] = [one.model_copy(update={"friction": NoFriction()}) for one in scene.contact]
+        fields["preload"] = [section | ({"region": "upper"} if scene.body else {})]
     elif kind == "pressed springs":  # where contact is
         stiff = young / high * 10 ** chance.uniform(-2, 1, 2)
         springs = [{"normal": float(stiff[0]), "tangential": float(stiff[1])}, {"x": float(stiff[0])}]

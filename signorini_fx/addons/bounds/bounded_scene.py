@@ -18,6 +18,7 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.moduli import middles
 from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.effects.springs import Springs
 from signorini_fx.mechanics.effects.temperature import TemperatureChange
 from signorini_fx.mechanics.materials.protocol import Material
@@ -35,6 +36,7 @@ _KNOWN_EFFECTS = (
     PrescribedDisplacement,
     TemperatureChange,
     Springs,
+    Preload,
     UnilateralContact,
     BilateralContact,
     BondedContact,
@@ -48,8 +50,6 @@ REFUSES = {
     "soft contact": "soft contact enters the foundation, and the bound is for displacements that do not",
     "links": "links act at points, where displacements of finite energy have no value",
     "entering load": "a load that enters contact as it opens has no guaranteed bound yet",
-    "preload": "a preloaded section has no guaranteed bound yet: its sides are apart by a jump, which displacements of "
-    "the proof do not have",
     "friction axes": "friction that depends on the direction has no guaranteed bound yet",
 }
 # What else it does not know, by name.
@@ -394,6 +394,10 @@ def grounds(model: Model, place: float, *, coulomb: bool, later: bool, unknown: 
         if unknown > SAME_ENTRY
         else "",
         model.statement.body_of_proofs,
+        "of the problem with the computed shortenings of sections that a force tightens: that these are the exact ones "
+        "is assumed"
+        if any(entry.force is not None for entry in model.statement.of(Preload))
+        else "",
         "in the energy norm of body and springs" if model.statement.of(Springs) else "",
         "of the displacement alone, whose volume changes more than the pressure of the mixed element says"
         if model.elastic.pressed

@@ -252,7 +252,7 @@ class Bounded(PlainProblem):
     def enclosure(self) -> Enclosure:
         """Displacement and stress that enclose the solution."""
         t = self.t
-        computed = t.strain_at_corners(self.y, self.middle)
+        computed = self.strained(self.y, self.middle)
         self._balance()
         stress, (size, unknown) = self._stress(), self._energy(computed, self.beyond)
         in_springs, not_known = self._stored(self.y, self.middle)
@@ -272,6 +272,8 @@ class Bounded(PlainProblem):
                 v = min(v, again, key=lambda entry: entry.squares.sum())
         inside = np.ones(len(t.corners), dtype=bool)
         rounded = 2 * np.sqrt(of_strains(t, self.y, self.middle)) + np.sqrt(of_strains(t, v.y, v.middle))
+        if self.jump is not None:
+            rounded += 2 * np.sqrt(self.jump.rounded)
         if self.initial is not None:
             rounded += ROUND_OFF * np.sqrt(square(t, self.initial.stress))
         if self.grading is not None:
@@ -426,7 +428,7 @@ class Bounded(PlainProblem):
         squares: Array = np.zeros(self.cells)
         np.add.at(squares, self.owner, enclosure.duality + data + v.moved)
         work = None
-        if not self.tools and not any(surface.bound.any() for surface in self.contacts):
+        if not (self.tools or self.jump or any(surface.bound.any() for surface in self.contacts)):
             above = (float(np.sqrt(enclosure.gap)) + 2 * enclosure.missed) ** 2 / 2
             strained, strain_unknown = self._energy(v.strain, None)
             stored, stored_unknown = self._stored(v.y, v.middle)
@@ -509,6 +511,9 @@ class Bounded(PlainProblem):
         for k, pair in enumerate(EDGES_OF_FACET[d]):
             start[:, pair] += (ends - third) * bubble[:, k, None]
         initial = None if self.initial is None else self.initial.stress
+        if self.jump is not None:  # the stress is to be near that of the displacement with its jumps
+            of_jump = from_strain(t, self.jump.strain)
+            initial = -of_jump if initial is None else initial - of_jump
         return self.equilibrated(Loads(acting.body, traction, not_known, initial), start)
 
     def equilibrated(self, loads: Loads, prescribed: Array) -> EquilibratedStress:
@@ -653,7 +658,7 @@ class Bounded(PlainProblem):
 
     def _beside(self, v: tuple[Array, Array], computed: Array) -> Admissible:
         """What a displacement without penetration adds to the bound, given the strain of the computed one."""
-        t, strain = self.t, self.t.strain_at_corners(*v)
+        t, strain = self.t, self.strained(*v)
         contact = np.zeros(len(t.corners))
         for surface in self.contacts:
             np.add.at(contact, t.sides[surface.facets, 0], 2 * self._on_contact(surface, *v))

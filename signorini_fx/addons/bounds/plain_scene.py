@@ -45,7 +45,9 @@ from signorini_fx.addons.bounds.initial_stress import free_strain, initial_stres
 from signorini_fx.addons.bounds.matching_facets import MatchingFacets
 from signorini_fx.addons.bounds.moving_tools import MovingTool, tools_of
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
+from signorini_fx.addons.bounds.preloaded_sections import JumpStrain, PreloadedSection, preloaded_sections
 from signorini_fx.addons.bounds.round_foundations import RoundFacets, is_round
+from signorini_fx.addons.bounds.round_off import of_strains
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, divide
 from signorini_fx.addons.bounds.split_triangles import SplitTriangles, with_moved_nodes
 from signorini_fx.addons.bounds.spring_facets import SpringFacets
@@ -55,7 +57,7 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.assembly import facet_entities
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.effects.contact import BondedContact, Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.springs import Springs
 from signorini_fx.mechanics.model import Model
@@ -282,6 +284,7 @@ class PlainProblem:
         varying: what is more than that; None: nothing is.
         stopped: projectors onto the directions in which facets are held or on springs, shape (f, d, d).
         loads: what acts on the body.
+        jump: what preloaded sections add to strains; None: nothing.
         grading: how moduli vary inside the cells; None: they do not.
         initial: the stress that initial strains take from it; None: there are none.
         tools: foundations that forces move.
@@ -303,6 +306,7 @@ class PlainProblem:
             raise Refused("supports push the body into its foundation")
         self._divide(y)
         self._match()
+        self.jump = self._jumps(preloaded_sections(model, y.function_space, step))
         self._grade()
         self._before = self._begin_of_slip(contact, before)
         self.held: Array = np.zeros((len(self.t.facets), self._dimension, self._dimension))
@@ -531,17 +535,80 @@ class PlainProblem:
             return None
         if before is None:
             raise Refused("slip counts from the displacement of the load step before, which is not known")
-        values = self._on_cells(before)
+        return self._carried(
+            before,
+            "with friction in a later load step a guaranteed bound needs that nodes of two bodies meet, or do not "
+            "nearly meet",
+        )
+
+    def _carried(self, f: fem.Function, otherwise: str) -> tuple[Array, Array]:
+        """A function of the elements at vertices and middles of edges of the cells.
+
+        Raises:
+            Refused: with the reason ``otherwise``, where nodes are not where they were.
+        """
+        values = self._on_cells(f)
         if self.halved:
             values = divide(self._undivided, *values)[1:3]
         if self._split is None:
             return values
         if self.moved_nodes > 0:
-            raise Refused(
-                "with friction in a later load step a guaranteed bound needs that nodes of two bodies meet, or do not "
-                "nearly meet"
-            )
+            raise Refused(otherwise)
         return self._split.carried(*values)
+
+    def _jumps(self, sections: list[PreloadedSection]) -> JumpStrain | None:
+        """What preloaded sections add to strains; None: there are none.
+
+        Raises:
+            Refused: contact with friction or springs may see one side of a section.
+        """
+        if not sections:
+            return None
+        if self.beyond is not None or self._on_quadrilaterals > 0:
+            raise Refused(
+                "preloaded sections have a guaranteed bound on simplices and quadrilaterals of degree 1 so far"
+            )
+        t = self.t
+        strain: Array = np.zeros_like(t.strain_at_corners(self.y, self.middle))
+        rounded: Array = np.zeros(len(t.corners))
+        for section in sections:
+            y, middle = self._carried(
+                section.moved,
+                "with preload a guaranteed bound needs that nodes of two bodies meet, or do not nearly meet",
+            )
+            if self._sees_one_side(y):
+                raise Refused(
+                    "a preloaded section has a guaranteed bound where neither springs nor friction are at it, and "
+                    "contact is along it"
+                )
+            beyond = section.beyond[self.owner]
+            strain[beyond] += t.strain_at_corners(y, middle)[beyond]
+            rounded[beyond] = (np.sqrt(rounded) + np.sqrt(of_strains(t, y, middle)))[beyond] ** 2
+        return JumpStrain(strain, rounded)
+
+    def _sees_one_side(self, moved: Array) -> bool:
+        """Whether springs or contact may see on which side of a section they are, which moves nodes on it so, length,
+        shape (v, d).
+        """
+        t, whole = self.t, [spring.boundary for spring in self._statement.of(Springs)]
+        for contact in self._statement.contact:
+            if contact.friction.acts or isinstance(contact, BondedContact) or not self.flat:
+                whole += [name for name in (contact.boundary, contact.against) if name is not None]
+                continue
+            if contact.against is None:
+                facets, normal = self._towards(contact)
+            else:
+                facets = np.concatenate([self._facets(name) for name in (contact.boundary, contact.against)])
+                normal = t.normal[facets]
+            along = np.einsum("fad,fd->fa", moved[t.facets[facets]], normal)
+            if np.abs(along).max(initial=0.0) > SAME_LENGTH * np.abs(moved).max():
+                return True
+        return any(moved[t.facets[self._facets(str(name))]].any() for name in whole)
+
+    def strained(self, y: Array, middle: Array) -> Array:
+        """The strain of a displacement and of preloaded sections, at corners, shape (n, d + 1, 3 or 6)."""
+        strain = self.t.strain_at_corners(y, middle)
+        return strain if self.jump is None else strain + self.jump.strain
 
     @property
     def interpolated(self) -> float:

@@ -155,6 +155,8 @@ class _Quantity(Bounded):
     def mean(self, boundary: str, direction: Array) -> Interval:
         """See ``mean_displacement``."""
         t, edges = self.t, self._facets(boundary)
+        if self.jump is not None and self.jump.strain[t.sides[edges, 0]].any():
+            raise Refused(f"a preloaded section is at {boundary!r}: its displacement jumps there")
         pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
         if np.isin([piece for piece, _ in of_each_piece(t, free_motions(t, self.stopped))], pieces).any():
             raise Refused("a mean displacement has bounds where supports hold the body without its contact")
