@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from signorini_fx.addons.cases import body_facets
 from signorini_fx.addons.cases.body_facets import BodyFacets
 
 
@@ -43,3 +44,51 @@ def test_what_is_met_first(dim, gap):
     expected = [(1.5, 1.5), (2.5, 1.5), (1.5, 2.5), (2.5, 2.5)] if dim == 3 else [(1.5, 1.0), (2.5, 1.0)]
     assert sorted(map(tuple, middles[:, :2])) == sorted(expected)
     assert not facets.facing(facets.nothing(), top)[-1].any()
+
+
+def wavy_plates(dim, cells, gap):
+    """Two plates of one layer of cells that do not match, with wavy sides; marks of some facets of the upper one and
+    of all of the lower one where they meet.
+    """
+    rng, points, nodes = np.random.default_rng(7), [], []
+    for count, level in ((cells, 0.0), (cells + 3, 1.0 + gap)):
+        first, across = sum(map(len, points)), count if dim == 3 else 0
+        grid = np.array([(i, j, k) for i in range(count + 1) for j in range(across + 1) for k in (0, 1)])
+        x = np.column_stack((grid[:, :2] / count + 0.2 * (level > 0), level + grid[:, 2]))
+        x[:, 2] += 0.1 * np.sin(5 * x[:, 0]) * np.cos(3 * x[:, 1]) + 1e-3 * rng.normal(size=len(x))
+        number = {tuple(place): first + n for n, place in enumerate(grid.tolist())}
+        square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+        for i in range(count):
+            for j in range(max(across, 1)):
+                corners = [(i + a, j + b, k) for k in (0, 1) for a, b in square]
+                corners = corners if dim == 3 else [(i + a, 0, k) for a, k in square]
+                nodes.append([number[corner] for corner in corners])
+        points.append(x if dim == 3 else x[:, [0, 2, 1]] * [1, 1, 0])
+    facets = BodyFacets(np.concatenate(points), [("hexahedron" if dim == 3 else "quad", np.array(nodes))])
+    rows = facets.mesh.blocks[-1][1]
+    upper = (rows >= len(points[0])).all(axis=1)
+    between = np.abs(facets.mesh.points[rows][..., dim - 1] - 1.0 - gap).max(axis=1) < 0.3
+    some = np.arange(len(rows)) % 5 == 0
+    return facets, [*facets.nothing()[:-1], upper & between & some], [*facets.nothing()[:-1], ~upper & between]
+
+
+@pytest.mark.parametrize(("dim", "cells"), [(2, 40), (3, 9)])
+def test_only_what_is_near_a_line_is_tried(dim, cells, monkeypatch):
+    """Of each facet few of the others are, and what they meet first is what is met first of all of them."""
+    facets, upper, lower = wavy_plates(dim, cells, 0.05)
+    everything = facets.mesh.points[facets.mesh.blocks[-1][1][lower[-1]]]
+    everything = np.concatenate(list(body_facets._triangles(everything)))
+    met, tried = body_facets._met, []
+
+    def recorded(places, normal, corners):
+        tried.append(len(corners))
+        first = met(places, normal, corners)
+        among_all = met(places, normal, everything)
+        np.testing.assert_array_equal(first < 0, among_all < 0)
+        np.testing.assert_array_equal(corners[first[first >= 0]], everything[among_all[first >= 0]])
+        return first
+
+    monkeypatch.setattr(body_facets, "_met", recorded)
+    assert facets.facing(upper, lower)[-1].any()
+    assert len(tried) == upper[-1].sum()
+    assert max(tried) < 0.3 * len(everything)

@@ -5,6 +5,7 @@ body is.  No dolfinx here.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from signorini_fx.mechanics.mesh.files.abaqus import faces_of
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
-from signorini_fx.tuned import DIGITS_OF_FILES
+from signorini_fx.tuned import DIGITS_OF_FILES, SAME_LENGTH
 
 _CORNERS = {"l": 2, "t": 3, "q": 4}
 # Along each side of a facet, from which lines go to the other side: a smaller part of a facet there may be missed.
@@ -134,7 +135,7 @@ class BodyFacets:
             (k, np.flatnonzero(others[k]), points[rows[others[k]][:, : _CORNERS[kind[0]]]])
             for k, (kind, rows) in self._outer()
         ]
-        rows_of_targets = [(k, row) for k, chosen, x in targets for row in chosen]
+        rows_of_targets = [(k, row) for k, chosen, _ in targets for row in chosen]
         pieces = [_triangles(x) for _, _, x in targets]
         corners = np.concatenate([piece.reshape(-1, *piece.shape[2:]) for piece in pieces if piece.size])
         first = np.cumsum([0, *(len(chosen) for _, chosen, _ in targets)])
@@ -145,10 +146,11 @@ class BodyFacets:
                 if piece.size
             ]
         )
+        near = _Nearness.of(corners)
         for k, (kind, rows) in self._outer():
             x = points[rows[marks[k]][:, : _CORNERS[kind[0]]]]
             for facet, normal in zip(x, _normals(x, kind), strict=True):
-                hit = _met(_places(facet), np.asarray(normal / np.linalg.norm(normal)), corners)
+                hit = near.met(_places(facet), np.asarray(normal / np.linalg.norm(normal)))
                 for number in np.unique(owner[hit[hit >= 0]]):
                     block, row = rows_of_targets[int(number)]
                     found[block][row] = True
@@ -179,10 +181,64 @@ def _places(corners: Floats) -> Floats:
     return np.asarray(weights @ corners)
 
 
+@dataclass(frozen=True)
+class _Nearness:
+    """Lines or triangles, and a tree by which those near a line are found.
+
+    Attributes:
+        corners: shape (m, 2 or 3, 3).
+        middles: of balls around them, shape (m, 3).
+        radii: of these, length, shape (m,).
+        tree: of the middles.
+    """
+
+    corners: Floats
+    middles: Floats
+    radii: Floats
+    tree: Any
+
+    @classmethod
+    def of(cls, corners: Floats) -> _Nearness:
+        """Of some lines or triangles."""
+        from scipy.spatial import cKDTree
+
+        middles = corners.mean(axis=1)
+        radii = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+        return cls(corners, middles, radii, cKDTree(middles))
+
+    def met(self, places: Floats, normal: Floats) -> Ints:
+        """Which is the nearest one on a line along a unit normal through each of some places, see ``_met``."""
+        centre = places.mean(axis=0)
+        radius = float(np.linalg.norm(places - centre, axis=1).max())
+        numbers = self._along(centre, normal, radius)
+        nearest = _met(places, normal, self.corners[numbers])
+        return np.where(nearest >= 0, numbers[nearest], -1) if numbers.size else nearest
+
+    def _along(self, centre: Floats, normal: Floats, radius: float) -> Ints:
+        """Those whose balls the cylinder along a normal around a centre meets, ascending."""
+        width = (radius + float(self.radii.max())) * (1 + 4 * DIGITS_OF_FILES)  # ``_met`` is as generous at edges
+        low, high = self.tree.mins - width - centre, self.tree.maxes + width - centre
+        across = np.abs(normal) > SAME_LENGTH
+        ends = np.sort(np.stack((low[across], high[across])) / normal[across], axis=0)
+        first, last = ends[0].max(), ends[1].min()
+        if first > last or (low[~across] > 0).any() or (high[~across] < 0).any():
+            return np.empty(0, np.int64)
+        # Balls around places in the middle of pieces of the cylinder that are as long as it is wide contain these.
+        pieces = max(1, int(np.ceil((last - first) / (2 * width))))
+        middles = centre + (first + (np.arange(pieces)[:, None] + 0.5) * (last - first) / pieces) * normal
+        found = self.tree.query_ball_point(middles, (1 + SAME_LENGTH) * np.sqrt(2) * width)
+        numbers = np.unique(np.concatenate([np.asarray(near, dtype=np.int64) for near in found]))
+        apart = self.middles[numbers] - centre
+        away = np.linalg.norm(apart - (apart @ normal)[:, None] * normal, axis=1)
+        return np.asarray(numbers[away <= (radius + self.radii[numbers]) * (1 + 4 * DIGITS_OF_FILES)])
+
+
 def _met(places: Floats, normal: Floats, corners: Floats) -> Ints:
     """Which line or triangle of some is the nearest one on a line along a unit normal through each place, in either
     direction, -1: none; corners of shape (m, 2 or 3, 3).
     """
+    if not len(corners):
+        return np.full(len(places), -1)
     sides = corners[:, 1:] - corners[:, :1]
     if corners.shape[1] == 2:  # in the plane: any triangle with this side across it
         sides = np.concatenate((sides, np.broadcast_to([0.0, 0.0, 1.0], (len(sides), 1, 3))), axis=1)
