@@ -121,6 +121,19 @@ SAID = {
     ("ELEMENT", "springs, gaps, connectors"): (["*ELEMENT, TYPE=SPRINGA, ELSET=S", "900, 1, 2"], []),
     ("ELEMENT", "CPE, CPS and CAX in one file"): ("CPS", []),
     ("STEP", "within another one"): ELSEWHERE,
+    **{
+        (key, "outside of steps"): ([f"*{keyword}", row], [])
+        for key, keyword, row in (
+            ("STATIC", "STATIC", "1., 1."),
+            ("CLOAD", "CLOAD", "111, 2, 1."),
+            ("DLOAD", "DLOAD", "UP, GRAV, 9.81, 0., -1., 0."),
+            ("DSLOAD", "DSLOAD", "UP_TOP, P, 1."),
+            ("TEMPERATURE", "TEMPERATURE", "UP_HEAD, 5."),
+            ("MODELCHANGE", "MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE", "UP_BOTTOM, LOW_TOP"),
+        )
+    },
+    ("BOUNDARY", "between steps"): ([], ["*END STEP", "*BOUNDARY", "UP_HEAD, 1", "*STEP", "*STATIC"]),
+    ("INITIALCONDITIONS", "within a step"): ([], ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "UP_HEAD, 5."]),
     ("STEP", "NLGEOM; small rotations"): ("*STEP, NLGEOM", []),
     ("STEP", "NLGEOM; run finds rotations that matter"): ELSEWHERE,
     ("STEP", "NLGEOM; with what finite strains are not possible yet"): ELSEWHERE,

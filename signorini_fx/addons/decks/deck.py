@@ -29,6 +29,7 @@ from signorini_fx.addons.decks.keywords import (
     NOT_WRITTEN,
     OTHER_BEHAVIOUR,
     OTHER_PROCEDURE,
+    OUTSIDE_STEPS,
     PERTURBATION,
     PLAIN,
     RULES,
@@ -37,6 +38,7 @@ from signorini_fx.addons.decks.keywords import (
     STATIC,
     TURNED,
     UNKNOWN,
+    WITHIN_STEP,
     WRITTEN,
     Grade,
 )
@@ -188,7 +190,8 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
     """The keywords without those of steps that a scene has not.
 
     Raises:
-        MeshError: the first step does not say of what kind it is, or one does not end before the next one.
+        MeshError: the first step does not say of what kind it is, or one does not end before the next one; a keyword is
+            within a step, or outside of one, where it has no meaning.
     """
     step: list[DeckBlock] | None = None
     steps, file_step, kind = 0, -1, ""
@@ -199,8 +202,12 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
             step = []
             file_step += 1
         if step is None:
+            if block.keyword in {STATIC, *_CHANGES} - ({"BOUNDARY"} if file_step < 0 else set()):
+                raise MeshError(f"{file}: {block.origin}: {OUTSIDE_STEPS}")
             yield block
             continue
+        if block.keyword == "INITIALCONDITIONS":
+            raise MeshError(f"{file}: {block.origin}: {WITHIN_STEP}")
         step.append(block)
         if block.keyword != "ENDSTEP" and block is not deck.model.blocks[-1]:
             continue

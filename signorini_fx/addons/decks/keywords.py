@@ -59,6 +59,8 @@ UNKNOWN = "not known to scenes"
 OTHER_PROCEDURE = "only static steps are taken"
 STATIC = "STATIC"
 NO_PROCEDURE = "the step does not say of what kind it is: write *STATIC into it; CalculiX solves nothing in such a step"
+OUTSIDE_STEPS = "is expected within a step"
+WITHIN_STEP = "is expected before the first step"
 AS_BEFORE = "as the step before it: this one does not say of what kind it is"
 CHANGED_WITHIN = "a change within a step: what holds at the beginning is taken"
 COMING_AND_GOING = "parts that come or go with a later step, or contacts of rigid ones: they are there throughout"
@@ -93,6 +95,7 @@ PROCEDURES = (
     "FEASIBLE DIRECTION",
 )
 _MESH = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", "PART", "END PART", "ASSEMBLY", "END ASSEMBLY", "INSTANCE")
+_LOADS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "MODEL CHANGE")
 _OUTPUT = (
     *("PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "FIELD OUTPUT"),
     *("HISTORY OUTPUT", "PRINT", "ENERGY OUTPUT", "ENERGY PRINT", "MONITOR", "FILE FORMAT", "CONTROLS"),
@@ -136,6 +139,9 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.NOTED, AS_BEFORE, "STEP", case="a later one without *STATIC"),
     *_rules(Grade.REFUSED, NO_PROCEDURE, "STEP", case="the first one without *STATIC"),
     *_rules(Grade.REFUSED, "the step before it has no *END STEP", "STEP", case="within another one"),
+    *_rules(Grade.REFUSED, OUTSIDE_STEPS, STATIC, *_LOADS, case="outside of steps"),
+    *_rules(Grade.REFUSED, OUTSIDE_STEPS, "BOUNDARY", case="between steps"),
+    *_rules(Grade.REFUSED, WITHIN_STEP, "INITIAL CONDITIONS", case="within a step"),
     *_rules(Grade.NOTED, SMALL, "STEP", case="NLGEOM; small rotations"),
     *_rules(Grade.TAKEN, FINITE, "STEP", case="NLGEOM; run finds rotations that matter"),
     *_rules(Grade.LOST, SMALL, "STEP", case="NLGEOM; with what finite strains are not possible yet"),

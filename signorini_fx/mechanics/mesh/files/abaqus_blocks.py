@@ -13,7 +13,7 @@ from signorini_fx.mechanics.mesh.files.abaqus_tables import NumberTable, split_w
 
 # Keywords whose data lines name nodes, elements, sets or surfaces, and how many words each has at least.
 _LEAST_WORDS = {
-    **dict.fromkeys(("NODE", "SURFACE", "CONTACTPAIR", "TIE", "MODELCHANGE", "KINEMATIC", "DLOAD"), 1),
+    **dict.fromkeys(("NODE", "NSET", "ELSET", "SURFACE", "CONTACTPAIR", "TIE", "MODELCHANGE", "KINEMATIC", "DLOAD"), 1),
     **dict.fromkeys(("BOUNDARY", "CLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS"), 2),
 }
 
