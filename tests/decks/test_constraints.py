@@ -466,3 +466,7 @@ def test_temperatures_along_a_line(tmp_path):
         rows = list(csv.DictReader(stream))
     assert len(rows) == 15
     assert [float(row["change"]) for row in rows] == pytest.approx([200 * float(row["y"]) for row in rows])
+    at = lines.index("0., 1., 0., 0., 300., 1., 500.")
+    lines[at] = "0., 1., 0., 1., 300., 1., 500."
+    with pytest.raises(MeshError, match=f"line {at}, .TEMPERATURE: both temperatures are at 1"):
+        drafted(tmp_path, lines)

@@ -57,6 +57,8 @@ def _along_a_line(deck: Deck, block: DeckBlock, temperatures: Floats, share: flo
             raise ValueError(
                 f"a direction, and two places with their temperatures are expected, not {len(words)} words"
             )
+        if words[3] == words[5]:
+            raise ValueError(f"both temperatures are at {words[3]:g}, and one place along the direction has only one")
         (start, first, end, last), points = words[3:], deck.mesh.points[: len(deck.numbers)]
         along = points @ np.array(words[: deck.mesh.dim])
         inside = (along >= min(start, end)) & (along <= max(start, end))
