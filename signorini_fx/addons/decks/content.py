@@ -17,7 +17,7 @@ from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.files.abaqus import DeckModel
 from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock
-from signorini_fx.mechanics.mesh.files.abaqus_groups import Group
+from signorini_fx.mechanics.mesh.files.abaqus_groups import Group, single
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import dimension
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
@@ -475,11 +475,22 @@ class Deck:
         """Whether the file defines a set of nodes with a name."""
         return _defined_name(name, self._node_sets) is not None
 
+    def check_nodes(self, name: str) -> None:
+        """Check that a name is that of a node or of a set of nodes or faces, which the body may not have.
+
+        Raises:
+            ValueError: the file does not define it.
+        """
+        if (number := single(name)) is not None:
+            if self.model.places.get(number) is None:
+                raise ValueError(f"node {number} does not exist")
+        elif not self.has_nodes(name) and self.boundary(name) is None and self.surface(name) is None:
+            raise ValueError(f"set {name!r} does not exist")
+
     def single(self, name: str) -> int | None:
         """The number of a node, or of the only one of a set, also if the body has it not; None: it is none."""
-        plain = name.rpartition(".")[2]
-        if plain.isdigit():
-            return int(plain)
+        if (number := single(name)) is not None:
+            return number
         label = _defined_name(name, self._node_sets)
         rows = [] if label is None else list(self.model.raw.node_sets[label])
         return (

@@ -52,6 +52,7 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
     groups = deck.model.groups.get(block.number, [])
     prescribed: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
+        deck.check_nodes(name)
         if (mover := deck.mover(name)) in deck.distributed:
             deck.lose(block, "what is prescribed at the node of *DISTRIBUTING: give a force there")
         elif mover is not None:

@@ -37,6 +37,7 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
         _along_a_line(deck, block, temperatures, share)
     else:
         for name, value, *_ in block.rows:
+            deck.check_nodes(name)
             rows = deck.rows([int(name)]) if name.isdigit() else deck.nodes(name)
             if not rows.size:
                 deck.note(block, f"temperature of {name!r}: no part of the body")
