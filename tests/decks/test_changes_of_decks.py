@@ -158,6 +158,34 @@ def test_sides_inside_a_body_are_in_the_order_of_the_deck(tmp_path):
     assert list(made.deck.mesh.inside.items()) == [(name, 4) for name in names]
 
 
+@pytest.mark.parametrize(
+    ("line", "others", "keyword", "says"),
+    [
+        ("UP_WALL, 1", ["UP_WALLS, 1"], "*BOUNDARY", "set 'UP_WALLS' does not exist"),
+        ("UP_WALL, 1", ["UP_WALL, 1", "999, 1"], "*BOUNDARY", "node 999 does not exist"),
+        ("UP_WALL, 1", ["UP_WALL, 1", "1.2, 1"], "*BOUNDARY", "set '1.2' does not exist"),
+        ("*DSLOAD", ["*TEMPERATURE", "UP_HEADS, 5.", "*DSLOAD"], "*TEMPERATURE", "set 'UP_HEADS' does not exist"),
+        ("*STATIC", ["*STATIC", "1., 1.", "UP_TOP, 4."], "*STATIC", "data line 2, 'UP_TOP, 4.', is one too many"),
+        (
+            "*END STEP",
+            ["*NODE PRINT, NSET=UP_HEAD", "U", "112, 2, -1.", "*END STEP"],
+            "*NODE PRINT",
+            "112 is no result",
+        ),
+        ("*BOUNDARY", ["*NSET, NSET=SOME", "1, O.5", "*BOUNDARY"], "*NSET", "set 'O.5' does not exist"),
+        ("*BOUNDARY", ["*NSET, NSET=SOME", "1", ",", "*BOUNDARY"], "*NSET", "data line 2 has no word"),
+    ],
+)
+def test_what_is_mutilated(tmp_path, line, others, keyword, says):
+    """Names that are misspelt, and data lines whose keyword is missing, are errors with the line of their keyword."""
+    lines = stacked([])
+    at = lines.index(line)
+    lines[at : at + 1] = others
+    number = next(k for k, text in enumerate(lines, 1) if text.startswith(keyword) and k > at - 8)
+    with pytest.raises(MeshError, match=f"deck.inp: line {number}, .{keyword[1:]}: {says}"):
+        drafted(tmp_path, lines)
+
+
 def test_a_clearance_of_no_contact(tmp_path):
     """It is lost with the names of its sides."""
     lines = stacked([])

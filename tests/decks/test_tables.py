@@ -85,6 +85,14 @@ def test_steps_that_are_left_out(tmp_path):
     assert re.findall(r"(?m)^    1PSTEP.* (\d+)$", (tmp_path / "out" / "deck.frd").read_text()) == ["1"] * 4 + ["3"] * 4
 
 
+def test_tables_of_all_nodes(tmp_path):
+    """*NODE PRINT without a set is of all nodes; a traceback before."""
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{SLOPE}"])
+    lines[-1:] = ["*NODE PRINT", "U, RF", "*END STEP"]
+    printed, _ = solved(tmp_path, lines)
+    assert [set(rows) for rows in printed.values()] == [{*range(1, 16), *range(101, 116)}] * 2
+
+
 def test_a_last_step_without_an_end(tmp_path):
     """The file ends it: its tables are the same."""
     lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{SLOPE}"])

@@ -363,6 +363,8 @@ def _output(deck: Deck, block: DeckBlock) -> None:
     """Say which tables are not written, and of which body forces are."""
     file, written = WRITTEN[block.keyword]
     words = [word.upper() for row in block.rows for word in row if word]
+    if numbers := [word for word in words if real_or_none(word) is not None]:
+        raise ValueError(f"{numbers[0]} is no result that can be written: of which keyword is this data line?")
     missing = [word for word in words if word[:4] not in written]
     if missing:
         deck.note(block, f"{', '.join(missing)} in {file}: {NOT_WRITTEN}")

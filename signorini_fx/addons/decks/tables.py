@@ -39,6 +39,7 @@ _FIELDS = (
     ("FORC", ("F1", "F2", "F3"), 2),
     ("CONTACT", ("COPEN", "CSLIP1", "CSLIP2", "CPRESS", "CSHEAR1", "CSHEAR2"), 4),
 )
+_ALL = "ALL"  # the name of all nodes
 _TENSOR = ((1, 1), (2, 2), (3, 3), (1, 2), (2, 3), (3, 1))
 
 
@@ -117,17 +118,17 @@ def dat(deck: Deck, moments: Sequence[NodeResults]) -> Iterator[str]:
 def _node_table(
     deck: Deck, block: DeckBlock, word: str, moment: NodeResults, names: Ints, time: float
 ) -> Iterator[str]:
-    name = block.parameters["NSET"]
-    rows = np.searchsorted(deck.numbers, deck.nodes(name))
+    name = block.parameters.get("NSET", "")  # without a set all nodes are meant, as in Abaqus
+    rows = np.searchsorted(deck.numbers, deck.nodes(name)) if name else np.arange(len(names))
     rows = rows[np.argsort(names[rows])]
     title, attribute = _NODE_TABLES[word]
     values: Floats = getattr(moment, attribute)[rows]
     totals = block.parameters.get("TOTALS", "NO").upper()
     if totals != "ONLY" or word == "U":
-        yield f"\n {title} for set {name.upper()} and time {_time(time)}\n\n"
+        yield f"\n {title} for set {name.upper() or _ALL} and time {_time(time)}\n\n"
         yield from _rows(names[rows], values)
     if totals != "NO" and word == "RF":
-        yield f"\n total force (fx,fy,fz) for set {name.upper()} and time {_time(time)}\n\n"
+        yield f"\n total force (fx,fy,fz) for set {name.upper() or _ALL} and time {_time(time)}\n\n"
         yield f"       {_numbers(plain(values.sum(axis=0)))}\n"
 
 

@@ -16,6 +16,8 @@ _LEAST_WORDS = {
     **dict.fromkeys(("NODE", "NSET", "ELSET", "SURFACE", "CONTACTPAIR", "TIE", "MODELCHANGE", "KINEMATIC", "DLOAD"), 1),
     **dict.fromkeys(("BOUNDARY", "CLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS"), 2),
 }
+# Keywords that have so many data lines at most: more are those of a keyword that is missing.
+_MOST_ROWS = {"STATIC": 1, "SURFACEINTERACTION": 1, "ENDSTEP": 0, "MATERIAL": 0, "CHANGEFRICTION": 0}
 
 
 @dataclass
@@ -147,10 +149,14 @@ def check_rows(block: DeckBlock) -> None:
     """Check that data lines which name a node, an element, a set or a surface do so, and say something of it.
 
     Raises:
-        ValueError: one is empty or too short.
+        ValueError: one is empty or too short, or there are too many.
     """
     if isinstance(block.rows, NumberTable):
         return
+    most = _MOST_ROWS.get(block.keyword, len(block.rows))
+    if len(block.rows) > most:
+        row = ", ".join(block.rows[most])
+        raise ValueError(f"data line {most + 1}, {row!r}, is one too many: of which keyword is it?")
     least = _LEAST_WORDS.get(block.keyword, 0)
     for number, row in enumerate(block.rows, start=1):
         if len(row) < least:

@@ -17,8 +17,6 @@ from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import dimension
 from signorini_fx.mechanics.mesh.files.shape import Ints
 
-# The name of an instance does not begin as a number does.
-_NUMBERED = re.compile(r"(?:[^\d.+\s-].*\.)?(\d+)", re.ASCII)
 Words = tuple[str, ...]
 Members = dict[Any, float]
 
@@ -41,9 +39,8 @@ class Group:
 
 
 def single(word: str) -> int | None:
-    """The number of a node or element, perhaps with the name of its instance before it; None: it is none, as 1.2."""
-    match = _NUMBERED.fullmatch(word)
-    return None if match is None else int(match[1])
+    """The number of a node or element; None: it is none, as 1.2, or O.5 where no instance is called O."""
+    return int(word) if word.isascii() and word.isdigit() else None
 
 
 def agreeing(
