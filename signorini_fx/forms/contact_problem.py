@@ -161,7 +161,7 @@ class ContactProblem(ProblemOfForms):
         if solver.forms.stress is None:
             raise RuntimeError(NO_STRESS)
         if self._stresses is None or self._stresses[0] is not solver.outcome:
-            stress = solver.mechanics.stress(None, self.u.copy(), 0.0, {})
+            stress = solver.model().stress(self.u.copy(), 0.0, {})
             assert not isinstance(stress, str)
             self._stresses = solver.outcome, stress
         return self._stresses[1]

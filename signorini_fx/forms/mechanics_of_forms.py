@@ -27,7 +27,6 @@ from signorini_fx.mechanics.body.foundations_on_points import FoundationData
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
@@ -35,7 +34,7 @@ from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
-from signorini_fx.results.mechanics import Mechanics
+from signorini_fx.results.mechanics import SolidBody, StatedBody
 from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses
 
@@ -47,66 +46,63 @@ Nodal = npt.NDArray[np.float64]
 NO_STRESS = "only the form knows the stresses: give stress=, a function of the displacement"
 
 
-@dataclass(frozen=True)
-class FormMechanics(Mechanics):
-    """See ``results.mechanics.Mechanics``; what depends on values in the forms is that of their present ones.
+@dataclass(frozen=True, kw_only=True)
+class FormBody(SolidBody):
+    """A body that forms say all of; what depends on values in them is that of their present ones.
 
     Attributes:
-        forms: what is assembled.
-        data: of the contacts, at the nodes.
-        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
-        values: to what, shape (dofs,).
-        scales: of lengths and stresses.
+        user_forms: what is assembled.
+        foundation_data: of the contacts, at the nodes.
+        prescribed_dofs: which dofs of this rank are prescribed, ghosts included, and to what, shapes (dofs,).
+        form_scales: of lengths and stresses.
         settled: whether the forms are those of the results, and not those of a later load step that has failed.
     """
 
-    forms: GivenForms
-    data: Sequence[FoundationData]
-    fixed: npt.NDArray[np.bool_]
-    values: Nodal
-    scales: Scales
+    user_forms: GivenForms
+    foundation_data: Sequence[FoundationData]
+    prescribed_dofs: tuple[npt.NDArray[np.bool_], Nodal]
+    form_scales: Scales
     settled: bool = True
 
-    def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
-        """See ``Mechanics``."""
-        forms = self.forms
-        return sides_of(self.data, forms.contact, forms.facets, forms.masters, forms.space)
+    def sides(self, y: fem.Function) -> list[ContactSide]:
+        """See ``SolidBody``."""
+        forms = self.user_forms
+        return sides_of(self.foundation_data, forms.contact, forms.facets, forms.masters, forms.space)
 
-    def balance(self, model: Model, y: fem.Function, step: float) -> Balance:
-        """See ``Mechanics``: of the present values of the forms, wherever ``step`` is."""
-        (a, L), dim = self.forms.compiled, self.forms.mesh.geometry.dim
-        nodes = np.arange(self.values.size // dim, dtype=np.int32)
+    def balance(self, y: fem.Function, step: float) -> Balance:
+        """See ``SolidBody``: of the present values of the forms, wherever ``step`` is."""
+        (a, L), (fixed, values), scales = self.user_forms.compiled, self.prescribed_dofs, self.form_scales
+        dim = self.dimension
+        nodes = np.arange(values.size // dim, dtype=np.int32)
         internal = action((a,), y, nodes).reshape(-1, dim)
         surface = SurfaceQuadrature(y.function_space)
-        supports = prescribed_nodes(self.fixed, self.values, y.function_space)
+        supports = prescribed_nodes(fixed, values, y.function_space)
         external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
-        return Balance(surface, internal, external, supports, self.scales, self.scales, nothing)
+        return Balance(surface, internal, external, supports, scales, scales, nothing)
 
-    def stress(
-        self, model: Model | None, y: fem.Function, step: float, shared: dict[str, StressRecovery]
-    ) -> RawStresses | str:
-        """See ``Mechanics``; ``model`` is not looked at.
+    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
+        """See ``SolidBody``.
 
         Raises:
             FormError: see ``stress_of``.
         """
-        forms = self.forms
+        forms, (fixed, _) = self.user_forms, self.prescribed_dofs
         if forms.stress is None:
             return NO_STRESS
-        return stresses_of(forms.stress, y, forms.parts, forms.original, forms.touching, self.fixed, shared)
+        return stresses_of(forms.stress, y, forms.parts, forms.original, forms.touching, fixed, shared)
 
-    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
-        """See ``Mechanics``: what acts through the parts of the boundary that have names."""
-        balance = self.balance(model, y, step)
+    def acting(self, y: fem.Function, step: float) -> ActingForces:
+        """See ``SolidBody``: what acts through the parts of the boundary that have names."""
+        balance, forms, (fixed, _) = self.balance(y, step), self.user_forms, self.prescribed_dofs
         if not self.settled:
             return ActingForces(balance, (), (), ())
-        return acting_on(balance, self.forms.boundaries, self.fixed, loads_of(self.forms, model.tagged, y))
+        return acting_on(balance, forms.boundaries, fixed, loads_of(forms, self.tagged, y))
 
-    def stated(self, model: Model) -> Model:
-        """See ``Mechanics``."""
+    def stated(self) -> StatedBody:
+        """See ``SolidBody``."""
         if not self.settled:
             raise Refused("the forms are those of a load step that has no solution")
-        return stated_body(self.forms, self.fixed, self.values, model)
+        return stated_body(self.user_forms, *self.prescribed_dofs, self)
 
 
 def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[NamedForces]:

@@ -47,10 +47,9 @@ def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgres
     assert ended is not None
     # Of a load step that has failed the forms are not those of the results, which are of one before it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
-    body = solver.model(path, title)
+    body = replace(solver.model(path, title), settled=settled)
     findings = findings_of_steps(body, steps, solver.doubtful_laws(), solver.foundations.placed_shapes)
-    solution = contact_solution(body, steps, solver.task, ended, solver.timings, lambda: tuple(findings))
-    return replace(solution, mechanics=replace(solver.mechanics, settled=settled))
+    return contact_solution(body, steps, solver.task, ended, solver.timings, lambda: tuple(findings))
 
 
 def findings_of_last(solver: FormSolver) -> tuple[Finding, ...]:

@@ -24,7 +24,7 @@ from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
 from signorini_fx.forms.given_forms import GivenForms
-from signorini_fx.forms.mechanics_of_forms import FormMechanics
+from signorini_fx.forms.mechanics_of_forms import FormBody
 from signorini_fx.forms.named_parts import NamedParts, named_parts
 from signorini_fx.forms.stress import natural_modulus
 from signorini_fx.machine import parallel
@@ -41,7 +41,6 @@ from signorini_fx.mechanics.body.supports import prescribed
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.mesh.tagged import diameter_of
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -418,7 +417,7 @@ class FormSolver:
         """The last solve as the last step of a loop of the user's own; None: its owner certifies it; collective."""
         number, last = self.begun.step, self.previous_step
         begun = self.task, replace(self.begun, place=float(number)), last
-        result = certified_result(self.model(), self.mechanics, counted_path(number), begun, outcome)
+        result = certified_result(self.model(), counted_path(number), begun, outcome)
         return replace(result, linear_solves=len(self.history.iterations) - self.solves_before)
 
     def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
@@ -430,8 +429,8 @@ class FormSolver:
         """See ``laws_in_results``; collective."""
         return laws_in_results(self.data, self.begun.law, self._state, self.scales.modulus)
 
-    def model(self, path: LoadPath | None = None, title: str = "") -> Model:
-        """The body with what is known of it by name; collective.
+    def model(self, path: LoadPath | None = None, title: str = "") -> FormBody:
+        """The body as the forms are now, with what is known of it by name; collective.
 
         Args:
             path: the load steps; None: those of a loop of the user's own so far.
@@ -440,12 +439,9 @@ class FormSolver:
         if self._parts is None:
             self._parts = named_parts(self.forms, self.settings)
         parts = self._parts.along(counted_path(self.begun.step) if path is None else path, title)
-        return parts.model(self.elastic, self.begun.law, self.foundations.pairs, self.rigid)
-
-    @property
-    def mechanics(self) -> FormMechanics:
-        """What the forms say as they are now."""
-        return FormMechanics(self.forms, self.data, *self.prescribed, self.scales)
+        model = parts.model(self.elastic, self.begun.law, self.foundations.pairs, self.rigid)
+        now = {"foundation_data": self.data, "prescribed_dofs": self.prescribed, "form_scales": self.scales}
+        return FormBody.of(model, user_forms=self.forms, **now)
 
     def law_now(self) -> PointFriction | None:
         """Friction at the contact points with the values that Constants have now; collective."""

@@ -29,12 +29,13 @@ from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import Refused
+from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.tuned import SAME_DIRECTION, SAME_ENTRY
 
 Nodal = npt.NDArray[np.float64]
 
 
-def stated_body(forms: GivenForms, fixed: npt.NDArray[np.bool_], values: Nodal, body: Model) -> Model:
+def stated_body(forms: GivenForms, fixed: npt.NDArray[np.bool_], values: Nodal, body: Model) -> StatedBody:
     """The body of forms with its loads, supports and moduli as a scene states them; collective.
 
     Args:
@@ -60,7 +61,8 @@ def stated_body(forms: GivenForms, fixed: npt.NDArray[np.bool_], values: Nodal, 
         body_force=tuple(loads["body_force"]),
     )
     tagged = tagged_mesh(body.tagged.mesh, parts)
-    return replace(body, statement=statement, tagged=tagged, lame=_lame(forms, body), of_body={}, of_contact={})
+    changed = replace(body, statement=statement, tagged=tagged, lame=_lame(forms, body), of_body={}, of_contact={})
+    return StatedBody.of(changed)
 
 
 def _stated(value: Any, what: str) -> Any:

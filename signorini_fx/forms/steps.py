@@ -84,7 +84,7 @@ class FormPlaces:
         if end is None:  # without contact nothing of the last step but its number counts
             start = replace(start, step=first.step)
         solver.begun = start
-        body = replace(body, model=solver.model(self.path), mechanics=solver.mechanics)
+        body = replace(body, model=solver.model(self.path))
         return BegunStep(body, solver.task, start, solver.previous_step)
 
     def load(self, model: Model, system: ElasticSystem, path_step: float) -> Nodal:
@@ -127,7 +127,7 @@ def solve_path(
         with solver.timings.phase("assemble"):
             solver.begun = start = solver.begin_step()
         places = FormPlaces(solver, path, clock, solver.beginning())
-        body = SteppedBody(solver.model(path), path, solver.timings, places, solver.mechanics)
+        body = SteppedBody(solver.model(path), path, solver.timings, places)
         progress = all_load_steps(body, solver.task, start, increments, lambda step: on_step(step.result), stored)
     solver.cost = time.perf_counter() - begin, peak_memory(comm)
     return progress

@@ -1,13 +1,15 @@
-"""What the results of a body are made of: its contact sides, stresses and resultants, whoever has stated them."""
+"""The model of a body that says what its results are made of: its contact sides, stresses and resultants."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import Any, Self
 
 from dolfinx import fem
 
 from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate, certify, evaluated_balance, judged
@@ -19,44 +21,42 @@ from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tra
 from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses, Stresses
 
-if TYPE_CHECKING:
-    from signorini_fx.mechanics.model import Model
-
-
 NO_ESTIMATE = "nonlinear bodies have no estimate of their error: compare solutions on two meshes"
 
 
-class Mechanics(Protocol):
-    """What forces, stresses and contact sides of a body are.  The entries of a statement say it, or forms do."""
+@dataclass(frozen=True, kw_only=True)
+class SolidBody(Model, ABC):
+    """A model that says its own forces, stresses and contact sides.  The entries of its statement do, or forms do."""
 
-    def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
+    @classmethod
+    def of(cls, model: Model, **own: Any) -> Self:
+        """A body from its model, and from what this kind of body has beside; both share what is computed of them."""
+        return cls(**{field.name: getattr(model, field.name) for field in fields(Model)}, **own)
+
+    @abstractmethod
+    def sides(self, y: fem.Function) -> list[ContactSide]:
         """The parts of the boundary with contact at a displacement, for second opinions."""
-        ...
 
-    def stress(
-        self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]
-    ) -> RawStresses | str:
+    @abstractmethod
+    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
         """The stress of a displacement at a place in the lists of factors, or why it is not known; collective.
 
         Args:
-            model: the body.
             y: the displacement, length.
             step: the place, see ``statement.load_path``.
             shared: where what projects is kept for other displacements.
         """
-        ...
 
-    def balance(self, model: Model, y: fem.Function, step: float) -> Balance:
+    @abstractmethod
+    def balance(self, y: fem.Function, step: float) -> Balance:
         """The forces on the body without contact at a displacement and a place in the lists of factors; collective."""
-        ...
 
-    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
+    @abstractmethod
+    def acting(self, y: fem.Function, step: float) -> ActingForces:
         """The same with the names of what acts; collective."""
-        ...
 
     def certified(
         self,
-        model: Model,
         displacement: fem.Function,
         tractions: Tractions | None,
         *,
@@ -68,26 +68,24 @@ class Mechanics(Protocol):
         """The certificate of a result at a place; ``last``: the end of the last load step; for the other arguments see
         ``results.certificate.certificate.certify``; collective.
         """
-        balance, sides = self.balance(model, displacement, step), self.sides(model, displacement)
-        drives = [*zip(rigid, model.rigid.drives(), strict=True)]
-        return judged(displacement, balance, sides, tractions, law=law, before=last, rigid=drives)
+        balance, drives = self.balance(displacement, step), [*zip(rigid, self.rigid.drives(), strict=True)]
+        return judged(displacement, balance, self.sides(displacement), tractions, law=law, before=last, rigid=drives)
 
-    def stated(self, model: Model) -> Model:
+    @abstractmethod
+    def stated(self) -> Model:
         """The body with loads, supports and moduli as entries of its statement, which proofs read.
 
         Raises:
             quantities.proved_statements.Refused: something of them cannot be stated.
         """
-        ...
 
 
-@dataclass(frozen=True)
-class StatedMechanics:
-    """What the entries of a statement say, see ``Mechanics``."""
+@dataclass(frozen=True, kw_only=True)
+class StatedBody(SolidBody):
+    """A body that the entries of its statement say all of."""
 
     def certified(
         self,
-        model: Model,
         displacement: fem.Function,
         tractions: Tractions | None,
         *,
@@ -97,38 +95,38 @@ class StatedMechanics:
         rigid: tuple[RigidBodyMotion, ...],
     ) -> Certificate:
         """See ``certify``."""
-        on, like = (model.statement, model.tagged), NodalForces.on(model)
+        on, like = (self.statement, self.tagged), NodalForces.on(self)
         return certify(
-            *on, displacement, tractions, law=law, step=step, before=last, pairs=model.pairs, rigid=rigid, like=like
+            *on, displacement, tractions, law=law, step=step, before=last, pairs=self.pairs, rigid=rigid, like=like
         )
 
-    def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
-        """See ``Mechanics``."""
-        return sides_of(model.statement, model.tagged, model.space, model.pairs)
+    def sides(self, y: fem.Function) -> list[ContactSide]:
+        """See ``SolidBody``."""
+        return sides_of(self.statement, self.tagged, self.space, self.pairs)
 
-    def stress(self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
-        """See ``Mechanics``."""
+    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
+        """See ``SolidBody``."""
 
         def energy() -> float:
-            balance = self.balance(model, y, step)
+            balance = self.balance(y, step)
             nodal_displacements = y.x.array.reshape(-1, balance.surface.dimension)
             return balance.strain_energy(balance.works(nodal_displacements[: balance.surface.owned]))
 
-        return Stresses.of(model, y, step, shared, energy)
+        return Stresses.of(self, y, step, shared, energy)
 
-    def balance(self, model: Model, y: fem.Function, step: float) -> Balance:
-        """See ``Mechanics``."""
-        return evaluated_balance(NodalForces.on(model), y, step)
+    def balance(self, y: fem.Function, step: float) -> Balance:
+        """See ``SolidBody``."""
+        return evaluated_balance(NodalForces.on(self), y, step)
 
-    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
-        """See ``Mechanics``."""
-        supports = [entry.place if entry.holds_at(step) else None for entry in model.statement.displacement]
-        names = [effect.where for _, effect in model.statement.listed()]
-        return ActingForces(self.balance(model, y, step), supports, loads_of(NodalForces.on(model), y, step), names)
+    def acting(self, y: fem.Function, step: float) -> ActingForces:
+        """See ``SolidBody``."""
+        supports = [entry.place if entry.holds_at(step) else None for entry in self.statement.displacement]
+        names = [effect.where for _, effect in self.statement.listed()]
+        return ActingForces(self.balance(y, step), supports, loads_of(NodalForces.on(self), y, step), names)
 
-    def stated(self, model: Model) -> Model:
-        """See ``Mechanics``: the body itself."""
-        return model
+    def stated(self) -> StatedBody:
+        """See ``SolidBody``: itself."""
+        return self
 
 
 def loads_of(forces: NodalForces, y: fem.Function, step: float) -> list[NamedForces]:

@@ -37,7 +37,7 @@ from signorini_fx.results.contact_boundaries import ContactFigures, contact_figu
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.exported_checkpoint import export_checkpoint
 from signorini_fx.results.functionals import Functionals
-from signorini_fx.results.mechanics import NO_ESTIMATE, Mechanics, StatedMechanics
+from signorini_fx.results.mechanics import NO_ESTIMATE, SolidBody
 from signorini_fx.results.requested_law import AskedLaw, asked_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety, safety_of
@@ -122,12 +122,11 @@ class Solution:
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
         price_list: errors and cost of each of them, and predictions for the next one; otherwise empty.
         shared: what the results of all load steps use, once it is made.
-        mechanics: what contact sides, stresses and resultants of the body are.
     """
 
     status: Status
     algorithm: str
-    model: Model
+    model: SolidBody
     displacement: fem.Function
     contact: ContactState | None
     functionals: Functionals | None
@@ -141,7 +140,6 @@ class Solution:
     levels: tuple[LevelResult, ...] = ()
     price_list: tuple[Price, ...] = ()
     shared: dict[str, StressRecovery] = field(default_factory=dict)
-    mechanics: Mechanics = field(default_factory=StatedMechanics)
 
     def __repr__(self) -> str:
         """One line, because the fields contain whole meshes and matrices."""
@@ -324,7 +322,7 @@ class Solution:
     @cached_property
     def sides(self) -> list[ContactSide]:
         """The parts of the boundary with contact, for second opinions."""
-        return self.mechanics.sides(self.model, self.displacement)
+        return self.model.sides(self.displacement)
 
     @property
     def stress(self) -> RawStresses:
@@ -345,12 +343,12 @@ class Solution:
 
     @cached_property
     def _stress(self) -> RawStresses | str:
-        return self.mechanics.stress(self.model, self.displacement, self._position, self.shared)
+        return self.model.stress(self.displacement, self._position, self.shared)
 
     @cached_property
     def resultants(self) -> Resultants:
         """Forces and moments on the body through each boundary; with load steps, of the last one; collective."""
-        acting = self.mechanics.acting(self.model, self.displacement, self._position)
+        acting = self.model.acting(self.displacement, self._position)
         return Resultants(self.statement, self.model.tagged, self.displacement, self.contact, self.sides, acting)
 
     @cached_property
@@ -403,7 +401,7 @@ class Solution:
     def stated_body(self) -> Model | str:
         """The body with all that acts on it, as bounds look at it; or why there are none."""
         try:
-            return self.mechanics.stated(self.model)
+            return self.model.stated()
         except Refused as refused:
             return str(refused)
 

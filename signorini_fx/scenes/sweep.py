@@ -38,6 +38,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate, certify
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.promised_law import Law, Tractions
+from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.scenes.changes import changed
 from signorini_fx.scenes.hierarchy import coarser_scenes
 from signorini_fx.scenes.mesh import load_mesh
@@ -199,7 +200,7 @@ class _Body:
 
     scene: Scene
     tagged: TaggedMesh
-    model: Model
+    model: StatedBody
     task: Task
     begin: Start
     state: ContactState | None
@@ -246,7 +247,7 @@ def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History,
         return next_body
     tagged = earlier.tagged if earlier is not None and _same_mesh(scene, earlier.scene) else load_mesh(scene, comm)
     body = with_moduli(earlier.model, scene.statement) if earlier and _other_moduli(scene, earlier.scene) else None
-    model = body or discretise(scene.statement, tagged, Timings())
+    model = body or StatedBody.of(discretise(scene.statement, tagged, Timings()))
     refuse_beforehand(model)
     last = None if earlier is None else earlier.state
     # Contact points may be on the other side than the scene says.

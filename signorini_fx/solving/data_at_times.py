@@ -19,7 +19,7 @@ from signorini_fx.mechanics.body.discretisation import moved_since, placed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Timings
 from signorini_fx.results.certificate.promised_law import PreviousStep
-from signorini_fx.results.mechanics import StatedMechanics
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd, carried, from_rest
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
@@ -63,7 +63,7 @@ class StatedPlaces:
         return self
 
 
-def stated_body(model: Model, timings: Timings, renew: Callable[[Model], Task]) -> SteppedBody:
+def stated_body(model: SolidBody, timings: Timings, renew: Callable[[Model], Task]) -> SteppedBody:
     """A model at its first load step.
 
     Args:
@@ -71,7 +71,7 @@ def stated_body(model: Model, timings: Timings, renew: Callable[[Model], Task]) 
         timings: of the mesh.
         renew: makes the contact problem of a model whose foundations have moved.
     """
-    return SteppedBody(model, model.statement.path, timings, StatedPlaces(renew), StatedMechanics())
+    return SteppedBody(model, model.statement.path, timings, StatedPlaces(renew))
 
 
 def on_moved_foundations(

@@ -29,6 +29,7 @@ from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.promised_law import overclosures_of
 from signorini_fx.results.functionals import functionals
+from signorini_fx.results.mechanics import SolidBody, StatedBody
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.solving.check.cost import estimated_cost
 from signorini_fx.solving.check.findings import result_findings, scene_findings
@@ -71,7 +72,7 @@ def solve_mesh(
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load()
-    model = discretise(statement, tagged, timings)
+    model = StatedBody.of(discretise(statement, tagged, timings))
     refuse_beforehand(model)
     for stated, contact in zip(statement.contact, model.statement.contact, strict=True):
         if contact.boundary != stated.boundary:
@@ -89,7 +90,7 @@ def solve_mesh(
 
 
 def solve_contact(
-    model: Model,
+    model: SolidBody,
     task: Task,
     start: Start,
     timings: Timings,
@@ -128,7 +129,7 @@ def solve_contact(
 
 
 def contact_solution(
-    model: Model,
+    model: SolidBody,
     steps: Sequence[StepResult],
     task: Task,
     ended: tuple[Outcome, RegularisedData],

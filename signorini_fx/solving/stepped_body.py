@@ -23,7 +23,7 @@ from signorini_fx.records import Finding, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.last_digits import status_by_digits
-from signorini_fx.results.mechanics import Mechanics
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
@@ -62,18 +62,16 @@ class SteppedBody:
     """A body that load steps lead through; all methods are collective.
 
     Attributes:
-        model: of the present load step.
+        model: of the present load step, which certifies its results.
         path: the load steps.
         timings: of its mesh.
         places: gives the model of the next one.
-        mechanics: of the present one, which certifies its results.
     """
 
-    model: Model
+    model: SolidBody
     path: LoadPath
     timings: Timings
     places: Places
-    mechanics: Mechanics
 
     @property
     def size(self) -> float:
@@ -91,7 +89,7 @@ class SteppedBody:
     def solved(self, begun: BegunStep, allowed: int) -> UncertifiedStep:
         """Solve a load step with so many linear solves for each contact problem."""
 
-        def holds(model: Model, outcome: Outcome, joint: JointPressure) -> bool:
+        def holds(model: SolidBody, outcome: Outcome, joint: JointPressure) -> bool:
             return replace(self, model=model).certified(begun, outcome, joint).status is Status.CONVERGED
 
         earlier = None if begun.last is None else begun.last.tractions.joint
@@ -108,9 +106,7 @@ class SteppedBody:
             joint: the pressure of loads within the contact; None: none enters.
         """
         with self.timings.phase("certify"):
-            result = certified_result(
-                self.model, self.mechanics, self.path, (begun.task, begun.start, begun.last), outcome, joint
-            )
+            result = certified_result(self.model, self.path, (begun.task, begun.start, begun.last), outcome, joint)
             self.places.show(outcome, result)
         return result
 
@@ -193,8 +189,7 @@ class LoadStep(BegunStep):
 
 
 def certified_result(
-    model: Model,
-    mechanics: Mechanics,
+    model: SolidBody,
     path: LoadPath,
     begun: tuple[Task, Start, PreviousStep | None],
     outcome: Outcome,
@@ -205,8 +200,7 @@ def certified_result(
     displacement = model.from_rest(task.rest, unknowns)
     contact = None if model.boundary is None else replace(model.state(task, outcome, start), joint=joint)
     rigid = model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
-    certificate = mechanics.certified(
-        model,
+    certificate = model.certified(
         displacement,
         None if contact is None else Tractions.of(contact),
         law=Law(*task.promised(outcome)),

@@ -178,7 +178,7 @@ def test_a_wrong_load_is_refused(penalty):
     assert certificate.holds
     for share, holds in ((0.0, True), (1e-5, False), (-1e-5, False)):
         pull.value = (1.0 + share) * PULL
-        balance = problem.assembled.mechanics.balance(problem.solution.model, problem.u, 0.0)
+        balance = problem.solution.model.balance(problem.u, 0.0)
         assert judged(problem.u, balance, [], None, law=certificate.law).holds == holds
 
 

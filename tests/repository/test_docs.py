@@ -629,7 +629,7 @@ def test_returned_classes():
     inner = {
         "ContactSide",
         "FormSolver",
-        "Mechanics",
+        "SolidBody",
         "Model",
         "Statement",
         "StressRecovery",

@@ -32,7 +32,7 @@ from signorini_fx.results.certificate.sliding_claim import SlidingClaim, sliding
 from signorini_fx.results.certificate.sliding_claim_in_space import sliding_claim_in_space
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
-from signorini_fx.results.mechanics import Mechanics
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses
 
@@ -40,8 +40,8 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ResidualMechanics(Mechanics):
-    """See ``results.mechanics.Mechanics``.
+class ResidualMechanics:
+    """What the residual says of a body at a displacement.
 
     Attributes:
         forces: the residual as forces on the body without contact.
@@ -51,7 +51,6 @@ class ResidualMechanics(Mechanics):
         loads: gives the loads beside the residual at a place in the lists of factors, see ``ActingForces``.
         supports: gives what holds each node there, and the names of its supports, see ``ActingForces``; None: supports
             are the parts of the boundary all of whose nodes are held.
-        steps: the same of each load step, by its displacement; none: there is this one alone.
         stresses: gives the stress at the end of a load step from the displacements of those up to it; None: the
             residual alone knows it.
         displaced: whether moments balance at the displaced points: at small strains they do at the undeformed ones.
@@ -63,43 +62,53 @@ class ResidualMechanics(Mechanics):
     fixed: npt.NDArray[np.bool_]
     loads: Callable[[float], Sequence[NamedForces]] = lambda step: ()
     supports: Callable[[float], tuple[PrescribedNodes, Sequence[str | None]]] | None = None
-    steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
     displaced: bool = True
     stresses: Callable[[Model, Sequence[fem.Function]], RawStresses] | None = None
 
-    def sides(self, model: Model, y: fem.Function) -> list[ContactSide]:
-        """See ``Mechanics``."""
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualBody(SolidBody):
+    """A body that its residual says all of, at the displacements of its load steps.
+
+    Attributes:
+        at_end: what it says at the last one.
+        at_steps: the displacement of each load step with what it says there; none: there is the last one alone.
+    """
+
+    at_end: ResidualMechanics
+    at_steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
+
+    def sides(self, y: fem.Function) -> list[ContactSide]:
+        """See ``SolidBody``."""
         return list(self._at(y).contact_sides)
 
-    def stress(
-        self, model: Model, y: fem.Function, step: float, shared: dict[str, StressRecovery]
-    ) -> RawStresses | str:
-        """See ``Mechanics``: of the materials of a scene."""
-        if self.stresses is None:
+    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
+        """See ``SolidBody``: of the materials of a scene."""
+        if self.at_end.stresses is None:
             return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
-        path = [displacement for displacement, _ in self.steps]
+        path = [displacement for displacement, _ in self.at_steps]
         last = next((number for number, displacement in enumerate(path) if displacement is y), None)
-        return self.stresses(model, [y] if last is None else path[: last + 1])
+        return self.at_end.stresses(self, [y] if last is None else path[: last + 1])
 
-    def balance(self, model: Model, y: fem.Function, step: float) -> Balance:
-        """See ``Mechanics``."""
+    def balance(self, y: fem.Function, step: float) -> Balance:
+        """See ``SolidBody``."""
         return self._at(y).forces
 
-    def acting(self, model: Model, y: fem.Function, step: float) -> ActingForces:
-        """See ``Mechanics``: at the supports; which loads act is known to the residual alone."""
+    def acting(self, y: fem.Function, step: float) -> ActingForces:
+        """See ``SolidBody``: at the supports; which loads act is known to the residual alone."""
         end = self._at(y)
         if end.supports is not None:
             supports, places = end.supports(step)
-            names = [effect.where for _, effect in model.statement.listed()]
+            names = [effect.where for _, effect in self.statement.listed()]
             return ActingForces(replace(end.forces, supports=supports), places, end.loads(step), names, end.displaced)
         return acting_on(end.forces, end.boundaries, end.fixed, end.loads(step), displaced=end.displaced)
 
     def _at(self, y: fem.Function) -> ResidualMechanics:
         """That of the load step with a displacement."""
-        return next((mechanics for displacement, mechanics in self.steps if displacement is y), self)
+        return next((mechanics for displacement, mechanics in self.at_steps if displacement is y), self.at_end)
 
-    def stated(self, model: Model) -> NoReturn:
-        """See ``Mechanics``.
+    def stated(self) -> NoReturn:
+        """See ``SolidBody``.
 
         Raises:
             Refused: always.

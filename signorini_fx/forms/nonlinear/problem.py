@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -165,8 +164,7 @@ class NonlinearContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution so far: call solve()")
         steps = continuation.steps if solved.step.status is Status.CONVERGED else [solved.step]
         ended, spent = (self.status or Status.CONVERGED, self.findings), (self.history, self._solver.timings)
-        solution = solved.solution(self.linear.rigid, steps, ended, spent, title)
-        return replace(solution, mechanics=replace(solved.mechanics, steps=tuple(continuation.mechanics)))
+        return solved.solution(self.linear.rigid, steps, continuation.mechanics, ended, spent, title)
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -12,7 +12,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.named_parts import named_parts
-from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
+from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
 from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import carried_past_ends, sheared_across_gaps
@@ -89,6 +89,7 @@ class SolvedBody:
         self,
         rigid: Any,
         steps: Sequence[StepResult],
+        mechanics: Sequence[tuple[fem.Function, ResidualMechanics]],
         ended: tuple[Status, tuple[Finding, ...]],
         spent: tuple[History, Timings],
         title: str,
@@ -98,6 +99,7 @@ class SolvedBody:
         Args:
             rigid: the rigid bodies.
             steps: of a ramp, which end with this one; none: the loop is the user's own.
+            mechanics: their displacements and what the residual says of them.
             ended: how the last solve or ramp has ended, and what is to be known about it.
             spent: every linear solve, and the seconds.
             title: of the results.
@@ -106,16 +108,11 @@ class SolvedBody:
         path = LoadPath(tuple(step.time for step in steps), names) if steps else counted_path(self.step.step - 1)
         parts = named_parts(self.forms, self.elastic.settings, ("F",)).along(path, title)
         model = parts.model(self.elastic, self.law, {}, rigid)
+        body = ResidualBody.of(model, at_end=self.mechanics, at_steps=tuple(mechanics))
         (status, found), (history, timings) = ended, spent
         outcome = self.outcome, self.outcome.problem.data
-        solution = contact_solution(model, tuple(steps) or (self.step,), self.task, outcome, timings, lambda: found)
-        return replace(
-            solution,
-            status=status,
-            algorithm=f"newton, {solution.algorithm}",
-            history=history,
-            mechanics=self.mechanics,
-        )
+        solution = contact_solution(body, tuple(steps) or (self.step,), self.task, outcome, timings, lambda: found)
+        return replace(solution, status=status, algorithm=f"newton, {solution.algorithm}", history=history)
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Finding]:

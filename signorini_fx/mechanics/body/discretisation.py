@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +56,8 @@ from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.body.paired_points import PairedSides
+
+M = TypeVar("M", bound=Model)
 
 
 def discretise(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
@@ -231,7 +233,7 @@ def _terms(
     return (*elastic.compiled(space, inventory), *resists)
 
 
-def placed(model: Model, step: float) -> Model:
+def placed(model: M, step: float) -> M:
     """The same with foundations and friction of a place where they depend on the time, and with the supports that hold
     there; itself if all are as they were; collective.
     """
@@ -247,7 +249,7 @@ def placed(model: Model, step: float) -> Model:
     return replace(model, statement=statement, of_body=of_body, **contact_of(model, statement))
 
 
-def held_at(model: Model, step: float) -> Model:
+def held_at(model: M, step: float) -> M:
     """The same with the supports that hold at a place, and foundations and friction as they are; itself if all supports
     are as they were; collective.
     """
@@ -257,7 +259,7 @@ def held_at(model: Model, step: float) -> Model:
     return _with_supports(model, model.statement.changed(displacement=supports))
 
 
-def _with_supports(model: Model, statement: Statement) -> Model:
+def _with_supports(model: M, statement: Statement) -> M:
     """The same body with other supports, and contact as another statement has it; collective."""
     assert model.coefficients is not None
     facets, test = boundary_facets(statement, model.tagged), ufl.TestFunction(model.space)
@@ -301,7 +303,7 @@ def friction_of(model: Model) -> list[NodalFriction]:
     return _foundations_on(model, model.statement).friction()
 
 
-def with_gap_and_friction(model: Model, statement: Statement) -> Model:
+def with_gap_and_friction(model: M, statement: Statement) -> M:
     """The same contact points with gap and friction of another statement that differs in nothing else, and has no
     friction with axes; collective.
     """
@@ -313,7 +315,7 @@ def with_gap_and_friction(model: Model, statement: Statement) -> Model:
     return replace(model, statement=statement, data=data, law=law)
 
 
-def with_forces(model: Model, statement: Statement) -> Model | None:
+def with_forces(model: M, statement: Statement) -> M | None:
     """The same body with the forces of another statement that differs in nothing else but gaps and friction, and has no
     expressions of the time; None: its forces are multiplied by other factors, or by those of other loads; collective.
 
@@ -341,7 +343,7 @@ def with_forces(model: Model, statement: Statement) -> Model | None:
     return replace(model, statement=statement, coefficients=on, applied=tuple(applied), of_body=of_body)
 
 
-def with_moduli(model: Model, statement: Statement) -> Model | None:
+def with_moduli(model: M, statement: Statement) -> M | None:
     """The same body with Young's moduli and Poisson's ratios of another statement that differs in nothing else, and
     whose loads do not depend on them; None: its terms are others; collective.
     """

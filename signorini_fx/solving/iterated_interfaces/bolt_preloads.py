@@ -29,8 +29,8 @@ from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.mechanics.body.jumps import Jump
 from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.section_forces import section_forces
 from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 from signorini_fx.tuned import (
@@ -111,14 +111,14 @@ class BoltPreloads(Interface):
         return LoadStepEnd(model, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS))
 
     def stored(
-        self, model: Model, step: float, contact: ContactState | None
+        self, model: SolidBody, step: float, contact: ContactState | None
     ) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """See ``Interface``: the shortenings that forces have led to."""
         return {}, {"shortenings": _shortenings(model, step)}
 
     def recalled(
-        self, model: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> tuple[Model, JointPressure | None]:
+        self, model: SolidBody, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+    ) -> tuple[SolidBody, JointPressure | None]:
         """See ``Interface``."""
         return _with_shortenings(model, step, figures["shortenings"]), None
 
@@ -127,18 +127,18 @@ class BoltPreloads(Interface):
 Kind = BoltPreloads
 
 
-def _tightened(model: Model, step: float) -> dict[int, Preload]:
+def _tightened(model: SolidBody, step: float) -> dict[int, Preload]:
     """The loads that are sections which forces tighten at a place, by their numbers."""
     entries = {k: load.entry for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)}
     return {k: entry for k, entry in entries.items() if entry.force_at(model.statement, step) is not None}
 
 
-def _shortenings(model: Model, step: float) -> list[float]:
+def _shortenings(model: SolidBody, step: float) -> list[float]:
     """Those that forces have led to at a place, in the order of ``_tightened``, length."""
     return [model.applied[k].factor(step) for k in _tightened(model, step)]
 
 
-def _loose(model: Model, entry: Preload, start: Start) -> Finding:
+def _loose(model: SolidBody, entry: Preload, start: Start) -> Finding:
     """What to say of a section that is shortened by more than the size of the body, without any force."""
     when = f"load step {start.step + 1}: " if model.statement.several_steps else ""
     message = (
@@ -149,7 +149,7 @@ def _loose(model: Model, entry: Preload, start: Start) -> Finding:
     return Finding("warning", "preload", message)
 
 
-def _with_shortenings(model: Model, step: float, lengths: Sequence[float] | Nodal) -> Model:
+def _with_shortenings(model: SolidBody, step: float, lengths: Sequence[float] | Nodal) -> SolidBody:
     """The same with shortenings that were found at a place; nothing is assembled again."""
     shortened = zip(_tightened(model, step).values(), lengths, strict=True)
     tight = {id(entry): entry.tightened(step, float(s)) for entry, s in shortened}

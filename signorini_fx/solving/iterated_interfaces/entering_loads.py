@@ -26,8 +26,8 @@ from signorini_fx.mechanics.body.joint_loads import JointLoads
 from signorini_fx.mechanics.body.joint_pressure import Flags, JointPressure, Stage, work_on_motions
 from signorini_fx.mechanics.body.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Status
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 
 Array = npt.NDArray[np.float64]
@@ -94,7 +94,7 @@ class EnteringLoads(Interface):
             start = cold.begin_from(outcome.problem.sets, multipliers)
 
     def stored(
-        self, model: Model, step: float, contact: ContactState | None
+        self, model: SolidBody, step: float, contact: ContactState | None
     ) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """See ``Interface``: the contact points that loads have reached, as numbers."""
         assert contact is not None
@@ -102,8 +102,8 @@ class EnteringLoads(Interface):
         return {"reached": contact.joint.reached.astype(np.float64)}, {}
 
     def recalled(
-        self, model: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> tuple[Model, JointPressure | None]:
+        self, model: SolidBody, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+    ) -> tuple[SolidBody, JointPressure | None]:
         """See ``Interface``."""
         assert model.boundary is not None
         loads = JointLoads(model.statement, model.tagged, model.space, model.boundary, step)
@@ -112,7 +112,7 @@ class EnteringLoads(Interface):
         self._press(model, task, pressure)
         return model, JointPressure(pressure, loads.at_points(nodes), recalled=True)
 
-    def _press(self, model: Model, task: Task, pressure: Array) -> None:
+    def _press(self, model: SolidBody, task: Task, pressure: Array) -> None:
         """Put pressures at the contact points, shape (n,), on the body: on both bodies where two touch each other."""
         load, start = model.stiffness.createVecRight(), model.stiffness.createVecRight()
         model.contact.add_forces(-pressure, np.zeros((pressure.size, model.dimension - 1)), load)
@@ -124,7 +124,7 @@ class EnteringLoads(Interface):
 Kind = EnteringLoads
 
 
-def _differ(model: Model, grown: list[Flags], reached: list[Flags]) -> bool:
+def _differ(model: SolidBody, grown: list[Flags], reached: list[Flags]) -> bool:
     """Whether nodes that loads have reached are not the same; collective."""
     return parallel.any_rank(
         model.comm, any((new_flags != old_flags).any() for new_flags, old_flags in zip(grown, reached, strict=True))

@@ -17,9 +17,9 @@ from signorini_fx.mechanics.body.joint_pressure import JointPressure
 from signorini_fx.mechanics.body.jumps import Jump
 from signorini_fx.mechanics.body.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
+from signorini_fx.results.mechanics import SolidBody
 
 
 @dataclass(frozen=True)
@@ -37,16 +37,16 @@ class LoadStepStart:
         inner: the interfaces that solve it within this one, the outer ones first.
     """
 
-    model: Model
+    model: SolidBody
     task: Task
     start: Start
     max_iterations: int | None = None
     scale: float = 1.0
     earlier: JointPressure | None = None
-    holds: Callable[[Model, Outcome, JointPressure], bool] = lambda model, outcome, joint: True
+    holds: Callable[[SolidBody, Outcome, JointPressure], bool] = lambda model, outcome, joint: True
     inner: tuple[Any, ...] = ()
 
-    def solved(self, model: Model, start: Start) -> LoadStepEnd:
+    def solved(self, model: SolidBody, start: Start) -> LoadStepEnd:
         """By the inner interfaces, or as one contact problem, from here; collective."""
         if self.inner:
             end: LoadStepEnd = self.inner[0].solve(replace(self, model=model, start=start, inner=self.inner[1:]))
@@ -66,7 +66,7 @@ class LoadStepEnd:
         reason: why there is no solution; None: it is not known.
     """
 
-    model: Model
+    model: SolidBody
     start: Start
     outcome: Outcome
     joint: JointPressure | None = None
@@ -101,14 +101,14 @@ class Interface:
         raise NotImplementedError
 
     def stored(
-        self, model: Model, step: float, contact: ContactState | None
+        self, model: SolidBody, step: float, contact: ContactState | None
     ) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """What a checkpoint needs of a load step: values at the contact points, and plain data."""
         return {}, {}
 
     def recalled(
-        self, model: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> tuple[Model, JointPressure | None]:
+        self, model: SolidBody, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+    ) -> tuple[SolidBody, JointPressure | None]:
         """Take back what ``stored`` has returned: the scene with it, and the pressure within the contact."""
         return model, None
 
