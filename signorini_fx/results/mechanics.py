@@ -93,12 +93,11 @@ class StatedBody(SolidBody):
         step: float,
         last: PreviousStep | None,
         rigid: tuple[RigidBodyMotion, ...],
+        scale: float = 1.0,
     ) -> Certificate:
         """See ``certify``."""
-        on, like = (self.statement, self.tagged), NodalForces.on(self)
-        return certify(
-            *on, displacement, tractions, law=law, step=step, before=last, pairs=self.pairs, rigid=rigid, like=like
-        )
+        own: Any = {"pairs": self.pairs, "like": NodalForces.on(self), "rigid": rigid, "scale": scale}
+        return certify(self.statement, self.tagged, displacement, tractions, law=law, step=step, before=last, **own)
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
         """See ``SolidBody``."""

@@ -35,8 +35,7 @@ from signorini_fx.mechanics.statement.effect import Force, InitialStrain
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.results.certificate.certificate import Certificate, certify
-from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Law, Tractions
 from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.scenes.changes import changed
@@ -72,9 +71,8 @@ class SweepPoint:
     status: Status
     contact: ContactState
     linear_solves: int
-    _statement: Statement
     _law: Law
-    _model: Model
+    _model: StatedBody
     _load: float
     _of_body: Callable[[], tuple[fem.Function, tuple[RigidBodyMotion, ...]]]
 
@@ -99,25 +97,15 @@ class SweepPoint:
         """The forces through sections that are tightened; collective."""
         from signorini_fx.results.section_forces import section_forces
 
-        return section_forces(self._statement, self._model.tagged, self.displacement(), 0, self._load)
+        return section_forces(self._model.statement, self._model.tagged, self.displacement(), 0, self._load)
 
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
-        model, contact, (displacement, rigid) = self._model, self.contact, self._of_body()
+        contact, (displacement, rigid), scale = self.contact, self._of_body(), self._load
         if contact.joint is not None:  # what the loads of the scene, one by one, are judged by
-            contact = replace(contact, joint=contact.joint.times(1 / self._load))
-        law, tractions = self._law, Tractions.of(contact)
-        return certify(
-            self._statement,
-            model.tagged,
-            displacement,
-            tractions,
-            law=law,
-            scale=self._load,
-            pairs=model.pairs,
-            rigid=rigid,
-            like=NodalForces.on(model),
-        )
+            contact = replace(contact, joint=contact.joint.times(1 / scale))
+        claim = displacement, Tractions.of(contact)
+        return self._model.certified(*claim, law=self._law, step=0, last=None, rigid=rigid, scale=scale)
 
 
 def _of_body(
@@ -374,16 +362,18 @@ def _solved(value: Any, body: _Body, parameter: _Value, history: History) -> tup
         if begin is task.start or not task.gave_up(end.outcome.status):
             break
     model, start, outcome = end.model, end.start, end.outcome
-    joint = None if end.joint is None else end.joint.times(load)
+    assert isinstance(model, StatedBody)  # as the body that the step began with
+    joint, statement = None if end.joint is None else end.joint.times(load), model.statement
+    if parameter.coefficient is not None:
+        statement = _with_coefficient(statement, parameter.coefficient)
     contact, promised = replace(model.state(task, outcome, start), joint=joint), Law(*task.promised(outcome))
     point = SweepPoint(
         value,
         outcome.status,
         contact,
         history.linear_solves - solves_before,
-        model.statement if parameter.coefficient is None else _with_coefficient(model.statement, parameter.coefficient),
         promised,
-        model,
+        model if statement is model.statement else replace(model, statement=statement),
         load,
         partial(_of_body, model, task, outcome.newton.x.copy(), load, contact),
     )
