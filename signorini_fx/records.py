@@ -19,16 +19,6 @@ PROVED_FOR_BODY = "proved for the body"
 # How an event begins that is about a requested accuracy.
 ACCURACY = "accuracy: "
 
-# The certificate does not hold if a violation exceeds this share of the solution's own scale.
-CERTIFICATE_TOLERANCE = 1e-6
-# Strains, rotations and displacements (relative to the size of the body) above which the terms that linear elasticity
-# neglects are notable: the neglected part of the strain is half of this share.
-SMALL_DEFORMATION = 0.1
-# With fewer nodes in contact neither the ends of the zone nor the largest pressure are reliable.
-FEW_NODES = 8
-# So few nodes of a boundary carry forces, and their pressures are those over a facet: the answer itself says so.
-UNRESOLVED_NODES = 2
-
 
 class Status(Enum):
     """How a solve ended.  Every member has a sentence that tells the user what to do."""

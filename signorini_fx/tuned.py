@@ -222,6 +222,8 @@ BEYOND_SURFACE = 0.1
 
 # --- price list: errors and costs from mesh to mesh ------------------------------------------------------------------
 
+# Seconds beyond which the rate of a slow forecast says no more than that the error hardly decreases: a day.  Choice.
+SLOW_FORECAST = 86_400.0
 # How errors decrease with h.  The square-root ends of the contact zone limit all but the peak.  Rates observed on two
 # or three meshes scatter too much: where an end is at a node, one change is small and the next one large.
 # Tuned on Example 1, against a reference solution of much higher accuracy.
@@ -842,6 +844,16 @@ SLIVER = 1e-3
 
 # --- certificate and statements on results ---------------------------------------------------------------------------
 
+# The certificate does not hold if a violation exceeds this share of the solution's own scale.  No record.
+CERTIFICATE_TOLERANCE = 1e-6
+# Strains, rotations and displacements (relative to the size of the body) above which the terms that linear elasticity
+# neglects are notable: the neglected part of the strain is half of this share.  Choice.
+SMALL_DEFORMATION = 0.1
+# With fewer nodes in contact neither the ends of the zone nor the largest pressure are reliable.  No record.
+FEW_NODES = 8
+# So few nodes of a boundary carry forces, and their pressures are those over a facet: the answer itself says so.
+# Choice.
+UNRESOLVED_NODES = 2
 # What a penalty makes of round-off counts as at most this many times the mean stress, in bodies that are not without
 # stress: FAINT of it is allowed.  Choice.
 ABOVE_THE_MEAN = 1e3

@@ -18,7 +18,8 @@ from signorini_fx.quantities.families.stress import largest_von_mises, share_in_
 from signorini_fx.quantities.registry import error_of
 from signorini_fx.quantities.text import point_in_words
 from signorini_fx.quantities.validity import Validity, validity_of, was_solved
-from signorini_fx.records import CERTIFICATE_TOLERANCE, PROVED_FOR_BODY, Status
+from signorini_fx.records import PROVED_FOR_BODY, Status
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 # Of a share of the yield stress at a place where the stress has no limit, which the first answer tells.
 _NOT_SHOWN = "strength is not shown"

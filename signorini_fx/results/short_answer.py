@@ -19,7 +19,7 @@ from signorini_fx.quantities.families.stress import largest_von_mises, share_in_
 from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
 from signorini_fx.quantities.text import has_friction, kinematics_of, named_components, point_in_words
 from signorini_fx.quantities.validity import Validity, validity_of
-from signorini_fx.records import CERTIFICATE_TOLERANCE, UNRESOLVED_NODES
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, UNRESOLVED_NODES
 
 # Lines of the whole answer, unless what to do takes more of them.
 MOST_LINES = 10

@@ -101,11 +101,11 @@ class SweepPoint:
 
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
-        contact, (displacement, rigid), scale = self.contact, self._of_body(), self._load
+        contact, (displacement, rigid) = self.contact, self._of_body()
         if contact.joint is not None:  # what the loads of the scene, one by one, are judged by
-            contact = replace(contact, joint=contact.joint.times(1 / scale))
+            contact = replace(contact, joint=contact.joint.times(1 / self._load))
         claim = displacement, Tractions.of(contact)
-        return self._model.certified(*claim, law=self._law, step=0, last=None, rigid=rigid, scale=scale)
+        return self._model.certified(*claim, law=self._law, step=0, last=None, rigid=rigid, scale=self._load)
 
 
 def _of_body(

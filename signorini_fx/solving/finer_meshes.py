@@ -18,7 +18,7 @@ from signorini_fx.mechanics.mesh.refinement import cells_at, mark, refine
 from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, shorter_lengths
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
-from signorini_fx.records import FEW_NODES, Status
+from signorini_fx.records import Status
 from signorini_fx.results.accuracy.local_estimates import DIVIDED_FOR
 from signorini_fx.results.accuracy.pressure_error import corners_of_error
 from signorini_fx.results.accuracy.price_list import fineness_of
@@ -28,6 +28,7 @@ from signorini_fx.tuned import (
     CORNER_DIVISIONS,
     CORNER_RATE,
     FALL_OF_ERROR,
+    FEW_NODES,
     LARGEST_GAMMA,
     LARGEST_JUMP,
     REGULARISATION_SHARE,

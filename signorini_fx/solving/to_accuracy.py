@@ -20,7 +20,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.records import FEW_NODES, History, Status
+from signorini_fx.records import History, Status
 from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.peak_error import FinerZone
@@ -41,6 +41,7 @@ from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.finer_zone import peak_of_finer_zone
 from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.tuned import (
+    FEW_NODES,
     FEWEST_MESHES,
     INDISTINGUISHABLE,
     LARGEST_GAMMA,

@@ -12,11 +12,11 @@ from signorini_fx import solve
 from signorini_fx.algebra import attempts
 from signorini_fx.algebra.algorithms import augmented_fall_back, strategy
 from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.records import CERTIFICATE_TOLERANCE, History, Status, Timings
+from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.solve_on_mesh import contact_task
-from signorini_fx.tuned import PROBLEMS_PER_STEP
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, PROBLEMS_PER_STEP
 from stability.friction import STIFFNESS
 from stability.shapes import triangle
 

@@ -14,9 +14,9 @@ from signorini_fx.mechanics.statement.overclosure import (
     TabularOverclosure,
 )
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.certificate import CERTIFICATE_TOLERANCE
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.solver import solve
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 YOUNG = 1000.0
 LAWS = {

@@ -19,13 +19,14 @@ from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
+from signorini_fx.records import Status
 from signorini_fx.results import last_digits
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving import solve_on_mesh
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 
 def wedge(**solver):

@@ -8,10 +8,10 @@ import pytest
 from scenes import alone
 
 from signorini_fx import Status
-from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 
 @cache

@@ -11,7 +11,7 @@ from signorini_fx.machine.display import duration, storage
 from signorini_fx.machine.result_files import in_space
 from signorini_fx.quantities.digits import percent
 from signorini_fx.quantities.validity import Validity, validity_of
-from signorini_fx.records import FEW_NODES
+from signorini_fx.tuned import FEW_NODES
 
 
 def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:

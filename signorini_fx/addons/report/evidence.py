@@ -22,7 +22,7 @@ from signorini_fx.addons.report.templating import Markup
 from signorini_fx.machine.result_files import ResultFiles
 from signorini_fx.mechanics.statement.units import unit
 from signorini_fx.quantities.validity import was_solved
-from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 _MOST_FACTORS = 8  # are listed in the table of the scene
 

@@ -16,8 +16,8 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import shares
 from signorini_fx.machine import parallel
-from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
-from signorini_fx.tuned import BOUND_CAME_BACK, RAISED_SHARE
+from signorini_fx.records import Status
+from signorini_fx.tuned import BOUND_CAME_BACK, CERTIFICATE_TOLERANCE, RAISED_SHARE
 
 
 def fixed_point(

@@ -22,12 +22,13 @@ from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
-from signorini_fx.records import CERTIFICATE_TOLERANCE, Finding, History, Status, Timings
+from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.solving.check.pushed_nodes import pushed_nodes
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.stepped_body import step_result
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 
 @dataclass(frozen=True)

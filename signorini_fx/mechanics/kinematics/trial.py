@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 _Floats = npt.NDArray[np.float64]
 _POINTS = 5

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from signorini_fx.algebra.contact.friction import LawAtPoints, PointFriction
 from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
-from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.tuned import (
+    CERTIFICATE_TOLERANCE,
     LARGEST_BEND,
     PRESSURE_CHANGE,
     PRESSURES_PER_DECADE,

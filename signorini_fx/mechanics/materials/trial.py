@@ -11,7 +11,7 @@ from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.materials.nonlinear import NonlinearMaterial
 from signorini_fx.mechanics.materials.nonlinear_trial import fault_of_nonlinear
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array, Material, stress_of
-from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 
 def check_materials(materials: Iterable[Material]) -> None:

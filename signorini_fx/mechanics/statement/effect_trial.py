@@ -15,8 +15,7 @@ import numpy as np
 from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.statement.effect import Array, Effect, Force, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.expressions import in_space, sample
-from signorini_fx.records import CERTIFICATE_TOLERANCE
-from signorini_fx.tuned import SAMPLED_POINTS
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, SAMPLED_POINTS
 
 # Of each kind what the solver takes, and what the certificate does.
 _TWINS = (

@@ -8,7 +8,7 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.kinds import Number, Row, described
 from signorini_fx.quantities.quantity import Quantity, Summary
 from signorini_fx.quantities.text import row
-from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 # The figures that decide.
 JUDGED = (

@@ -8,7 +8,7 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.kinds import Count
 from signorini_fx.quantities.quantity import Quantity, Summary
 from signorini_fx.quantities.text import row
-from signorini_fx.records import FEW_NODES
+from signorini_fx.tuned import FEW_NODES
 
 
 def boundaries_touched_by(counts: range, summary: Summary) -> list[str]:

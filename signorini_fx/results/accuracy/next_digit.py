@@ -29,12 +29,12 @@ from signorini_fx.tuned import (
     MOST_FINER,
     NEXT_ERROR,
     SECONDS_OF_UNKNOWNS,
+    SLOW_FORECAST,
     SLOWEST_FORECAST,
     SPREAD_OF_SECONDS,
     TIME_POWER,
 )
 
-_DAY = 86_400.0  # seconds, beyond which a slow rate says no more than that the error hardly decreases
 # The errors that a forecast is made of, in this order, and what they are of.
 NAMES = {
     "pressure": "the pressure",
@@ -100,7 +100,7 @@ class CostOfAccuracy:
 def between(seconds: tuple[float, float]) -> str:
     """A time that is known from and to, such as 3 to 6 s."""
     low, high = (duration(float(f"{value:.2g}")) for value in seconds)
-    if min(seconds) < _DAY < max(seconds):
+    if min(seconds) < SLOW_FORECAST < max(seconds):
         return f"{low} to more than a day"
     if low == high:
         return low if low.startswith("below") else f"about {low}"

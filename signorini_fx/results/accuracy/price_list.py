@@ -23,7 +23,6 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_table import ContactTable, is_closed
-from signorini_fx.records import FEW_NODES
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.contact_values import interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error
@@ -35,6 +34,7 @@ from signorini_fx.tuned import (
     CHANGES_USED,
     ENERGY_RATES,
     EXPECTED_RATES,
+    FEW_NODES,
     FINER_FACTOR,
     GROWING_MESHES,
     GROWTH_POWER,

@@ -32,7 +32,6 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.families.certificate import JUDGED, REPORTED
-from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.certificate.contact_sides import sides_of
 from signorini_fx.results.certificate.equilibrium import (
@@ -45,7 +44,7 @@ from signorini_fx.results.certificate.equilibrium import (
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.promised_law import UNREGULARISED, Law, PreviousStep, Tractions, overclosures_of
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.tuned import ABOVE_THE_MEAN, FAINT, LOST_UNITS, NO_FORCE
+from signorini_fx.tuned import ABOVE_THE_MEAN, CERTIFICATE_TOLERANCE, FAINT, LOST_UNITS, NO_FORCE
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.body.paired_points import PairedSides

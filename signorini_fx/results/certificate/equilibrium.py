@@ -11,12 +11,11 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.results.certificate.rigid_part import RigidPart
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
-from signorini_fx.tuned import FAINT, LOST_UNITS, NO_FORCE, ZERO_SUM
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAINT, LOST_UNITS, NO_FORCE, ZERO_SUM
 
 Nodal = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]

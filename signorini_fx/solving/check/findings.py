@@ -27,7 +27,7 @@ from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import SMALL_DEFORMATION, Finding
+from signorini_fx.records import Finding
 from signorini_fx.solving.check.balanced_loads import equilibrium
 from signorini_fx.solving.check.jumping_loads import jumping_loads
 from signorini_fx.solving.check.one_step import one_step, tilted_frames
@@ -39,6 +39,7 @@ from signorini_fx.tuned import (
     NO_FORCE,
     SAME_DIRECTION,
     SLOPE_OF_HEIGHT,
+    SMALL_DEFORMATION,
     START_GAMMA,
     TURNED_NORMALS,
 )
