@@ -82,8 +82,7 @@ def _solved(
     solution, task, outcome = solve_mesh(
         scene.statement, load, problem.history, state, estimate, coarser, checkpoint, with_findings=shown
     )
-    model = solution.model
-    return SolvedMesh(solution, model.tagged, model, task, modulus, outcome, solution.statement.sides)
+    return SolvedMesh(solution, solution.model.tagged, task, modulus, outcome)
 
 
 def _on(scene: Scene, tagged: TaggedMesh) -> Scene:

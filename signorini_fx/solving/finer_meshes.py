@@ -97,7 +97,7 @@ class Meshes:
         while True:
             try:
                 solved = self.problem.solved(number, state, self._coarser)
-                self._coarser = solved.body.level(self._coarser)
+                self._coarser = solved.solution.model.level(self._coarser)
                 apart = solved.level is None and self.problem.paired and not _used_up(solved)
                 if number > 0 or not apart or not self.problem.coarsest > 1:
                     return solved
@@ -181,7 +181,7 @@ class Meshes:
         There it decreases so slowly with h, and so few cells are divided, that a solve after each division is wasteful.
         """
         assert solved.level is not None
-        corners = corners_of_error(solved.level.table, solved.body.kinematics)
+        corners = corners_of_error(solved.level.table, solved.solution.model.kinematics)
         for _ in range(round(np.clip(np.log2(min(excess, 1e3)) / CORNER_RATE - 1, 0, CORNER_DIVISIONS))):
             if not len(corners):
                 break

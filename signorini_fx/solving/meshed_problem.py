@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Generic, Self, TypeVar
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,6 @@ from mpi4py import MPI
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.machine import signals
 from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -37,22 +36,18 @@ class SolvedMesh:
     Attributes:
         solution: how it ended.
         tagged: the mesh.
-        body: on it.
         task: the contact problem.
         modulus: the largest one of the plane problem, stress.
         outcome: how it ended; None where it has no solution.
-        sides: which boundaries have the contact points, and which are opposite.
         level: errors and cost of the mesh; None where it has no solution, or no estimate.
         errors: the estimates on the mesh; None likewise.
     """
 
     solution: Solution
     tagged: TaggedMesh
-    body: ElasticBody
     task: Task
     modulus: float
     outcome: Outcome | None = None
-    sides: Any = None
     level: LevelResult | None = None
     errors: Errors | None = None
 
@@ -165,7 +160,7 @@ class MeshedProblem(Generic[P]):
         errors = worst_of(step_errors)
         level = level_result(
             number,
-            solved.body,
+            solution.model,
             task,
             outcome,
             step_errors[-1].size,

@@ -74,11 +74,11 @@ def solve_nested(
             unsolved = Unsolved.by_error(error, name, comm)
             break
         solution, state = solved.solution, None
-        if levels and solved.sides != sides:
+        if levels and solution.statement.sides != sides:
             history.add("the price list begins here: on the coarser meshes the contact points are on other boundaries")
             levels.clear()
-        sides = solved.sides
-        coarser = solved.body.level(coarser, solution.displacement)
+        sides = solution.statement.sides
+        coarser = solution.model.level(coarser, solution.displacement)
         if solution.converged:
             state, certified = solved.state, solution
             if number + 1 < count:
