@@ -15,12 +15,14 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes, sides_of
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.mechanics.body.foundations_on_points import ShapeDistances
 from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
+from signorini_fx.mechanics.body.supports import prescribed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
@@ -131,7 +133,8 @@ def mechanics_at(
             gave them, their data and shapes.
         lost: round-off of the residual, forces, of its shape; None: it is not known.
     """
-    space, scales, (fixed, values) = u.function_space, linear.scales, linear.prescribed
+    space, scales = u.function_space, linear.scales
+    fixed, values = prescribed(space, conditions_of(linear.bcs, space))
     dim = space.mesh.geometry.dim
     places, data = u.x.array.reshape(-1, dim), list(linear.data)
     for number, moving in linear.shapes.items():
@@ -148,7 +151,8 @@ def mechanics_at(
         facets, factor = (linear.forms.facets[number], linear.forms.masters[number]), data[number].shape.factor
         surfaces = sides.slave.surface, sides.master.surface
         claim = sliding_claim if dim == 2 else sliding_claim_in_space
-        claims[number] = claim(space, surfaces, points, facets, ends, factor, pair.certified)
+        allowed = linear.contact[number].reach
+        claims[number] = claim(space, surfaces, points, facets, ends, factor, allowed, pair.certified)
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)

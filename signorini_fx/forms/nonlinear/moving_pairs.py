@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +19,7 @@ from signorini_fx.mechanics.body.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
+from signorini_fx.results.certificate.sliding_claim import PairMemory
 from signorini_fx.solving.check.pushed_nodes import HeldNodes
 from signorini_fx.tuned import LEAST_SEEN, NEAR_PARTNER, PAST_THE_END
 
@@ -54,7 +54,7 @@ class MovingPair:
     allowance: Array = field(init=False)
     fixed: tuple[Array, FixedDistances | None] = field(init=False)
     changed: npt.NDArray[np.bool_] = field(init=False)
-    certified: list[Any] = field(default_factory=list, init=False, repr=False)
+    certified: PairMemory = field(default_factory=PairMemory, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))

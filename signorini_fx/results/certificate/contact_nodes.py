@@ -343,13 +343,14 @@ class ContactNodes:
         """
         if self.claims is None:
             return 0.0
-        from signorini_fx.results.certificate.paired_sides import defect, not_held, not_integrated, not_loose
+        from signorini_fx.results.certificate.paired_sides import defect, not_held, not_integrated
         from signorini_fx.results.certificate.sliding_claim import SlidingClaim
+        from signorini_fx.results.certificate.undeformed_sides import error_of_sides
 
         free = [supports.left(np.tile(axis, (len(y), 1))) for axis in np.eye(y.shape[1])]
         held = np.eye(y.shape[1]) - np.stack(free, axis=2)
         return max(
-            max(claim.error(), not_loose(claim, held))
+            max(claim.error(), error_of_sides(claim, held, supports, self._others(number)))
             if isinstance(claim, SlidingClaim)
             else max(
                 defect(claim, self.evaluation.space),

@@ -25,7 +25,6 @@ from signorini_fx.mechanics.body.assembly import facet_nodes, node_positions
 from signorini_fx.mechanics.body.averages import from_owners
 from signorini_fx.results.certificate.mortar_integrals import MortarIntegrals, error_of_integrals
 from signorini_fx.results.certificate.paired_claim import Claim
-from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.certificate.uncounted_distances import error_of_uncounted
 from signorini_fx.tuned import DIGITS_OF_FILES, PARTNERS_REACH
@@ -113,20 +112,6 @@ def _owned_by(
     facets = np.concatenate((*taken, claim.master))
     names = claim.space.dofmap.index_map.local_to_global(np.unique(facet_nodes(claim.space, facets)))
     return np.isin(nodes, parallel.gather_rows(claim.comm, names))
-
-
-def not_loose(claim: SlidingClaim, held: Array) -> float:
-    """How far nodes of sides that slide are from being held along normals, of which the solver says that they are, and
-    the directions in which it says that nodes move from those that supports leave; ``held``: see ``not_held``;
-    collective.
-    """
-    worst, sides = 0.0, (claim.surface, claim.other_surface)
-    said = (claim.held.slave, claim.held.master), claim.held.loose or (None, None)
-    for chain, surface, flags, claimed in zip(claim.chains, sides, *said, strict=True):
-        loose = _loose(held, chain.nodes, claim.comm)
-        worst = max(worst, largest(np.einsum("nij,nj->ni", loose, surface.directions)[flags]))
-        worst = worst if claimed is None else max(worst, largest(claimed - loose))
-    return worst
 
 
 def _loose(held: Array, nodes: npt.NDArray[np.int64], comm: MPI.Comm) -> Array:

@@ -1,7 +1,7 @@
 """The second opinion on two sides of the plane that slide on each other, at displaced points, by code of its own.
 
-Of the solver it takes which nodes may carry a point and which supports hold (``HeldSides``), which facets there are,
-and which nodes lie in planes of symmetry.  What it does otherwise:
+What the solver says of the undeformed sides, as which nodes may carry a point and which supports hold (``HeldSides``),
+areas of nodes and planes of symmetry, is tried by ``undeformed_sides``.  What is done otherwise here:
 - who carries a point, and how points take over functions, is evaluated anew (``taken_functions``),
 - the places where vertices of the other side are seen are roots of quadratic equations, of curved facets found by
   bisection,
@@ -45,6 +45,9 @@ Numbers = npt.NDArray[np.int64]
 
 # Points of a part of a facet between two vertices of the other side.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(9)
+# Points along each side of a facet for its area: as many as that is defined by, as curved facets have no polynomial of
+# their places as their area.
+POINTS_OF_AREAS = 5
 # Rays that are stepped at once.
 _STEPPED = 2**13
 
@@ -163,6 +166,30 @@ class Chain:
         """The normals of some facets, with nodes at x, shape (m, k, 2), times the functions, integrated, likewise."""
         along = np.einsum("kl,mld->mkd", self.products, x)
         return np.stack((along[..., 1], -along[..., 0]), axis=-1)
+
+    @property
+    def quadratic(self) -> bool:
+        """Whether its functions are."""
+        return self.width == 3
+
+    @cached_property
+    def diagonals(self) -> Array:
+        """Of the box around the nodes of each facet, length, shape (f,)."""
+        return np.asarray(np.linalg.norm(np.ptp(self.x[self.facets], axis=1), axis=1))
+
+    @cached_property
+    def nodal_areas(self) -> Array:
+        """Integrals of the functions of the nodes times the measure, over the undeformed facets, shape (N,)."""
+        points, weights = np.polynomial.legendre.leggauss(POINTS_OF_AREAS)
+        hats, slopes = (of((points + 1) / 2, self.width) for of in (_hats, _slopes))
+        sizes = np.linalg.norm(np.einsum("qk,fkd->fqd", slopes, self.x[self.facets]), axis=2)
+        return self._summed_at_nodes((sizes * weights / 2 * (self.measure[self.facets] @ hats.T)) @ hats)
+
+    def _summed_at_nodes(self, of_facets: Array) -> Array:
+        """Values of the nodes of each facet, shape (f, k), added up, shape (N,)."""
+        return np.asarray(
+            np.bincount(self.facets.ravel(), of_facets.ravel(), minlength=self.nodes.size), dtype=np.float64
+        )
 
     def normals(self, x: Array) -> Array:
         """Outward unit normals at the nodes where these are at x, shape (N, 2)."""
@@ -379,6 +406,20 @@ class KnownSides:
     looked_at: LookedAt
 
 
+@dataclass
+class PairMemory:
+    """What certificates have found of a pair, which they alone read.
+
+    Attributes:
+        known: at the last few displacements: the end of a step is where the next one begins.
+        at_rest: which components of the nodes of both sides were prescribed to be zero by the first certificate, shapes
+            (N, d) and (M, d); None: there was none.
+    """
+
+    known: list[KnownSides] = field(default_factory=list)
+    at_rest: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]] | None = None
+
+
 @dataclass(frozen=True)
 class SlidingClaim:
     """A pair of sides as the certificate sees it, n points on this rank.
@@ -395,8 +436,8 @@ class SlidingClaim:
         slave: owned facets of the side with the points, local numbers, as the problem names them.
         master: those of the other side.
         ends: values of the displacement at the nodes of both sides, now and at the beginning of the step, shape (m, 2).
-        memory: what certificates have found of this pair at the last few displacements: the end of a step is where the
-            next one begins.
+        allowed: the reach that the problem names, length; None: the usual one.
+        memory: what certificates have found of this pair.
     """
 
     space: fem.FunctionSpace
@@ -410,7 +451,8 @@ class SlidingClaim:
     slave: npt.NDArray[np.int32]
     master: npt.NDArray[np.int32]
     ends: tuple[Array, Array]
-    memory: list[KnownSides] = field(default_factory=list, repr=False)
+    allowed: float | None
+    memory: PairMemory = field(default_factory=PairMemory, repr=False)
     nominal: bool = False
     followed: None = None
     displaced: ClassVar[bool] = True
@@ -642,12 +684,12 @@ class SlidingClaim:
     def _known_at(self, values: Array) -> LookedAt:
         """See ``_looked``; once for each displacement."""
         measure = self.chains[0].measure
-        for sides in self.memory:
+        for sides in self.memory.known:
             if np.array_equal(sides.values, values) and np.array_equal(sides.measure, measure):
                 return sides.looked_at
         looked_at = self._looked(values)
-        self.memory.append(KnownSides(values.copy(), measure, looked_at))
-        del self.memory[:-_REMEMBERED]
+        self.memory.known.append(KnownSides(values.copy(), measure, looked_at))
+        del self.memory.known[:-_REMEMBERED]
         return looked_at
 
     def _seen(self, values: Array) -> SeenSides:
@@ -918,8 +960,9 @@ def sliding_claim(
     points: tuple[Numbers, npt.NDArray[np.bool_], HeldSides, float],
     facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
     ends: tuple[fem.Function, fem.Function | None],
-    factor: Array | None = None,
-    memory: list[KnownSides] | None = None,
+    factor: Array | None,
+    allowed: float | None,
+    memory: PairMemory,
 ) -> SlidingClaim:
     """The second opinion on a pair; collective.
 
@@ -931,9 +974,9 @@ def sliding_claim(
         facets: of both sides, owned, local numbers.
         ends: displacements now and at the beginning of the step; None: none.
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
-        memory: see ``SlidingClaim``; None: nothing.
+        allowed: the reach that the problem names, length; None: the usual one.
+        memory: see ``SlidingClaim``.
     """
     both = Chain.of(space, facets[0], factor), Chain.of(space, facets[1])
     surface = replace(sides[0], measure=None if factor is None else both[0].measure)
-    of_pair = at_ends(space, both, ends), [] if memory is None else memory
-    return SlidingClaim(space, surface, sides[1], both, *points, *facets, *of_pair)
+    return SlidingClaim(space, surface, sides[1], both, *points, *facets, at_ends(space, both, ends), allowed, memory)

@@ -1,7 +1,6 @@
 """The second opinion on two sides in space that slide on each other, at displaced points, by code of its own.
 
-Of the solver it takes which nodes may carry a point and which supports hold (``HeldSides``), which facets there are,
-and which nodes lie in planes of symmetry.  What it does otherwise:
+What the solver says of the undeformed sides is tried by ``undeformed_sides``.  What is done otherwise here:
 - who carries a point, and how points take over functions, is evaluated anew (``taken_functions``),
 - facets that may see each other are looked for along lines through the middles of facets, in a tree of the others',
 - the polygon that two facets share is made of corners of the one inside the other, and of where their edges cross,
@@ -38,9 +37,10 @@ from signorini_fx.results.certificate.common_polygons import (
     triangle_rule,
 )
 from signorini_fx.results.certificate.sliding_claim import (
+    POINTS_OF_AREAS,
     Chain,
-    KnownSides,
     LookedAt,
+    PairMemory,
     Rays,
     SeenSides,
     SlidingClaim,
@@ -140,17 +140,32 @@ class Sheet(Chain):
         corners = x[self.facets]
         return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2)
 
+    @property
+    def quadratic(self) -> bool:
+        """See ``Chain``."""
+        return False
+
     @cached_property
     def areas(self) -> Array:
         """Undeformed, times the measure, shape (f,)."""
-        points, weights = np.polynomial.legendre.leggauss(5)
+        return np.asarray(self._tested_areas.sum(axis=1))
+
+    @cached_property
+    def nodal_areas(self) -> Array:
+        """See ``Chain``."""
+        return self._summed_at_nodes(self._tested_areas)
+
+    @cached_property
+    def _tested_areas(self) -> Array:
+        """Integrals of the functions of the corners of each facet times the measure, shape (f, k)."""
+        points, weights = np.polynomial.legendre.leggauss(POINTS_OF_AREAS)
         s, t = (grid.ravel() for grid in np.meshgrid((points + 1) / 2, (points + 1) / 2, indexing="ij"))
         at, factors = np.column_stack((s, t)), np.outer(weights, weights).ravel() / 4
         if self.width == 3:
             at, factors = triangle_rule(3)
-        along = np.einsum("aqk,fkd->afqd", _slopes(at, self.width), self.x[self.facets])
+        along, hats = np.einsum("aqk,fkd->afqd", _slopes(at, self.width), self.x[self.facets]), _hats(at, self.width)
         size = np.linalg.norm(np.cross(along[0], along[1]), axis=2)
-        return np.asarray((size * (self.measure[self.facets] @ _hats(at, self.width).T)) @ factors)
+        return np.asarray((size * factors * (self.measure[self.facets] @ hats.T)) @ hats)
 
 
 def _rays(slave: Sheet, x: Array, ways: Array, master: Sheet, y: Array, reach: float) -> Rays:
@@ -538,8 +553,9 @@ def sliding_claim_in_space(
     points: tuple[Numbers, npt.NDArray[np.bool_], HeldSides, float],
     facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
     ends: tuple[fem.Function, fem.Function | None],
-    factor: Array | None = None,
-    memory: list[KnownSides] | None = None,
+    factor: Array | None,
+    allowed: float | None,
+    memory: PairMemory,
 ) -> SpaceSlidingClaim:
     """The second opinion on a pair in space; collective.
 
@@ -551,9 +567,10 @@ def sliding_claim_in_space(
         facets: of both sides, owned, local numbers.
         ends: displacements now and at the beginning of the step; None: none.
         factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
-        memory: see ``SlidingClaim``; None: nothing.
+        allowed: the reach that the problem names, length; None: the usual one.
+        memory: see ``SlidingClaim``.
     """
     sheets = Sheet.of(space, facets[0], factor), Sheet.of(space, facets[1])
     surface = replace(sides[0], measure=None if factor is None else sheets[0].measure)
-    of_pair = at_ends(space, sheets, ends), [] if memory is None else memory
-    return SpaceSlidingClaim(space, surface, sides[1], sheets, *points, *facets, *of_pair)
+    displacements = at_ends(space, sheets, ends)
+    return SpaceSlidingClaim(space, surface, sides[1], sheets, *points, *facets, displacements, allowed, memory)

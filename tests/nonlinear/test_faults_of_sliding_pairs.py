@@ -1,0 +1,387 @@
+"""Faults of a solver of sliding pairs that its own map hides: the certificate evaluates that anew and refuses them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx.mesh import compute_midpoints
+from mpi4py import MPI
+from support.sliding_bodies import SlidingBodies, cylinders, wheel
+from test_faults_of_pairs import doubled, shifted, without_facet, without_piece
+from two_bodies import grid
+
+from signorini_fx import Coulomb, NonlinearContactProblem, Pair
+from signorini_fx.forms import solver
+from signorini_fx.forms.nonlinear import linearised
+from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
+from signorini_fx.mechanics.body import paired_points, sliding_sides
+from signorini_fx.mechanics.body.paired_points import FacingSides
+from signorini_fx.mechanics.body.sliding_sides import SlidingSides
+from signorini_fx.mechanics.pairs import mortar_coupling, sliding
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.results.solution import ConvergenceError
+
+DEPTH = 0.02
+KINDS = {2: "quadrilateral", 3: "hexahedron"}
+
+
+def punch(dim, kind=None, degree=1, away=1e-6, clamped=-np.inf, **settings):
+    """A parabola that is driven into a block and along it, with friction.
+
+    Args:
+        dim: of space.
+        kind: of the cells.
+        degree: of the displacement.
+        away: distance of the undeformed bodies.
+        clamped: all nodes of the parabola are driven, and those of the upper side of the block are held up to here.
+        settings: see ``SlidingBodies``.
+    """
+    up = dim - 1
+
+    def height(x):
+        return 0.1 * np.sum(x[:up] ** 2, axis=0)
+
+    def bent(x):
+        return np.column_stack((x[:, :up], x[:, up] + height(x.T) * (0.3 - x[:, up]) / 0.3))
+
+    kind = kind or KINDS[dim]
+    meshes = (
+        grid(kind, (*[6] * up, 3), [*[-0.75] * up, -1.0], [*[0.75] * up, 0.0]),
+        grid(kind, (*[7 - 2 * (dim - 2)] * up, 1), [*[-0.5] * up, away], [*[0.5] * up, 0.3], bent),
+    )
+    touching = [lambda x: np.isclose(x[up], 0.0), lambda x: x[up] <= height(x) + 2 * away]
+    held = [
+        lambda x: np.isclose(x[up], -1.0) | (np.isclose(x[up], 0.0) & (x[0] <= clamped)),
+        lambda x: np.isclose(x[up], 0.3) | ((x[up] >= away / 2) & (clamped > -1.0)),
+    ]
+    pair = {"reach": 0.5, "friction": Coulomb(0.3)}
+    return SlidingBodies(kind, meshes, touching, held, degree=degree, pair=pair, **settings)
+
+
+def driven(scene, depth=DEPTH, far=0.5):
+    """Two steps, down and along, by this part of the depth."""
+    along = np.zeros(len(scene.u))
+    for part in (0.0, far):
+        along[0], along[-1] = part * depth, -depth
+        scene.move(*along)
+    return scene
+
+
+def pressed(scene, depth=DEPTH):
+    """A step down."""
+    scene.move(*[0.0] * (len(scene.u) - 1), -depth)
+    return scene
+
+
+def clamped(dim=2):
+    """Part of both sides is held over each other."""
+    return pressed(punch(dim, clamped=-0.2))
+
+
+def half():
+    """The half of a wheel beside a plane of symmetry."""
+    return pressed(wheel(half=True, friction=Coulomb(0.3)))
+
+
+def revolved():
+    """Quadratic bodies of revolution, of which the nodes on the axis have no area."""
+    return pressed(cylinders(degree=2, friction=Coulomb(0.3)))
+
+
+def far():
+    """Bodies that are apart by more than a tenth of the reach."""
+    return pressed(punch(2, away=0.1), 0.12)
+
+
+def two_pairs(slave=0):
+    """A block on another one, whose sides are two pairs each, which share the nodes in the middle."""
+    kind = "quadrilateral"
+    bodies = grid(kind, (8, 3), [-1.0, -1.0], [1.0, 0.0]), grid(kind, (6, 3), [-0.75, 1e-6], [0.75, 1.0])
+    level = [lambda x, y=y: np.isclose(x[1], y, atol=1e-9) for y in (0.0, 1e-6, -1.0, 1.0)]
+    scene = SlidingBodies(kind, bodies, level[:2], level[2:], friction=Coulomb(0.3))
+
+    def parts(side):
+        left = compute_midpoints(scene.mesh, 1, side)[:, 0] < 0.0
+        return side[left], side[~left]
+
+    (low, high), pairs = [parts(side) for side in scene.sides], []
+    for first, second in zip(low, high, strict=True):
+        both = (first, second)
+        pairs.append(Pair(both[slave], both[1 - slave], friction=Coulomb(0.3), reach=0.3))
+    scene.problem = NonlinearContactProblem(scene.form, scene.u, bcs=scene.bcs, contact=pairs)
+    return pressed(scene)
+
+
+# --- faults ---
+
+
+def more_unable(monkeypatch):
+    """A node in the middle of the contact is said to belong to another one."""
+    right = FacingSides.unable.fget
+
+    def wrong(self):
+        flags, x = np.array(right(self)), self.slave.surface.x
+        flags[np.argmin(np.linalg.norm(x - x[self.slave.surface.points.ravel()].mean(axis=0), axis=1))] = True
+        return flags
+
+    monkeypatch.setattr(FacingSides, "unable", property(wrong))
+
+
+def less_unable(monkeypatch):
+    """Nodes that another contact owns are said to carry points of this one, too."""
+    monkeypatch.setattr(FacingSides, "unable", property(lambda self: np.zeros(self.slave.nodes.size, dtype=bool)))
+
+
+def of_sides(**changes):
+    """Sides of which something is another: functions of the right one and of the sides."""
+
+    def wrong(monkeypatch):
+        right = SlidingSides.of.__func__
+
+        def of(cls, *given, **settings):
+            sides = right(cls, *given, **settings)
+            return replace(sides, **{name: change(getattr(sides, name), sides) for name, change in changes.items()})
+
+        monkeypatch.setattr(SlidingSides, "of", classmethod(of))
+
+    return wrong
+
+
+def nearest_to_middle(sides):
+    """The node of the slave that is nearest to its middle."""
+    x = sides.slave.surface.x
+    return np.argmin(np.linalg.norm(x - x.mean(axis=0), axis=1))
+
+
+def with_flag(flags, node):
+    """The same flags with that of a node turned round."""
+    flags = np.array(flags)
+    flags[node] = ~flags[node]
+    return flags
+
+
+def last_of(flags, side):
+    """The node with a flag that is the last one along the first axis."""
+    nodes = np.flatnonzero(flags)
+    return nodes[side.surface.x[nodes, 0].argmax()]
+
+
+def held_less(held, sides):
+    """A node of the master that is held over what is held of the slave is said not to be."""
+    over = held.master & (sides.master.surface.x[:, 0] < -0.1)
+    return replace(held, master=with_flag(held.master, last_of(over, sides.master)))
+
+
+def held_more(held, sides):
+    """A node that is free and said to be held."""
+    return replace(held, slave=with_flag(held.slave, np.flatnonzero(~held.slave)[0]))
+
+
+def held_whole(held, sides):
+    """Held nodes that are said to be held in all directions."""
+    return replace(held, loose=None)
+
+
+def of_surface(name, change):
+    """A surface of the slave that has another one of its figures."""
+
+    def wrong(monkeypatch):
+        right = getattr(PairSurface, name)
+        function = right.fget if isinstance(right, property) else right.func
+
+        monkeypatch.setattr(PairSurface, name, property(lambda self: change(function(self), self)))
+
+    return wrong
+
+
+def larger_area(area, side):
+    """The middle node has four times the area."""
+    area = np.array(area)
+    area[np.argmin(np.linalg.norm(side.x - side.x.mean(axis=0), axis=1))] *= 4.0
+    return area
+
+
+def of_planes(change):
+    """Other planes of symmetry."""
+
+    def wrong(monkeypatch):
+        right = paired_points.mirrored
+        monkeypatch.setattr(paired_points, "mirrored", lambda side, *rest: change(right(side, *rest), side))
+
+    return wrong
+
+
+def no_planes(across, side):
+    """None."""
+    return np.zeros_like(across)
+
+
+def one_more_plane(across, side):
+    """One at the node in the middle."""
+    across = np.array(across)
+    across[np.argmin(np.linalg.norm(side.x - side.x[side.points.ravel()].mean(axis=0), axis=1))][0, 0] = 1.0
+    return across
+
+
+def of_overlap(change):
+    """See ``test_faults_of_pairs``."""
+
+    def wrong(monkeypatch):
+        right = sliding.projected
+
+        def projected(slave, master, reach, *given, **settings):
+            tested, directions = right(slave, master, reach, *given, **settings)
+            if not tested.overlap.slave.size:
+                return tested, directions
+            overlap = change(tested.overlap, slave)
+            return mortar_coupling.Tested.of(slave, master, overlap, MPI.COMM_SELF, bonded=False), directions
+
+        monkeypatch.setattr(sliding, "projected", projected)
+
+    return wrong
+
+
+def of_map(**changes):
+    """A map that has another one of its figures."""
+
+    def wrong(monkeypatch):
+        right = sliding_sides.slide
+
+        def slide(*given, **settings):
+            found = right(*given, **settings)
+            return replace(found, **{name: change(getattr(found, name), found) for name, change in changes.items()})
+
+        monkeypatch.setattr(sliding_sides, "slide", slide)
+
+    return wrong
+
+
+def turned_by(vectors, angle=0.05):
+    """Vectors of the first and the last direction, turned."""
+    turned = np.array(vectors)
+    c, s = np.cos(angle), np.sin(angle)
+    turned[:, 0], turned[:, -1] = c * vectors[:, 0] - s * vectors[:, -1], s * vectors[:, 0] + c * vectors[:, -1]
+    return turned
+
+
+def forgets_where_steps_begin(monkeypatch):
+    """Slips that are counted from the undeformed bodies in the second step."""
+
+    def settle(self):
+        self.near, self.covered = False, self.coupling.covered
+        self.changed = np.zeros((2, self.covered.size), dtype=bool)
+        if not hasattr(self, "settled"):
+            self.settled, self.begun = self.displacement, self.coupling.frames
+
+    monkeypatch.setattr(MovingPair, "settle", settle)
+
+
+def begins_elsewhere(monkeypatch):
+    """Slips that are counted from a thousandth of the depth beside."""
+    right = MovingPair.settle
+
+    def settle(self):
+        right(self)
+        self.begun = replace(self.begun, way=self.begun.way + 1e-3 * DEPTH)
+
+    monkeypatch.setattr(MovingPair, "settle", settle)
+
+
+def driven_less(monkeypatch):
+    """Supports that move by nine tenths of what is prescribed."""
+    right = solver.prescribed
+
+    def wrong(space, bcs):
+        fixed, values = right(space, bcs)
+        return fixed, 0.9 * values
+
+    for module in (solver, linearised):
+        monkeypatch.setattr(module, "prescribed", wrong)
+
+
+def slid(dim=2, kind=None, degree=1):
+    """See ``driven``."""
+    return driven(punch(dim, kind, degree))
+
+
+def stuck(dim=2):
+    """The same where friction holds points."""
+    return driven(punch(dim), far=0.01)
+
+
+def larger(values, found):
+    """A thousandth more."""
+    return 1.001 * np.asarray(values)
+
+
+def one_larger(values, found):
+    """That in the middle by a thousandth."""
+    values = np.array(values)
+    values[len(values) // 2] *= 1.001
+    return values
+
+
+def partners_of_others(frames, found):
+    """Points whose partners are those of the next one."""
+    shares = frames.master.toarray()
+    return replace(frames, master=type(frames.master)(np.roll(shares, 1, axis=0)))
+
+
+FAULTS = {
+    "a node is unable": (slid, more_unable),
+    "nodes are able": (two_pairs, less_unable),
+    "a point is left out": (slid, of_sides(points=lambda points, sides: points[points != nearest_to_middle(sides)])),
+    "a held node is free": (clamped, of_sides(held=held_less)),
+    "a free node is held": (clamped, of_sides(held=held_more)),
+    "held nodes are held in all directions": (clamped, of_sides(held=held_whole)),
+    "the reach is short": (far, of_sides(reach=lambda reach, sides: 0.2 * reach)),
+    "the reach is long": (slid, of_sides(reach=lambda reach, sides: 2.0 * reach)),
+    "an area": (slid, of_surface("area", larger_area)),
+    "nodes have area": (revolved, of_surface("without_area", lambda flags, side: np.zeros_like(flags))),
+    "a node has no area": (slid, of_surface("without_area", lambda flags, side: with_flag(flags, len(flags) // 2))),
+    "no plane of symmetry": (half, of_planes(no_planes)),
+    "one more plane of symmetry": (slid, of_planes(one_more_plane)),
+    "supports move less": (slid, driven_less),
+    "a facet is left out": (slid, of_overlap(without_facet)),
+    "what two facets share is left out": (slid, of_overlap(without_piece)),
+    "an area of two facets is doubled": (slid, of_overlap(doubled)),
+    "partners are shifted": (slid, of_overlap(shifted)),
+    "weights": (slid, of_map(weight=larger)),
+    "normals": (slid, of_map(normal=lambda normal, found: turned_by(normal))),
+    "gaps": (slid, of_map(gap=lambda gap, found: gap + 1e-3 * DEPTH)),
+    "forces of pressures": (slid, of_map(normal_rows=lambda rows, found: 1.001 * rows)),
+    "forces of shears": (slid, of_map(tangent_rows=lambda rows, found: 1.001 * rows)),
+    "other partners": (slid, of_map(frames=partners_of_others)),
+    "slips from the undeformed bodies": (stuck, forgets_where_steps_begin),
+    "slips from elsewhere": (stuck, begins_elsewhere),
+}
+
+
+@pytest.mark.parametrize("scene", sorted({scene.__name__: scene for scene, _ in FAULTS.values()}.items()))
+def test_what_is_right_is_certified(scene):
+    """Without a fault, each of these scenes."""
+    certificate = scene[1]().problem.certificate
+    assert certificate.holds
+    assert certificate.coupling < 1e-9
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_of_the_map_are_refused(fault, monkeypatch):
+    """A solve with the fault is not certified."""
+    scene, spoil = FAULTS[fault]
+    spoil(monkeypatch)
+    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+        scene()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "fault", ["a node is unable", "a point is left out", "the reach is long", "an area", "one more plane of symmetry"]
+)
+def test_faults_of_sides_in_space_are_refused(fault, monkeypatch):
+    """Likewise, in one step, and without the fault the solve is certified."""
+    spoil = FAULTS[fault][1]
+    assert pressed(punch(3)).problem.certificate.coupling < 1e-9
+    spoil(monkeypatch)
+    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+        pressed(punch(3))
