@@ -365,6 +365,34 @@ def test_what_is_right_is_certified(scene):
     assert certificate.coupling < 1e-9
 
 
+def cone(slope, slave, degree=1):
+    """A cone of revolution in a wider one: on the axis its sides are not level, and normals are along that."""
+
+    def below(x):
+        return np.column_stack((1.3 * x[:, 0], x[:, 1] + (1 + x[:, 1]) * 1.3 * slope * x[:, 0]))
+
+    def above(x):
+        return np.column_stack((x[:, 0], x[:, 1] + (1 - x[:, 1]) * slope * x[:, 0]))
+
+    kind, away = "quadrilateral", 1e-6
+    bodies = (
+        grid(kind, (6, 3), [0.0, -1.0], [1.0, 0.0], below),
+        grid(kind, (5, 3), [0.0, away], [1.0, 1.0], above),
+    )
+    touching = [lambda x: np.isclose(x[1], slope * x[0], atol=1e-9), lambda x: x[1] <= slope * x[0] + 2 * away]
+    held = [lambda x: np.isclose(x[1], -1.0), lambda x: np.isclose(x[1], 1.0)]
+    return SlidingBodies(kind, bodies, touching, held, half=True, revolved=True, slave=slave, degree=degree)
+
+
+@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.parametrize("slope", [0.1, 0.5])
+def test_tips_on_an_axis_are_in_the_plane_of_symmetry(slope, slave):
+    """For solver and certificate, on either side, although their facets are steep."""
+    certificate = pressed(cone(slope, slave), 0.01).problem.certificate
+    assert certificate.holds
+    assert certificate.coupling < 1e-9
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_faults_of_the_map_are_refused(fault, monkeypatch):
     """A solve with the fault is not certified."""

@@ -411,12 +411,12 @@ class PairMemory:
     """What certificates have found of a pair, which they alone read.
 
     Attributes:
-        known: at the last few displacements: the end of a step is where the next one begins.
+        displacements: the last few with what was found there: the end of a step is where the next one begins.
         at_rest: which components of the nodes of both sides were prescribed to be zero by the first certificate, shapes
             (N, d) and (M, d); None: there was none.
     """
 
-    known: list[KnownSides] = field(default_factory=list)
+    displacements: list[KnownSides] = field(default_factory=list)
     at_rest: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]] | None = None
 
 
@@ -684,12 +684,12 @@ class SlidingClaim:
     def _known_at(self, values: Array) -> LookedAt:
         """See ``_looked``; once for each displacement."""
         measure = self.chains[0].measure
-        for sides in self.memory.known:
+        for sides in self.memory.displacements:
             if np.array_equal(sides.values, values) and np.array_equal(sides.measure, measure):
                 return sides.looked_at
         looked_at = self._looked(values)
-        self.memory.known.append(KnownSides(values.copy(), measure, looked_at))
-        del self.memory.known[:-_REMEMBERED]
+        self.memory.displacements.append(KnownSides(values.copy(), measure, looked_at))
+        del self.memory.displacements[:-_REMEMBERED]
         return looked_at
 
     def _seen(self, values: Array) -> SeenSides:

@@ -89,7 +89,16 @@ class UndeformedSide:
         return np.asarray((chain.measure <= least) | (area <= ZERO_SUM * area.max()))
 
 
-def planes_of_symmetry(sides: tuple[UndeformedSide, UndeformedSide], held: tuple[Flags, Flags]) -> Flags:
+def on_axis(slave: Chain, master: Chain) -> tuple[Flags, Flags, Flags]:
+    """Nodes of the slave on an axis of revolution, where its measure is zero, those of the master, and those that may
+    be, as the measure is not known there, shapes (N,), (M,) and (M,).
+    """
+    at_slave = slave.measure <= ZERO_SUM * slave.measure.max()
+    near = np.abs(master.x[:, 0]) <= DIGITS_OF_FILES * float(np.ptp(master.x, axis=0).max())
+    return at_slave, near & at_slave.any(), np.full(len(master.x), not (slave.measure == 1.0).all())
+
+
+def planes_of_symmetry(sides: tuple[UndeformedSide, UndeformedSide], held: tuple[Flags, Flags], radial: Flags) -> Flags:
     """Across which axes there are planes at the nodes of the first side that hold both sides, shape (N, d).
 
     There is one where a component is held, the normal has hardly any of it, and a node of the other side that is not
@@ -98,21 +107,22 @@ def planes_of_symmetry(sides: tuple[UndeformedSide, UndeformedSide], held: tuple
     Args:
         sides: that of the nodes, and the other one.
         held: components of their nodes that count as held, shapes (N, d) and (M, d).
+        radial: nodes where the normal may have any part along the first axis, shape (N,): on an axis of revolution it
+            is the mean all around.
     """
-    own, other = sides
-    x, y = own.chain.x, other.chain.x
-    across, normals = np.zeros(held[0].shape, dtype=bool), np.abs(own.normals)
+    nodal_side, other_side = sides
+    x, y = nodal_side.chain.x, other_side.chain.x
+    across, normals = np.zeros(held[0].shape, dtype=bool), np.abs(nodal_side.normals)
     largest = max(float(side.chain.diagonals.max()) for side in sides)
-    on_axis = own.chain.measure <= ZERO_SUM * own.chain.measure.max()
     for axis in range(x.shape[1]):
-        candidates = held[0][:, axis] & ((normals[:, axis] <= ASKEW_NORMAL) | (on_axis & (axis == 0)))
-        nodes, there = np.flatnonzero(candidates), np.flatnonzero(held[1][:, axis])
-        if not nodes.size or not there.size:
+        candidates = held[0][:, axis] & ((normals[:, axis] <= ASKEW_NORMAL) | (radial & (axis == 0)))
+        candidate_nodes, holding = np.flatnonzero(candidates), np.flatnonzero(held[1][:, axis])
+        if not candidate_nodes.size or not holding.size:
             continue
-        far = cdist(x[nodes], y)
-        beside = np.abs(x[nodes, None, axis] - y[None, there, axis]) < DIGITS_OF_FILES * largest
-        beside &= far[:, there] <= largest + far.min(axis=1)[:, None]
-        across[nodes, axis] = beside.any(axis=1)
+        far = cdist(x[candidate_nodes], y)
+        in_plane = np.abs(x[candidate_nodes, None, axis] - y[None, holding, axis]) < DIGITS_OF_FILES * largest
+        in_plane &= far[:, holding] <= largest + far.min(axis=1)[:, None]
+        across[candidate_nodes, axis] = in_plane.any(axis=1)
     return across
 
 
@@ -143,33 +153,37 @@ def error_of_sides(claim: SlidingClaim, held: Array, supports: PrescribedNodes, 
         UndeformedSide.of(claim, claim.chains[0], held, supports),
         UndeformedSide.of(claim, claim.chains[1], held, supports),
     )
-    others = np.concatenate((*taken, claim.master))
-    unable, without = owned_by_others(claim, slave.chain.nodes, others), slave.without_area
-    able = ~unable & ~without & (slave.chain.nodal_areas > 0.0)
-    same = [
+    taken_facets = np.concatenate((*taken, claim.master))
+    unable, bare = owned_by_others(claim, slave.chain.nodes, taken_facets), slave.without_area
+    able = ~unable & ~bare & (slave.chain.nodal_areas > 0.0)
+    agreements = [
         np.array_equal(np.flatnonzero(able), claim.carriers),
         np.array_equal(unable, claim.unable),
-        np.array_equal(without, claim.surface.without_area),
+        np.array_equal(bare, claim.surface.without_area),
     ]
     reach = usual_reach(slave.chain.x, master.chain.x) if claim.allowed is None else claim.allowed
-    same.append(bool(np.isclose(claim.reach, reach, rtol=SAME_LENGTH, atol=0.0)))
+    agreements.append(bool(np.isclose(claim.reach, reach, rtol=SAME_LENGTH, atol=0.0)))
     if claim.memory.at_rest is None:
         claim.memory.at_rest = slave.at_rest, master.at_rest
     rests, fixed = claim.memory.at_rest, (slave.fixed, master.fixed)
     area, largest = slave.chain.nodal_areas, float(slave.chain.nodal_areas.max())
     worst = float(np.max(np.abs(claim.surface.area - area))) / largest
+    at_slave, at_master, perhaps = on_axis(*claim.chains)
     loose = claim.held.loose
-    same.append(loose is not None)
+    agreements.append(loose is not None)
     for k, (side, surface, flags) in enumerate(
         zip(sides, (claim.surface, claim.other_surface), (claim.held.slave, claim.held.master), strict=True)
     ):
         across: Array = np.zeros_like(side.loose) if surface.across is None else surface.across
-        both = sides if k == 0 else sides[::-1]
-        least, most = (planes_of_symmetry(both, of if k == 0 else of[::-1]) for of in (rests, fixed))
+        in_order = sides if k == 0 else sides[::-1]
+        least, most = (
+            planes_of_symmetry(in_order, components if k == 0 else components[::-1], radial)
+            for components, radial in ((rests, (at_slave, at_master)[k]), (fixed, (at_slave, perhaps)[k]))
+        )
         planes = np.einsum("nii->ni", across) > 0.5
-        same.append(bool((planes | ~least).all() and (most | ~planes).all()))
+        agreements.append(bool((planes | ~least).all() and (most | ~planes).all()))
         worst = max(worst, float(np.max(np.abs(across - planes[:, :, None] * np.eye(planes.shape[1])))))
-        same.append(np.array_equal(flags, side.held(across)))
+        agreements.append(np.array_equal(flags, side.held(across)))
         if loose is not None:
             worst = max(worst, float(np.max(np.abs(loose[k] - side.loose))))
-    return parallel.global_max(claim.comm, worst if all(same) else max(1.0, worst))
+    return parallel.global_max(claim.comm, worst if all(agreements) else max(1.0, worst))
