@@ -47,6 +47,7 @@ class Status(Enum):
     STABILITY_UNKNOWN = "stability not known"
     LIMIT = "no equilibrium found beyond a load"
     NOT_SOLVED = "not solved"
+    NO_DIGIT = "no digit known"
     NOT_CERTIFIED = "certificate does not hold"
     BUDGET = "budget ends before the accuracy"
     MEMORY = "memory ends before the accuracy"
@@ -144,6 +145,11 @@ _ADVICE = {
     Status.NOT_SOLVED: (
         "Newton's method fails, which does not prove that there is no solution: take smaller load steps, "
         "see load_steps, or refine the mesh"
+    ),
+    Status.NO_DIGIT: (
+        "round-off of the residual, or of the places of displaced points, is as large as what loads do, so that the "
+        "check after the solve would accept the body at rest as well: evaluate strains from grad u, without the "
+        "difference of numbers near one such as I + grad u, or take a linear body, which one of such small strains is"
     ),
     Status.NOT_CERTIFIED: (
         "the check after the solve found that conditions of the problem are violated: see the certificate in the "

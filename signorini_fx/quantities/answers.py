@@ -44,6 +44,7 @@ _UNDECIDED = {
     Status.AT_END: "the contact has reached the end of a side that it was to stay on",
     Status.TOO_LARGE: "the deformation is larger than linear elasticity can judge",
     Status.NOT_SOLVED: "Newton's method found no solution; there may be one",
+    Status.NO_DIGIT: "round-off is as large as what the loads do, and the check after the solve sees nothing else",
     Status.NOT_CERTIFIED: "the check after the solve finds conditions violated",
     Status.NO_MEMORY: "the memory was used up before a solution was found",
 }

@@ -10,7 +10,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_scenes import LAWS, block, material
 
-from signorini_fx import NonlinearContactProblem, Scene, solve
+from signorini_fx import ConvergenceError, NonlinearContactProblem, Scene, Status, solve
 
 SCALES = [10.0**-power for power in (3, 7, 8, 10, 12, 14)]
 # Terms of the strain beside it: of Saint Venant-Kirchhoff 3.5 strains in the block below.
@@ -99,8 +99,13 @@ def test_contact_at_displacements_of_any_size(contact):
             assert bool(told) == (placed > 1e-6)
 
 
-def own_residual(change, scale):
-    """A block of Saint Venant-Kirchhoff's material with a residual of one's own, and its displacement by a linear one.
+def lossy(h, one):
+    """The strain of a residual that adds I to grad u."""
+    return one + h, ((one + h).T * (one + h) - one) / 2
+
+
+def own_block(change, scale):
+    """A block of Saint Venant-Kirchhoff's material with a residual of one's own, its load, and a linear one.
 
     Args:
         change: gives F and E from grad u and I.
@@ -122,11 +127,16 @@ def own_residual(change, scale):
     gradient, strain = change(ufl.grad(u), identity)
     work = ufl.inner(gradient * hooke(strain), ufl.grad(v)) * ufl.dx - ufl.inner(load, v) * ds(1)
     nonlinear = NonlinearContactProblem(work, u, bcs=bcs)
-    nonlinear.solve()
-    values = u.x.array.copy()
     work = ufl.inner(hooke(ufl.sym(ufl.grad(u))), ufl.grad(v)) * ufl.dx - ufl.inner(load, v) * ds(1)
+    return nonlinear, load, NonlinearContactProblem(work, u, bcs=bcs)
+
+
+def own_residual(change, scale):
+    """Its solution, its load, and how far it is from the linear one; for the arguments see ``own_block``."""
+    nonlinear, load, linear = own_block(change, scale)
+    u = nonlinear.solve()
+    values = u.x.array.copy()
     u.x.array[:] = 0.0
-    linear = NonlinearContactProblem(work, u, bcs=bcs)
     linear.solve()
     assert not linear.findings
     error = np.abs(values - u.x.array).max() / np.abs(u.x.array).max()
@@ -138,10 +148,10 @@ def test_a_residual_of_ones_own_that_loses_digits():
     than the one that there is; a strain from grad u has none.
     """
     for scale in SCALES:
-        lossy, _, error = own_residual(lambda h, one: (one + h, ((one + h).T * (one + h) - one) / 2), scale)
-        assert error <= BESIDE * scale + lossy.certificate.lost + ROUND_OFF
-        assert bool(lossy.findings) == (lossy.certificate.lost > 1e-6)
-        assert lossy.findings or scale > 1e-8
+        lost, _, error = own_residual(lossy, scale)
+        assert error <= BESIDE * scale + lost.certificate.lost + ROUND_OFF
+        assert bool(lost.findings) == (lost.certificate.lost > 1e-6)
+        assert lost.findings or scale > 1e-8
         careful, _, error = own_residual(lambda h, one: (one + h, (h + h.T + h.T * h) / 2), scale)
         assert error <= BESIDE * scale + ROUND_OFF
         assert not careful.findings
@@ -149,7 +159,7 @@ def test_a_residual_of_ones_own_that_loses_digits():
 
 def test_a_body_that_comes_back_to_rest():
     """Beside what it was loaded by, its round-off is nothing, and no finding speaks of it."""
-    problem, load, _ = own_residual(lambda h, one: (one + h, ((one + h).T * (one + h) - one) / 2), 1e-3)
+    problem, load, _ = own_residual(lossy, 1e-3)
     full = load.value.copy()
 
     def apply(time):
@@ -158,3 +168,69 @@ def test_a_body_that_comes_back_to_rest():
     problem.run([1.0, 2.0], apply)
     assert np.abs(problem.u.x.array).max() < 1e-14
     assert not problem.findings
+
+
+def along(problem, load, factors):
+    """Load steps with these factors of the load."""
+    full = load.value.copy()
+
+    def apply(time):
+        load.value[:] = full * np.interp(time, range(len(factors)), factors)
+
+    return problem.run(np.arange(1.0, len(factors)), apply)
+
+
+@pytest.mark.parametrize("scale", [1e-15, 1e-16, 1e-18])
+@pytest.mark.parametrize("factors", [None, (0, 1), (0, 0.5, 1), (0, 1, 0), (0, 0, 1)])
+def test_a_body_of_which_no_digit_is_known(scale, factors):
+    """The check after the solve would accept the body at rest: the outcome has a name, of a solve and of load steps,
+    and there are no figures of it.
+    """
+    problem, load, _ = own_block(lossy, scale)
+    with pytest.raises(ConvergenceError, match="no digit known: round-off"):
+        problem.solve() if factors is None else along(problem, load, factors)
+    assert problem.status is Status.NO_DIGIT
+    if factors is None:
+        assert not problem.u.x.array.any()
+    else:
+        assert problem.solution.status is Status.NO_DIGIT
+        assert [step.status for step in problem.solution.steps] == [Status.NO_DIGIT]
+
+
+@pytest.mark.parametrize("factors", [(0, 1e-12, 1), (0, 1, 1e-12), (0, 0, 1), (0, 1, 0, 0)])
+def test_steps_of_round_off_beside_others(factors):
+    """A body that begins or comes back to where nothing is known of it, or to rest, and one without load in a step."""
+    problem, load, _ = own_block(lossy, 1e-3)
+    assert along(problem, load, factors).converged
+
+
+def test_steps_without_load():
+    """A body that nothing moves is where it was; a loop that ends at rest, too."""
+    problem, load, _ = own_block(lossy, 1e-3)
+    full = load.value.copy()
+    for factor in (0.0, 1.0, 0.0, 0.0, 1e-14):
+        load.value[:] = factor * full
+        problem.solve()
+        assert problem.status is Status.CONVERGED
+        problem.advance()
+    problem, load, _ = own_block(lossy, 0.0)
+    assert along(problem, load, (0, 1, 1)).converged
+    assert not problem.u.x.array.any()
+
+
+@pytest.mark.parametrize("scale", [1e-13, 1e-17])
+def test_displacements_below_the_round_off_of_places(scale):
+    """Bodies that are moved by less than the digits of the coordinates at which they meet."""
+    one = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 4, "ny": 2}}
+    scene = Scene(
+        body=[{"name": "u", "mesh": one, "shift": [0.2, 0.5]}, {"name": "l", "mesh": one}],
+        material=material("neo-hooke"),
+        displacement=[{"boundary": "u.top", "x": 0.0, "y": -scale}, {"boundary": "l.bottom", "x": 0.0, "y": 0.0}],
+        contact=[{"boundary": "u.bottom", "against": "l.top"}],
+        solver={"algorithm": "alm"},
+    )
+    if scale > 1e-15:
+        assert solve(scene, MPI.COMM_SELF, check=False).converged
+        return
+    found = solve(scene, MPI.COMM_SELF, check=False)
+    assert found.status is Status.NO_DIGIT

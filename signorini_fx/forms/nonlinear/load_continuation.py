@@ -44,11 +44,12 @@ class Continuation:
     steps: list[StepResult] = field(default_factory=list)
     mechanics: list[tuple[fem.Function, ResidualMechanics]] = field(default_factory=list)
     _solves_before: int = 0
+    _hidden: list[bool | None] = field(default_factory=list)  # see ``EquilibriumSolver``, of the steps
 
     def forget(self) -> None:
         """What was before the next solve, and what was shown of a way whose first step had no solution."""
         solver = self.solver
-        self.steps, self.mechanics, solver.timings = [], [], Timings()
+        self.steps, self.mechanics, self._hidden, solver.timings = [], [], [], Timings()
         self.leaps, self._solves_before = Leaps(self.leaps.yields), len(solver.linear.history.iterations)
         if solver.solved is not None and solver.solved.step.status is not Status.CONVERGED:
             solver.solved = None
@@ -72,7 +73,23 @@ class Continuation:
             recalled=partial(self._recall, way),
             store=partial(self._store, way),
         )
+        earlier_farthest = self.solver.farthest
         stepping.all(on_step, checkpoint)
+        loaded_steps = [hidden for hidden in self._hidden if hidden is not None]
+        if loaded_steps and all(loaded_steps) and self.solver.farthest > earlier_farthest:
+            self._end_without_digits()
+
+    def _end_without_digits(self) -> None:
+        """Nothing is known of any step.
+
+        Raises:
+            NoEquilibrium: always.
+        """
+        solver, status = self.solver, Status.NO_DIGIT
+        assert solver.solved is not None
+        solver.solved = replace(solver.solved, step=replace(solver.solved.step, status=status))
+        solver.status, solver.failure = status, status.value
+        raise NoEquilibrium(f"{status.value}: {solver.opinion.advice_on(status)}")
 
     def along(
         self,
@@ -194,6 +211,7 @@ class Continuation:
         step = way.named(end, replace(solved.step, step=len(self.steps) + 1))
         self.solver.solved = replace(solved, step=step)
         self.steps.append(step)
+        self._hidden.append(self.solver.hidden)
         self.mechanics.append((step.displacement, solved.mechanics))
         self.advance()
         return step

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
+from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics, certified, mechanics_at
@@ -34,13 +35,14 @@ from signorini_fx.forms.nonlinear.stability import Stability
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.shapes_inside import BodyCells
+from signorini_fx.mechanics.body.supports import prescribed
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.tuned import CYCLING_INCREMENT, LEAST_INCREMENT, SMALL_INCREMENT
+from signorini_fx.tuned import CYCLING_INCREMENT, LEAST_INCREMENT, LOST_UNITS, SMALL_INCREMENT
 
 Array = npt.NDArray[np.float64]
 
@@ -103,6 +105,8 @@ class EquilibriumSolver:
         last: the last solution that was taken, or what there was before; None: nothing was tried so far.
         solved: the last solution that was taken, for results; None: there is none.
         timings: of the attempts.
+        farthest: the largest displacement of the solutions that were taken, relative to the size of the body.
+        hidden: whether round-off may be all that there is in the last solution; None: nothing moves the body.
     """
 
     u: fem.Function
@@ -124,7 +128,11 @@ class EquilibriumSolver:
     last: Snapshot | None = None
     solved: SolvedBody | None = None
     timings: Timings = field(default_factory=Timings)
+    farthest: float = 0.0
+    hidden: bool | None = None
     _detail: str = ""  # see ``outcomes.failure``
+    _begins: tuple[Array, Array] = field(init=False)  # values of ``u`` and F where the last attempt began
+    _lost: Array = field(init=False)  # round-off of F at the last iterate that was judged
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
     @cached_property
@@ -136,12 +144,13 @@ class EquilibriumSolver:
     def _cells(self) -> BodyCells:
         return BodyCells.of(self.linear.space, self.linear.space.mesh.geometry.dim)
 
-    def attempt(self, *, damps: bool = True) -> None:
+    def attempt(self, *, damps: bool = True, alone: bool = False) -> None:
         """Solve with the values that Constants, Functions, conditions and shapes have now; collective.
 
         The body is at the solution then; ``take`` makes it the last one.
 
         Args:
+            alone: whether this is no step of a way, so that a digit of it must be known.
             damps: whether no smaller step will be tried, so that the tangent is damped where nothing else helps, and a
                 failure is asked why there may be no solution.
 
@@ -152,12 +161,16 @@ class EquilibriumSolver:
         for number, moving in self.linear.shapes.items():
             moving.check(number, self.linear.space.mesh.comm)
         last = self.last = self.last or self.snapshot()
-        self.certificate, self.status, self.without, self._detail = None, None, "", ""
+        self.certificate, self.status, self.hidden, self.without, self._detail = None, None, None, "", ""
         self.linear_solves, solves = 0, len(self.linear.history.iterations)
         try:
             with self.timings.phase("iterate"):
                 status = self._iterate(damps=damps)
-            if status is Status.CONVERGED and self.asks_stability:
+            if status is Status.CONVERGED:
+                self.hidden = self._hidden()
+            if alone and self.hidden and self._farther:
+                status = Status.NO_DIGIT
+            elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stability.verdict()
             elif damps and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self.without:
                 self.without = self.stability.reason_for_none(last.displacement)
@@ -175,14 +188,21 @@ class EquilibriumSolver:
         """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
         collective.
         """
-        self.last = self.last or begun
+        self.last, self.hidden = self.last or begun, None
         with self.timings.phase("certify"):
-            return self._judge()
+            values, start = self.u.x.array.copy(), begun.displacement.copy()
+            residual = self.residual.at(start)
+            self.residual.go_to(values)
+            status = self._judge()
+            if status is Status.CONVERGED and residual is not None:
+                self._begins = start, residual
+                self.hidden = self._hidden()
+        return status
 
     def take(self) -> None:
         """Make what there is now the last solution; collective."""
         assert self.certificate is not None
-        self.last = self.snapshot()
+        self.last, self.farthest = self.snapshot(), max(self.farthest, self.certificate.displacement)
         self.solved = SolvedBody.of(self.linear, self.u, self.certificate, self._mechanics, self.linear_solves)
 
     def take_before(self, status: Status, solves: int) -> None:
@@ -252,6 +272,8 @@ class EquilibriumSolver:
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
                 return Status.INVERTED
+            if iteration == 1:
+                self._begins = old, residual
             try:
                 self.linear.slide()
             except PairingError as error:
@@ -355,6 +377,27 @@ class EquilibriumSolver:
 
     # --- what is said of a solution -----------------------------------------------------------------------------------
 
+    def _hidden(self) -> bool | None:
+        """Whether the check would accept the body where the attempt began, too: no support has moved it, and the forces
+        that did are below the round-off of F, or it has moved by less than the round-off of the places where contact is
+        met; None: nothing moves it; collective.
+        """
+        (old, residual), space = self._begins, self.linear.space
+        fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
+        free = ~fixed[: residual.size]
+        forces = (residual[free], LOST_UNITS * self._lost[free])
+        pushing, lost = np.sqrt(parallel.global_sum(space.mesh.comm, np.array([part @ part for part in forces])))
+        moved = parallel.any_rank(space.mesh.comm, bool((values != old)[fixed].any()))
+        if pushing == 0.0 and not moved:
+            return None
+        assert self.certificate is not None
+        return bool((not moved and pushing <= lost) or self.certificate.placed >= 1.0)
+
+    @property
+    def _farther(self) -> bool:
+        """Whether the body has never been as far: what has come back to rest has been farther."""
+        return self.certificate is not None and self.certificate.displacement > self.farthest
+
     def _judge(self, residual: Array | None = None) -> Status:
         """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective.
 
@@ -384,7 +427,7 @@ class EquilibriumSolver:
             if linear.contact[number].bilateral and (reached := pair.at_end(linear.state)):
                 self._detail = reached
                 return Status.AT_END
-        lost = round_off(self.u, residual, self.residual.at)
+        lost = self._lost = round_off(self.u, residual, self.residual.at)
         self.residual.go_to(values)
         self.certificate, self._mechanics = self._certified(residual, lost)
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED

@@ -21,12 +21,19 @@ DAMPED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, St
 # How a solve ends because of where two bodies, or a body and a shape, are.
 BETWEEN_BODIES = (Status.PASSED, Status.FOLDED, Status.AT_END)
 # How a solve ends that says nothing of the stiffness.
-NOT_BY_STIFFNESS = (*BETWEEN_BODIES, Status.INSIDE, Status.TOO_LARGE, Status.NOT_CERTIFIED, Status.NO_MEMORY)
+NOT_BY_STIFFNESS = (
+    *BETWEEN_BODIES,
+    Status.INSIDE,
+    Status.TOO_LARGE,
+    Status.NO_DIGIT,
+    Status.NOT_CERTIFIED,
+    Status.NO_MEMORY,
+)
 # How a ramp ends that is not at a limit point.
 NOT_A_LIMIT = (*NOT_BY_STIFFNESS, Status.STABILITY_UNKNOWN, Status.NOT_FINITE)
 _NEWTON_FAILS = "Newton's method fails, which does not prove that there is no solution"
 # What smaller steps do not change.
-FINAL = (Status.STABILITY_UNKNOWN, Status.NO_MEMORY)
+FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY)
 
 
 def failure(status: Status, certificate: Certificate | None, says_no: str, detail: str) -> str:
