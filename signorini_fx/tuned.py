@@ -1082,6 +1082,9 @@ ORDER_IN_PLANE = (7, 6)
 # 1e-9 of them; the stress that buckles a slender column is 1e-3 of its modulus.  The second is for a cell that is so
 # near to its yield stress that the first one leads across: of demos/dent.py one step in thirteen.
 DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
+# Forces up to so many units of the round-off of a residual are taken for no load: those of bodies at rest have up to
+# one, and what was measured of unstressed ones .2.  Choice.
+UNITS_OF_NO_LOAD = 4.0
 # The strain, in units of round-off, over which a residual is taken to be linear, so that what its second difference
 # shows is round-off.  Choice: many such units, and a strain whose square is far below the unit.
 UNITS_OF_DIFFERENCE = 500.0

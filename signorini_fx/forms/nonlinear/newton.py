@@ -42,7 +42,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.tuned import CYCLING_INCREMENT, LEAST_INCREMENT, LOST_UNITS, SMALL_INCREMENT
+from signorini_fx.tuned import CYCLING_INCREMENT, LEAST_INCREMENT, LOST_UNITS, SMALL_INCREMENT, UNITS_OF_NO_LOAD
 
 Array = npt.NDArray[np.float64]
 
@@ -132,7 +132,7 @@ class EquilibriumSolver:
     hidden: bool | None = None
     _detail: str = ""  # see ``outcomes.failure``
     _begins: tuple[Array, Array] = field(init=False)  # values of ``u`` and F where the last attempt began
-    _lost: Array = field(init=False)  # round-off of F at the last iterate that was judged
+    _judged: tuple[Array, Array] = field(init=False)  # F and its round-off at the last iterate that was judged
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
     @cached_property
@@ -378,20 +378,19 @@ class EquilibriumSolver:
     # --- what is said of a solution -----------------------------------------------------------------------------------
 
     def _hidden(self) -> bool | None:
-        """Whether the check would accept the body where the attempt began, too: no support has moved it, and the forces
-        that did are below the round-off of F, or it has moved by less than the round-off of the places where contact is
-        met; None: nothing moves it; collective.
+        """Whether the check would accept the body where the attempt began, too: no support has moved it, and all forces
+        on it then and now are below what round-off of F may hide, or it has moved by less than the round-off of the
+        places where contact is met; None: nothing moves it, as forces are round-off of F; collective.
         """
-        (old, residual), space = self._begins, self.linear.space
+        (old, start), (end, lost), space = self._begins, self._judged, self.linear.space
         fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
-        free = ~fixed[: residual.size]
-        forces = (residual[free], LOST_UNITS * self._lost[free])
-        pushing, lost = np.sqrt(parallel.global_sum(space.mesh.comm, np.array([part @ part for part in forces])))
-        moved = parallel.any_rank(space.mesh.comm, bool((values != old)[fixed].any()))
-        if pushing == 0.0 and not moved:
+        comm, squares = space.mesh.comm, [part @ part for part in (start[~fixed[: start.size]], end, lost)]
+        pushing, acting, unit = np.sqrt(parallel.global_sum(comm, np.array(squares)))
+        moved = parallel.any_rank(comm, bool((values != old)[fixed].any()))
+        if pushing <= UNITS_OF_NO_LOAD * unit and not moved:
             return None
         assert self.certificate is not None
-        return bool((not moved and pushing <= lost) or self.certificate.placed >= 1.0)
+        return bool((not moved and max(pushing, acting) <= LOST_UNITS * unit) or self.certificate.placed >= 1.0)
 
     @property
     def _farther(self) -> bool:
@@ -427,7 +426,8 @@ class EquilibriumSolver:
             if linear.contact[number].bilateral and (reached := pair.at_end(linear.state)):
                 self._detail = reached
                 return Status.AT_END
-        lost = self._lost = round_off(self.u, residual, self.residual.at)
+        lost = round_off(self.u, residual, self.residual.at)
+        self._judged = residual, lost
         self.residual.go_to(values)
         self.certificate, self._mechanics = self._certified(residual, lost)
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
