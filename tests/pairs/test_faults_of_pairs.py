@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dolfinx.mesh import compute_midpoints
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import grid
 
-from signorini_fx import ConvergenceError, Coulomb
+from signorini_fx import ConvergenceError, Coulomb, Pair
+from signorini_fx.errors import FormError
 from signorini_fx.mechanics.body.paired_points import FacingSides
 from signorini_fx.mechanics.pairs import mortar_coupling
 from signorini_fx.results.certificate import partner_points
@@ -223,5 +225,43 @@ def test_facets_as_far_apart_as_the_reach_are_partners(far):
     scene = SlidingBodies("triangle", bodies, level[:2], level[2:], slave=1, pair={"reach": far, "sliding": False})
     scene.drive.value[-1] = -1e-3
     certificate = as_linear_bodies(scene).certificate
+    assert certificate.holds
+    assert certificate.coupling < 1e-9
+
+
+def third_of_four(kind, degree=1):
+    """A block on another one with four facets along its upper side, of which one contact has the first and the third,
+    and a second contact the others: of the second facet all nodes belong to the first contact.
+    """
+    up = 2 if kind == "hexahedron" else 1
+    bodies = (
+        grid(kind, (4, *[2] * up), [0.0] * up + [-1.0], [1.0] * up + [0.0]),
+        grid(kind, (5, *[2] * up), [0.0] * up + [1e-6], [1.0] * up + [1.0]),
+    )
+    level = [lambda x, z=z: np.isclose(x[up], z, atol=1e-9) for z in (0.0, 1e-6, -1.0, 1.0)]
+    scene = SlidingBodies(kind, bodies, level[:2], level[2:], degree=degree, pair={"sliding": False, "reach": 0.1})
+    slave, master = scene.sides
+    quarter = np.floor(4 * compute_midpoints(scene.mesh, up, slave)[:, 0]).astype(int)
+    parts = [slave[np.isin(quarter, numbers)] for numbers in ((0, 2), (1, 3))]
+    scene.drive.value[-1] = -0.01
+    scene.pair = [Pair(part, master, reach=0.1, sliding=False) for part in parts]
+    return scene
+
+
+@pytest.mark.parametrize(("kind", "degree"), [("quadrilateral", 1), ("triangle", 1), ("hexahedron", 1)])
+def test_facets_of_which_another_contact_owns_all_nodes(kind, degree):
+    """Nobody carries what is between both bodies there: an error that names both contacts and the place."""
+    scene = third_of_four(kind, degree)
+    count = 2 if kind == "hexahedron" else 1
+    with pytest.raises(FormError) as raised:
+        as_linear_bodies(scene)
+    message = f"contact[1]: contact[0] owns all nodes of {count} of its facets"
+    assert message in str(raised.value)
+    assert "such as that at (0.375, " in str(raised.value)
+
+
+def test_facets_beside_points_are_carried():
+    """In the middle of a facet of degree 2 is a node that the other contact does not own."""
+    certificate = as_linear_bodies(third_of_four("triangle", 2)).certificate
     assert certificate.holds
     assert certificate.coupling < 1e-9

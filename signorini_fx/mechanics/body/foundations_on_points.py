@@ -358,12 +358,12 @@ class Foundations:
         part.check_friction_axes(f"contact[{number}].friction")
         return part
 
-    def _taken(self, number: int) -> list[npt.NDArray[np.int32]]:
-        """The facets at which a pair has no points: of a node that two contacts share an earlier pair, or a foundation,
-        has the point.
+    def _taken(self, number: int) -> dict[int, npt.NDArray[np.int32]]:
+        """The facets at which a pair has no points, by the numbers of their contacts: of a node that two contacts share
+        an earlier pair, or a foundation, has the point.
         """
         first = [k for k, contact in enumerate(self._contact) if k < number or contact.against is None]
-        return [self.facets[k] for k in first if k != number]
+        return {k: self.facets[k] for k in first if k != number}
 
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
         """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of it."""

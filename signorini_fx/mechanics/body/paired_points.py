@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import adjugates, facet_entities, node_positions
+from signorini_fx.mechanics.body.assembly import adjugates, facet_entities, facet_nodes, node_positions
 from signorini_fx.mechanics.body.averages import Averages, from_owners
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.body.held_pairs import HeldPairs, held_along
@@ -24,7 +24,7 @@ from signorini_fx.mechanics.body.mirrored_points import mirrored
 from signorini_fx.mechanics.body.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, couple
+from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, NobodyCarriesError, PairingError, couple
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import along_vectors, turned_normals
 from signorini_fx.mechanics.pairs.sparse_scaling import of_components
@@ -123,7 +123,7 @@ class FacingSides:
         facets: tuple[Indices, Indices],
         name: str,
         fixed: npt.NDArray[np.bool_],
-        taken: Sequence[Indices],
+        taken: Mapping[int, Indices],
         turned: TurnedNodes | None = None,
         at_rest: npt.NDArray[np.bool_] | None = None,
         factor: Array | None = None,
@@ -138,7 +138,7 @@ class FacingSides:
         comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
         slave, master = (PairedSide.of(space, entries) for entries in facets)
         taken_nodes = np.zeros(owned, dtype=bool)
-        for taken_facets in (*taken, facets[1]):
+        for taken_facets in (*taken.values(), facets[1]):
             reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
             taken_nodes[reached[reached < owned]] = True
         at_rest = np.zeros_like(fixed) if at_rest is None else at_rest
@@ -213,7 +213,7 @@ class PairedSides:
         facets: tuple[Indices, Indices],
         name: str,
         fixed: npt.NDArray[np.bool_],
-        taken: Sequence[Indices],
+        taken: Mapping[int, Indices],
         turned: TurnedNodes | None = None,
         at_rest: npt.NDArray[np.bool_] | None = None,
         factor: Array | None = None,
@@ -226,7 +226,7 @@ class PairedSides:
             facets: of the slave and of the master, owned, local numbers.
             name: of the pair, for errors.
             fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
-            taken: facets of other contacts, whose nodes carry no points of this one.
+            taken: facets of other contacts by their numbers, whose nodes carry no points of this one.
             turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
             at_rest: which of the components ``fixed`` are zero at all times, shape (owned nodes, d); None: none.
             factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
@@ -250,6 +250,13 @@ class PairedSides:
                 comm=comm,
                 mine=mine,
             )
+        except NobodyCarriesError as error:
+            bare, owners = slave.nodes[error.nodes], list[str]()
+            for number, facets_of_owner in taken.items():
+                names = space.dofmap.index_map.local_to_global(np.unique(facet_nodes(space, facets_of_owner)))
+                if np.isin(bare, parallel.gather_rows(comm, names)).any():
+                    owners.append(f"contact[{number}]")
+            raise FormError([(name, f"{' or '.join(owners)} {error}")]) from None
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
         turns, held = None if turned is None else facing.frames[0][coupling.nodes], None

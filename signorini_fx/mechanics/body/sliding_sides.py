@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -66,7 +66,7 @@ class SlidingSides:
         index: int,
         fixed: npt.NDArray[np.bool_],
         at_rest: npt.NDArray[np.bool_],
-        taken: Sequence[Indices],
+        taken: Mapping[int, Indices],
         factor: Array | None = None,
     ) -> SlidingSides:
         """Two parts of the boundary; collective.
@@ -78,7 +78,7 @@ class SlidingSides:
             index: of the pair among the contacts.
             fixed: which components are prescribed at the owned nodes, shape (owned nodes, d).
             at_rest: which of them to zero, likewise.
-            taken: facets of other contacts, whose nodes carry no points of this one.
+            taken: facets of other contacts by their numbers, whose nodes carry no points of this one.
             factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
 
         Raises:

@@ -48,6 +48,7 @@ from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
+from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.tuned import COVERED_TWICE, DEEPEST_OVERLAP, PARALLEL, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
@@ -56,6 +57,18 @@ Indices = npt.NDArray[np.int64]
 
 class PairingError(ValueError):
     """Two sides do not fit together; the message says why and where."""
+
+
+class NobodyCarriesError(PairingError):
+    """Other contacts own all nodes of facets that see the other side, and no point is beside them.
+
+    Attributes:
+        nodes: of these facets, numbers of the slave.
+    """
+
+    def __init__(self, nodes: Indices, message: str) -> None:
+        super().__init__(message)
+        self.nodes = nodes
 
 
 @dataclass(frozen=True)
@@ -254,6 +267,7 @@ def couple(
 
     Raises:
         PairingError: no facet finds a partner, one finds two sheets of them, or the bodies lie inside each other.
+        NobodyCarriesError: no point takes over the functions of some facets.
     """
     used = [side.x[np.unique(side.nodes)] for side in (slave, master)]
     if reach is None:
@@ -282,6 +296,7 @@ def couple(
         still = still.joined(overlap.chosen(left_out))
         tested = tested.without(idle)
         overlap = tested.overlap
+    _refuse_bare(slave, tested, shares)
     if held is not None and whole is not tested:
         helpless = held.helpless(over_ranks(comm, whole.products(slave, master)[1]))
         helpless[nodes] = False
@@ -336,6 +351,32 @@ def couple(
             "facets, and that the bodies do not lie inside each other"
         )
     return coupling
+
+
+def _refuse_bare(slave: PairSurface, tested: Tested, shares: sp.csr_array) -> None:
+    """Refuse facets that nobody carries: no point has any of their functions.
+
+    Args:
+        slave: the side with the points.
+        tested: where it sees the other side, and one of both can move.
+        shares: of the functions of the nodes in those of the points, sparse, shape (n, N).
+
+    Raises:
+        NobodyCarriesError: there are some.
+    """
+    carried_nodes = np.asarray(abs(shares).sum(axis=0)).ravel() > 0.0
+    area = np.where(carried_nodes[slave.points].any(axis=1), 0.0, tested.area)
+    bare = np.flatnonzero(area)
+    if area.sum() <= CERTIFICATE_TOLERANCE * tested.area.sum():  # slivers
+        return
+    size, middle = float(np.abs(slave.x).max()), slave.corners[area.argmax()].mean(axis=0)
+    place = ", ".join(f"{component:.4g}" for component in size * np.round(middle / size, 9) + 0.0)
+    message = (
+        f"owns all nodes of {bare.size} of its facets that see the other side, such as that at ({place}), and no point "
+        "beside them carries what is between both bodies there: give these facets to that contact, or leave out its "
+        "facets around them"
+    )
+    raise NobodyCarriesError(np.unique(slave.points[bare]), message)
 
 
 def projected(
