@@ -48,8 +48,7 @@ from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
-from signorini_fx.records import CERTIFICATE_TOLERANCE
-from signorini_fx.tuned import COVERED_TWICE, DEEPEST_OVERLAP, PARALLEL, SAME_PLACE_IN_CELL
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, COVERED_TWICE, DEEPEST_OVERLAP, PARALLEL, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

@@ -155,8 +155,8 @@ def check_rows(block: DeckBlock) -> None:
         return
     most = _MOST_ROWS.get(block.keyword, len(block.rows))
     if len(block.rows) > most:
-        row = ", ".join(block.rows[most])
-        raise ValueError(f"data line {most + 1}, {row!r}, is one too many: of which keyword is it?")
+        text = ", ".join(block.rows[most])
+        raise ValueError(f"data line {most + 1}, {text!r}, is one too many: of which keyword is it?")
     least = _LEAST_WORDS.get(block.keyword, 0)
     for number, row in enumerate(block.rows, start=1):
         if len(row) < least:
