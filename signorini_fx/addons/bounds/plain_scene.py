@@ -45,7 +45,7 @@ from signorini_fx.addons.bounds.initial_stress import free_strain, initial_stres
 from signorini_fx.addons.bounds.matching_facets import MatchingFacets
 from signorini_fx.addons.bounds.moving_tools import MovingTool, tools_of
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
-from signorini_fx.addons.bounds.preloaded_sections import JumpStrain, PreloadedSection, preloaded_sections
+from signorini_fx.addons.bounds.preloaded_sections import JumpStrain, SectionJump, preloaded_sections
 from signorini_fx.addons.bounds.round_foundations import RoundFacets, is_round
 from signorini_fx.addons.bounds.round_off import of_strains
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, divide
@@ -556,7 +556,7 @@ class PlainProblem:
             raise Refused(otherwise)
         return self._split.carried(*values)
 
-    def _jumps(self, sections: list[PreloadedSection]) -> JumpStrain | None:
+    def _jumps(self, sections: list[SectionJump]) -> JumpStrain | None:
         """What preloaded sections add to strains; None: there are none.
 
         Raises:

@@ -22,7 +22,7 @@ from signorini_fx.mechanics.model import Model
 
 
 @dataclass(frozen=True)
-class PreloadedSection:
+class SectionJump:
     """A section that is shortened.
 
     Attributes:
@@ -48,15 +48,15 @@ class JumpStrain:
     rounded: Array
 
 
-def preloaded_sections(model: Model, space: fem.FunctionSpace, step: float) -> list[PreloadedSection]:
+def preloaded_sections(model: Model, space: fem.FunctionSpace, step: float) -> list[SectionJump]:
     """Those of a scene that are shortened at a place in the lists of factors."""
     jumps = [jump for jump in jumps_in(model.statement, model.tagged, space) if isinstance(jump.entry, Preload)]
     return [_section(jump, space, step) for jump in jumps if jump.amount(step) != 0]
 
 
-def _section(jump: Jump, space: fem.FunctionSpace, step: float) -> PreloadedSection:
+def _section(jump: Jump, space: fem.FunctionSpace, step: float) -> SectionJump:
     moved = fem.Function(space)
     moved.x.array[:] = jump.amount(step) * jump.at_nodes.ravel()
     beyond = np.zeros(len(space.dofmap.list), dtype=bool)
     beyond[jump.cells] = True
-    return PreloadedSection(moved, beyond)
+    return SectionJump(moved, beyond)

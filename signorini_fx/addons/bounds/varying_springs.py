@@ -103,7 +103,7 @@ def _least(t: Simplices, facets: Ints, value: Any) -> Array:
 
 
 @dataclass(frozen=True)
-class _Rule:
+class _SpringQuadrature:
     """Points of quadrature on parts of facets.
 
     Attributes:
@@ -137,7 +137,7 @@ class VaryingSprings:
     cells: Ints
     loose: Array
     components: tuple[SpringComponent, ...]
-    rules: tuple[_Rule, ...]
+    rules: tuple[_SpringQuadrature, ...]
 
     @staticmethod
     def of(t: Simplices, held: Array, springs: Sequence[SpringComponent]) -> VaryingSprings | None:
@@ -171,7 +171,7 @@ class VaryingSprings:
                     "springs have a guaranteed bound where supports hold the boundary along or across them so far"
                 )
             projected = loose[rows][:, None] @ stiffness @ loose[rows][:, None]
-            rules.append(_Rule(rows, at, share[:, None] * weights, projected))
+            rules.append(_SpringQuadrature(rows, at, share[:, None] * weights, projected))
         return VaryingSprings(t, facets, found.cells, loose, varying, tuple(rules))
 
     def _stiffness(self, rows: Ints, x: Array) -> Array:
