@@ -133,6 +133,10 @@ def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> De
                 case "SURFACEINTERACTION":
                     interaction = block.parameters["NAME"].upper()
                     deck.frictions.setdefault(interaction, {})
+                case "ELASTIC" | "DENSITY" | "EXPANSION" | "HYPERELASTIC" | "PLASTIC" if not material:
+                    raise ValueError("no *MATERIAL is before it")
+                case "FRICTION" | "SURFACEBEHAVIOR" if not interaction:
+                    raise ValueError("no *SURFACE INTERACTION is before it")
                 case "ELASTIC" | "DENSITY" | "EXPANSION":
                     read_constants(deck, block, material)
                 case "HYPERELASTIC":
