@@ -58,7 +58,7 @@ def elastic_body(
         fixed: see ``ElasticBody``.
         boundary: the contact points; None: there are none.
         settings: how it is to be solved.
-        more: ``beside``, ``definite`` and ``symmetric``.
+        more: ``beside``, ``definite`` and others; with a stiffness that is ``of_body`` nothing is assembled.
 
     Raises:
         FormError: the form is not symmetric, not positive, or not finite; see also ``ContactBoundary.aligned``.
@@ -77,6 +77,8 @@ def elastic_body(
         kinematics=CARTESIAN[space.mesh.geometry.dim],
         **more,
     )
+    if body.is_assembled:
+        return body
     try:
         stiffness = body.stiffness
     except SceneError as error:

@@ -56,8 +56,13 @@ class CondensedSystem(PlainSystem):
         reaching = e.contact if e.far is None else e.contact.near(e.far.points, e.far.at)
         touched = np.unique(parallel.gather_rows(e.comm, np.unique(reaching.operator.getValuesCSR()[1])))
         retained = touched[(first <= touched) & (touched < last)] - first
-        loads = [case.load.getArray(readonly=True) for case in e.cases]
-        schur = SchurComplement(e.matrix, retained, loads, e.positions, definite=e.definite)
+        schur = e.eliminated
+        if schur is None or parallel.any_rank(e.comm, not np.array_equal(schur.retained, retained)):
+            loads = [case.load.getArray(readonly=True) for case in e.cases]
+            schur = SchurComplement(e.matrix, retained, loads, e.positions, definite=e.definite)
+            condensed = list(zip(schur.loads, schur.between, strict=True))
+        else:
+            condensed = [schur.condense(case.load) for case in e.cases]
         contact = reaching.among(retained, reaching.fixed[retained])
         dense, relative = schur.dense, RelativeUnknowns.of(schur.dense, contact)
         if relative is not None:
@@ -66,7 +71,7 @@ class CondensedSystem(PlainSystem):
         load, start = matrix.createVecRight(), matrix.createVecRight()
         resultant = np.zeros(e.free)
         system = cls(matrix, load, start, resultant, contact, e, [], schur, relative)
-        system.cases = [system._condensed(*case) for case in zip(e.cases, schur.loads, schur.between, strict=True)]
+        system.cases = [system._condensed(case, *load) for case, load in zip(e.cases, condensed, strict=True)]
         system.set_load(np.ones(len(e.cases)))
         return system
 

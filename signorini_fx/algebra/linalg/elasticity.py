@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,9 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.motions import RigidLoad, total_work
+
+if TYPE_CHECKING:
+    from signorini_fx.algebra.linalg.schur import SchurComplement
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,7 @@ class Elasticity:
         rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last rank.
         symmetric: whether the matrix is; else it is not definite, and only a full system takes it.
         far: points that a condensed system need not reach; None: there are none.
+        eliminated: what an earlier condensed system has made of the same matrix; None: there is none.
     """
 
     matrix: PETSc.Mat
@@ -104,6 +108,7 @@ class Elasticity:
     rigid: int = 0
     symmetric: bool = True
     far: FarPoints | None = None
+    eliminated: SchurComplement | None = None
 
     @property
     def comm(self) -> MPI.Comm:

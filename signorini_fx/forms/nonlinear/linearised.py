@@ -23,6 +23,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.algebra.method import Settings
@@ -230,6 +231,7 @@ class LinearisedProblem(FormSolver):
     passed_on: Array | None = None
     _backward: Sequence[JointStiffness] = ()  # what symmetry has added for the turning of normals of kept partners
     _retained: RetainedPoints
+    _keeps = False  # whether the next solve keeps the stiffness of the last one
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
     _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
     _foundations_class = MovingFoundations
@@ -421,7 +423,9 @@ class LinearisedProblem(FormSolver):
             settings = settings.model_copy(update={"fallbacks": False})
         beside: dict[str, Any] = {"beside": self._added, "definite": definite, "symmetric": self.symmetric}
         if (last := self.__dict__.get("elastic")) is not None and np.array_equal(last.fixed, fixed):
-            beside["of_body"] = last.of_supports
+            beside["of_body"] = last.of_body if self._keeps else last.of_supports
+            if self._keeps and isinstance(self.task.system, CondensedSystem):
+                beside["eliminated"] = self.task.system.schur
         if self.relative is not None and len(self.relative.blocks) == boundary.size:
             beside["relative"] = self.relative.blocks
         if self._one_body and definite:
@@ -530,7 +534,15 @@ class LinearisedProblem(FormSolver):
         numbers = np.concatenate((self.curvature.nodes, nodes))
         return NodalStiffness.summed(numbers, blocks, self.curvature.joint)
 
-    def solve(self) -> None:
+    @property
+    def can_keep_stiffness(self) -> bool:
+        """Whether another solve may have the stiffness of the last one: it has no unknowns of rigid bodies, none in
+        frames that turn with the contact points, and is not damped.
+        """
+        plain = not self.rigid.bodies and self.relative is None and self.settings.algorithm != "exact"
+        return plain and self._damping == 0.0 and self.set_up
+
+    def solve(self, *, keeps_stiffness: bool = False) -> None:
         """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.
 
         Shears move on with the partners of points, whose derivative is not symmetric and so not in the tangent.  Once
@@ -538,12 +550,18 @@ class LinearisedProblem(FormSolver):
         increment moves on.  So it is where partners are kept: with tractions that turn, the tangent has the transpose
         of this, too, which is wrong where points slide.
 
+        Args:
+            keeps_stiffness: whether the body has the stiffness of the last solve, with the residual and the contact
+                points of now, if that has a solution.
+
         Raises:
             ConvergenceError: there is no solution.
             MatrixError: the tangent is not finite, or not symmetric.
         """
         self.passed_on = None
-        self._solve()
+        if not (keeps_stiffness and self._solve_with_last_stiffness()):
+            self.bend()
+            self._solve()
         if (self._backward or any(pair.near for pair in self.pairs.values())) and not self._ends:
             self._pass_on()
 
@@ -581,6 +599,19 @@ class LinearisedProblem(FormSolver):
                 newton.restore(solved)
                 outcome = first
             self.show(outcome, None)
+
+    def _solve_with_last_stiffness(self) -> bool:
+        """Whether the contact problem has a solution with the stiffness of the last one, which is solved; collective."""
+        self._keeps = True
+        try:
+            solved = not self.attempt()
+        except MatrixError:
+            solved = False
+        finally:
+            self._keeps = False
+        if not solved:
+            self._last_pattern = None
+        return solved
 
     def _solve(self) -> None:
         """See ``solve``, without what shears pass on; collective."""

@@ -42,7 +42,15 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.tuned import CYCLING_INCREMENT, LEAST_INCREMENT, LOST_UNITS, SMALL_INCREMENT, UNITS_OF_NO_LOAD
+from signorini_fx.tuned import (
+    CYCLING_INCREMENT,
+    KEPT_TANGENT,
+    LEAST_INCREMENT,
+    LOST_UNITS,
+    NEXT_INCREMENT,
+    SMALL_INCREMENT,
+    UNITS_OF_NO_LOAD,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -263,6 +271,7 @@ class EquilibriumSolver:
         residual is round-off once they are no longer halved.
         """
         comm, u, worst, last_change = self.linear.space.mesh.comm, self.u, np.inf, np.inf
+        keeps, whole_change = False, 0.0  # the last increment, if it was not shortened
         self.linear.begin_anew()
         self.predicted = 0.0
         residual: Array | None = None
@@ -279,9 +288,13 @@ class EquilibriumSolver:
             except PairingError as error:
                 self._detail = str(error)
                 return Status.FOLDED
-            self.linear.bend()
+            keeps = keeps and self.linear.can_keep_stiffness
+            if not keeps:
+                self.linear.bend()
             try:
-                increment, length, residual = self._increment(old, residual, search=iteration > 1, damps=damps)
+                increment, length, residual = self._increment(
+                    old, residual, keeps_stiffness=keeps, search=iteration > 1, damps=damps
+                )
             except ConvergenceError as error:
                 return self._not_solved(error.solution.status)
             except MatrixError as error:
@@ -300,7 +313,12 @@ class EquilibriumSolver:
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
             small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self.linear.extent
+            # With whole increments the next one is shorter by this factor at least.
+            factor = change / whole_change if length == 1.0 and whole_change > 0.0 else 1.0
+            small = small or factor * change <= NEXT_INCREMENT * size
+            keeps = factor <= KEPT_TANGENT[1] and change <= KEPT_TANGENT[0] * size
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
+            whole_change = change if length == 1.0 else 0.0
             if small or (least and not (shortened and iteration < self.max_newton)):
                 status = self._judge(residual)
                 if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:
@@ -310,7 +328,7 @@ class EquilibriumSolver:
         return Status.MAX_ITERATIONS
 
     def _increment(
-        self, old: Array, residual: Array, *, search: bool, damps: bool
+        self, old: Array, residual: Array, *, keeps_stiffness: bool, search: bool, damps: bool
     ) -> tuple[Array, float, Array | None]:
         """An increment, the share of it to take, and F there, see ``length_of_increment``; collective.
 
@@ -320,6 +338,7 @@ class EquilibriumSolver:
         Args:
             old: values of ``u``.
             residual: F there.
+            keeps_stiffness: see ``LinearisedProblem.solve``.
             search: see ``length_of_increment``.
             damps: see ``_iterate``.
 
@@ -331,7 +350,7 @@ class EquilibriumSolver:
         while True:
             linear.residual = residual
             try:
-                linear.solve()
+                linear.solve(keeps_stiffness=keeps_stiffness and linear.can_keep_stiffness)
             except ConvergenceError as error:
                 status = error.solution.status
                 if damps and status in outcomes.DAMPED and linear.damp():

@@ -26,6 +26,7 @@ from signorini_fx.algebra.contact.resting_place import RestingMotion
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_options, row_by_row
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCase
+from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.algebra.method import Settings
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import action
@@ -88,6 +89,7 @@ class ElasticBody:
         links: between nodes, which a(., .) has beside ``terms``; None: there are none.
         far: which contact points are not expected to touch, shape (n,), and a displacement that tells where they are;
             None: any of them may.
+        eliminated: what a condensed system with another boundary has made of the same stiffness; None: there is none.
         of_body: results that depend on everything above but ``boundary``, such as the stiffness; they are kept for
             another boundary, unless unknowns are along its normals.
         of_contact: results that depend on ``boundary``, too.
@@ -113,6 +115,7 @@ class ElasticBody:
     symmetric: bool = True
     links: LinkStiffness | None = None
     far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
+    eliminated: SchurComplement | None = field(default=None, repr=False, compare=False)
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_mesh: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -302,6 +305,11 @@ class ElasticBody:
         return np.concatenate((self._held, pressure)) if pressure.size else self._held
 
     @property
+    def is_assembled(self) -> bool:
+        """Whether there is a stiffness already."""
+        return "_assembled" in self.of_body
+
+    @property
     def stiffness(self) -> PETSc.Mat:
         """Of a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its largest entry on their
         diagonal.
@@ -342,7 +350,8 @@ class ElasticBody:
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
         definite = self.definite and not self.elastic.pressed
         far = None if self.far is None or free else FarPoints(self.far[0], self.unknowns(self.far[1]))
-        return Elasticity(*of, definite=definite, rigid=self._rigid, symmetric=self.symmetric, far=far)
+        kinds = {"definite": definite, "rigid": self._rigid, "symmetric": self.symmetric}
+        return Elasticity(*of, **kinds, far=far, eliminated=self.eliminated)
 
     def case(
         self,
