@@ -71,9 +71,8 @@ class MovingPair:
         """
         owned = u.function_space.dofmap.index_map.size_local
         displacement = self.sides.gathered(u.x.array.reshape(-1, self.displacement.shape[1])[:owned])
-        along = self.sides.carried_along(displacement, self.settled)
-        unchanged = np.array_equal(along, self.fixed[0])
-        if not unchanged:
+        along, last = self.sides.carried_along(displacement, self.settled), self.fixed
+        if not np.array_equal(along, last[0]):
             self.fixed = along, self.sides.fixed_at(along)
         if not np.array_equal(displacement, self.displacement):
             self.near = self.coupling.slides(displacement - self.displacement) <= NEAR_PARTNER
@@ -81,7 +80,7 @@ class MovingPair:
             self.coupling = self.sides.at(displacement, self.fixed[1])
             self.changed = np.stack((self.changed[1], seeing != self.coupling.frames.partnered))
             self.displacement = displacement
-        elif not unchanged:
+        elif self.fixed[1] is not last[1]:
             self.coupling = self.sides.at(displacement, self.fixed[1])
 
     def settle(self) -> None:

@@ -54,7 +54,7 @@ class JointPattern:
         """
         if last is not None and last.forms != tuple(forms):
             last = None
-        if last is not None and last._has_room_for(joints):
+        if last is not None and _among(last.keys, joints).all():
             return last
         of_forms = None if last is None else last.of_forms
         if of_forms is None:
@@ -62,20 +62,29 @@ class JointPattern:
             of_forms.finalize()
         dofmap = forms[0].function_spaces[0].dofmap
         size = dofmap.index_map.size_local * dofmap.index_map_bs
-        empty = la.matrix_csr(of_forms, block_mode=la.BlockMode.expanded, dtype=forms[0].dtype)
-        rows = np.repeat(np.arange(size), np.diff(empty.indptr))
-        by_forms = rows * size + empty.indices
-        room = np.setdiff1d(joints, by_forms)
+        if last is None:
+            empty = la.matrix_csr(of_forms, block_mode=la.BlockMode.expanded, dtype=forms[0].dtype)
+            columns, counts = empty.indices, np.diff(empty.indptr)
+            by_forms = np.repeat(np.arange(size), counts) * size + columns
+        else:
+            by_forms, columns = last.keys[last.places], last.columns[last.places]
+            counts = np.diff(last.ends) - np.bincount(last.room // size, minlength=size)
+        room = np.unique(joints)
+        room = room[~_among(by_forms, room)]
         if last is not None and last.room.size <= KEPT_ROOM * room.size:
             room = np.union1d(room, last.room)
-        keys = np.union1d(by_forms, room)
-        ends = np.searchsorted(keys, size * np.arange(size + 1, dtype=np.int64)).astype(PETSc.IntType)
-        columns, places = (keys % size).astype(PETSc.IntType), np.searchsorted(keys, by_forms)
+        at = np.searchsorted(by_forms, room)
+        keys, places = np.insert(by_forms, at, room), np.arange(by_forms.size)
+        places += np.cumsum(np.bincount(at, minlength=by_forms.size + 1))[:-1]
+        ends = np.zeros(size + 1, dtype=PETSc.IntType)
+        np.cumsum(counts + np.bincount(room // size, minlength=size), out=ends[1:])
+        columns = np.insert(columns, at, room % size).astype(PETSc.IntType, copy=False)
         return cls(tuple(forms), of_forms, keys, ends, columns, places, room)
 
-    def _has_room_for(self, joints: Numbers) -> bool:
-        """Whether there is room for the entries of joints, by their keys."""
-        return bool((self.keys[np.minimum(np.searchsorted(self.keys, joints), self.keys.size - 1)] == joints).all())
+
+def _among(keys: Numbers, wanted: Numbers) -> npt.NDArray[np.bool_]:
+    """Which of some keys are among others, ascending."""
+    return np.asarray(keys[np.minimum(np.searchsorted(keys, wanted), keys.size - 1)] == wanted)
 
 
 def joined_stiffness(
