@@ -32,16 +32,17 @@ _SMALL = 20  # powers of two by which the entries of a load are smaller than tho
 
 @dataclass(frozen=True)
 class _Bordering:
-    """Where the entries of a matrix are in the one that is factorised: inner unknowns in the order of their
-    elimination, then those that stay, then the loads, as upper triangle.
+    """Where the entries of the rows of inner unknowns are in the matrix that is factorised: inner unknowns in the order
+    of their elimination, then those that stay, then the loads, as upper triangle.  Entries between those that stay do
+    not count, so that of bodies that slide it serves for any partners.
 
     Attributes:
-        pattern: ends and columns of the rows of the matrix.
+        pattern: ends and columns of these rows.
         order: of the inner unknowns.
         places: see ``PartialFactor``.
         loads: their number.
         numbers: of each column its number there.
-        between: entries of the matrix between inner unknowns and those that stay.
+        between: entries between inner unknowns and those that stay.
         nonzero: which of these are not zero, or may be.
         diagonal: entries on the diagonal of inner unknowns.
         upper: entries that are taken.
@@ -67,17 +68,19 @@ class _Bordering:
 
     @classmethod
     def of(cls, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> _Bordering:
-        """That of a matrix, for the arguments see ``PartialFactor``; ``order``: of the inner unknowns."""
+        """That of the rows of the inner unknowns, ascending, for the other arguments see ``PartialFactor``; ``order``:
+        of the inner unknowns.
+        """
         inside = order.size
         numbers = np.full(places.size, -1, dtype=rows.indices.dtype)
         numbers[order], numbers[places >= 0] = np.arange(inside), inside + places[places >= 0]
-        row, column = np.repeat(numbers[: rows.shape[0]], np.diff(rows.indptr)), numbers[rows.indices]
-        between = np.flatnonzero((row < inside) & (column >= inside))
+        row, column = np.repeat(numbers[np.sort(order)], np.diff(rows.indptr)), numbers[rows.indices]
+        between = np.flatnonzero(column >= inside)
         # Zeros between inner ones stay: with the same pattern for all unknowns of a node the ordering is better.
         nonzero = rows.data[between] != 0.0
-        taken = (row < inside) & (column >= row)
+        taken = column >= row
         taken[between] = nonzero
-        upper, diagonal = np.flatnonzero(taken), np.flatnonzero((row < inside) & (column == row))
+        upper, diagonal = np.flatnonzero(taken), np.flatnonzero(column == row)
         row, column = row[upper], column[upper]
         del taken
         size = inside + count + loads
@@ -91,7 +94,7 @@ class _Bordering:
         return cls((rows.indptr, rows.indices), *fields)
 
     def fits(self, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> bool:
-        """Whether it serves for another matrix too."""
+        """Whether it serves for the rows of another matrix too."""
         same = self.order is order and (self.toward_shape[1], self.loads) == (count, loads)
         return (
             same
@@ -101,10 +104,10 @@ class _Bordering:
             and not (rows.data[self.between] != 0.0)[~self.nonzero].any()
         )
 
-    def toward(self, rows: sp.csr_array, inner: Indices) -> sp.csr_array:
-        """A_ic of a matrix whose inner unknowns are ``inner``."""
+    def toward(self, rows: sp.csr_array) -> sp.csr_array:
+        """A_ic of a matrix, from the rows of its inner unknowns."""
         entries = self.between[self.nonzero]
-        row = np.searchsorted(inner, np.searchsorted(rows.indptr, entries, side="right") - 1)
+        row = np.searchsorted(rows.indptr, entries, side="right") - 1
         column = self.places[rows.indices[entries]]
         return sp.csr_array((rows.data[entries], (row, column)), shape=self.toward_shape)
 
@@ -115,15 +118,14 @@ _last_order: dict[str, Indices] = {}
 
 
 def _bordering(rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> _Bordering:
-    """That of a matrix, see ``_Bordering``."""
+    """That of the rows of inner unknowns, see ``_Bordering``."""
     if (last := _last.get("bordering")) is not None and last.fits(rows, order, places, count, loads):
         return last
     same_order = _last_order.get("order") is order
     _last.clear()
     _last_order["order"], bordering = order, _Bordering.of(rows, order, places, count, loads)
     if same_order:
-        pattern = rows.indptr.copy(), rows.indices.copy()
-        _last["bordering"] = replace(bordering, pattern=pattern, places=places.copy())
+        _last["bordering"] = replace(bordering, places=places.copy())
     return bordering
 
 
@@ -166,8 +168,9 @@ class PartialFactor:
         usable_positions = positions if self._in_order else None
         stay = places >= 0
         order = nearest_first(rows, stay) if usable_positions is None else dissected(rows, self.inner, usable_positions)
+        rows = sp.csr_array(rows[self.inner])
         bordering = _bordering(rows, order, places, count, len(loads))
-        self._order, self.toward = bordering.numbers[self.inner], bordering.toward(rows, self.inner)
+        self._order, self.toward = bordering.numbers[self.inner], bordering.toward(rows)
         # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
         self._unit = _power(np.abs(rows.data[bordering.diagonal]).max(initial=0.0))
         # So small that they have no influence on the choice of pivots of an indefinite matrix.

@@ -100,6 +100,7 @@ class SchurComplement:
         condensed_loads = [self._onto_retained(load, condensed[number]) for number, load in enumerate(loads)]
         self.loads = np.reshape([load for load, _ in condensed_loads], (len(loads), stay.size))
         self.between = np.reshape([between for _, between in condensed_loads], (len(loads), self._cut))
+        self._condensed = (loads[-1][self._factor.inner], condensed[-1]) if len(loads) else None
 
     @property
     def positive_inside(self) -> bool:
@@ -107,9 +108,14 @@ class SchurComplement:
         return not parallel.any_rank(self._comm, self._factor.negative > 0)
 
     def condense(self, load: PETSc.Vec) -> tuple[Array, Array]:
-        """Another load as one of ``loads``, and as one of ``between``: one back substitution."""
+        """Another load as one of ``loads``, and as one of ``between``: one back substitution, or none where the last
+        load was the same but for unknowns that stay.
+        """
         values = load.getArray(readonly=True)
-        return self._onto_retained(values, -self._factor.toward.T @ self._factor.solve(values[self._factor.inner]))
+        inner = values[self._factor.inner]
+        if self._condensed is None or not np.array_equal(inner, self._condensed[0]):
+            self._condensed = inner, -self._factor.toward.T @ self._factor.solve(inner)
+        return self._onto_retained(values, self._condensed[1])
 
     def recover(self, load: PETSc.Vec, between: Array, values: Array) -> PETSc.Vec:
         """All unknowns, from those that stay: one back substitution.
