@@ -993,9 +993,6 @@ ALONG_AXIS, UPRIGHT, VIEW_DISTANCE = 0.99, 0.9, 4.0
 # After an increment of Newton's method below this share of the largest displacement, or below the second of the size of
 # the body, the certificate is asked: with quadratic convergence the next one would be round-off.  Choice.
 SMALL_INCREMENT, LEAST_INCREMENT = 1e-8, 1e-13
-# The same where the next increment, if it is shorter than the last one by as much as that was, would be below this
-# share of the largest displacement.  Measured: then pressures of sliding blocks are right to 1e-10, and in space too.
-NEXT_INCREMENT = 1e-10
 # After an increment below the first share of the largest displacement, and the second of the one before, the next one
 # has the same tangent.  Choice: the next one errs by about a thousandth.
 KEPT_TANGENT = 1e-4, 0.1

@@ -47,7 +47,6 @@ from signorini_fx.tuned import (
     KEPT_TANGENT,
     LEAST_INCREMENT,
     LOST_UNITS,
-    NEXT_INCREMENT,
     SMALL_INCREMENT,
     UNITS_OF_NO_LOAD,
 )
@@ -270,8 +269,7 @@ class EquilibriumSolver:
         that comes to rest without load increments are relative to nothing: with a J, which may be another tangent, the
         residual is round-off once they are no longer halved.
         """
-        comm, u, worst, last_change = self.linear.space.mesh.comm, self.u, np.inf, np.inf
-        keeps, whole_change = False, 0.0  # the last increment, if it was not shortened
+        comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
         self.linear.begin_anew()
         self.predicted = 0.0
         residual: Array | None = None
@@ -313,12 +311,8 @@ class EquilibriumSolver:
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
             small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self.linear.extent
-            # With whole increments the next one is shorter by this factor at least.
-            factor = change / whole_change if length == 1.0 and whole_change > 0.0 else 1.0
-            small = small or factor * change <= NEXT_INCREMENT * size
-            keeps = factor <= KEPT_TANGENT[1] and change <= KEPT_TANGENT[0] * size
+            keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
-            whole_change = change if length == 1.0 else 0.0
             if small or (least and not (shortened and iteration < self.max_newton)):
                 status = self._judge(residual)
                 if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:
