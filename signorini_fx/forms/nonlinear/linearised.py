@@ -46,7 +46,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
-from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces
+from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces, turned_gaps
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import node_positions
@@ -71,7 +71,7 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate.promised_law import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
-from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING, SMALL_INCREMENT
+from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING, MOST_PASSES, SMALL_INCREMENT, SMALL_PASS
 
 Array = npt.NDArray[np.float64]
 
@@ -369,10 +369,13 @@ class LinearisedProblem(FormSolver):
 
     def _turned_forces(self, state: ContactState) -> list[JointStiffness]:
         """See ``turned_forces``, for each pair that keeps its partners; collective."""
-        numbers = [k for k, entry in enumerate(self.contact) if entry.against is not None and not entry.bonded]
-        space, pairs = self.space, self.foundations.kept_pairs
-        places = self.places[: space.dofmap.index_map.size_local]
-        return [turned_forces(state, k, pairs[k], space, places) for k in numbers if k in pairs]
+        space, places = self.space, self.places[: self.space.dofmap.index_map.size_local]
+        return [turned_forces(state, k, paired, space, places) for k, paired in self._turning_pairs.items()]
+
+    @property
+    def _turning_pairs(self) -> dict[int, PairedSides]:
+        """Pairs that keep their partners without being tied, where they are undeformed, by their numbers."""
+        return {k: paired for k, paired in self.foundations.kept_pairs.items() if not self.contact[k].bonded}
 
     # --- what a FormSolver asks for ---
 
@@ -547,8 +550,8 @@ class LinearisedProblem(FormSolver):
 
         Shears move on with the partners of points, whose derivative is not symmetric and so not in the tangent.  Once
         points hardly slide any more, this is what Newton's method misses most: it is solved once more with what the
-        increment moves on.  So it is where partners are kept: with tractions that turn, the tangent has the transpose
-        of this, too, which is wrong where points slide.
+        increment moves on.  Where partners are kept, the tangent has what turns the tractions and its transpose, and
+        not by how much gaps close as the normals turn: it is solved again with both, until that changes little.
 
         Args:
             keeps_stiffness: whether the body has the stiffness of the last solve, with the residual and the contact
@@ -562,8 +565,15 @@ class LinearisedProblem(FormSolver):
         if not (keeps_stiffness and self._solve_with_last_stiffness()):
             self.bend()
             self._solve()
-        if (self._backward or any(pair.near for pair in self.pairs.values())) and not self._ends:
-            self._pass_on()
+        comm, begun, last_change = self.space.mesh.comm, self.begun, np.inf
+        most = MOST_PASSES if self._turning_pairs else int(any(pair.near for pair in self.pairs.values()))
+        for _ in range(0 if self._ends else most):
+            before = self.u.x.array.copy()
+            increment, done = np.abs(before - self._at.x.array), self._pass_on(begun)
+            change = parallel.largest(comm, np.abs(self.u.x.array - before), 0.0)
+            if not done or change <= SMALL_PASS * parallel.largest(comm, increment, 0.0) or 2 * change > last_change:
+                break
+            last_change = change
 
     @property
     def _ends(self) -> bool:
@@ -572,8 +582,10 @@ class LinearisedProblem(FormSolver):
         change, size = (parallel.largest(comm, np.abs(vector), 0.0) for vector in (values - self._at.x.array, values))
         return bool(change <= SMALL_INCREMENT * size)
 
-    def _pass_on(self) -> None:
-        """Solve it once more with what the increment changes of the forces of shears, unless that fails; collective."""
+    def _pass_on(self, begun: Start) -> bool:
+        """Solve it once more with what the increment changes of the forces of shears, and of gaps that turn, from where
+        the first solve has begun; whether that has a solution; collective.
+        """
         state, dim = self.state, self.boundary.x.shape[1]
         owned = self.elastic.fixed.size
         increment = fem.Function(self.space)
@@ -581,24 +593,37 @@ class LinearisedProblem(FormSolver):
         along = increment.x.array[:owned].reshape(-1, dim)
         moved: list[Array] = [pair.passed_on(state, along).ravel() for pair in self.pairs.values() if pair.near]
         moved += [part.times(increment) for part in self._backward]
-        forces = np.where(self.elastic.fixed, 0.0, sum(moved))
-        if not parallel.any_rank(self.space.mesh.comm, bool(forces.any())):
-            return
+        forces, closed = np.where(self.elastic.fixed, 0.0, sum(moved)), self._closed_by_turning(state)
+        if not parallel.any_rank(self.space.mesh.comm, bool(forces.any() or closed.any())):
+            return False
         assert self._last_pattern is not None
         assert self.outcome is not None
         assert self._solution is not None
-        newton, first = self.task.iterate.newton, self.outcome
+        newton, first, last = self.task.iterate.newton, self.outcome, (self.passed_on, self.begun)
         solved, self.passed_on = newton.checkpoint(), forces
+        self.begun = replace(begun, data=replace(begun.data, gap=begun.data.gap - closed))
         with options.applied(*self.options), self.timings.phase("solve"):
             self.task.system.set_case(0, self._case(self.prescribed[1]))
             self._last_pattern = self._last_pattern[0], b""  # the load is none that a solve may begin from
             outcome = solve_task(self.task, self._solution.begins(self.begun, self.boundary))
             if outcome.status is not Status.CONVERGED:
-                self.passed_on = None
+                self.passed_on, self.begun = last
                 self.task.system.set_case(0, self._case(self.prescribed[1]))
                 newton.restore(solved)
                 outcome = first
             self.show(outcome, None)
+        return outcome is not first
+
+    def _closed_by_turning(self, state: ContactState) -> Array:
+        """By how much the increment closes gaps as it turns the normals of pairs that keep their partners, length,
+        shape (n,); collective.
+        """
+        owned, closed = self.space.dofmap.index_map.size_local, np.zeros(state.boundary.size)
+        displacements = self.places[:owned], self.u.x.array.reshape(-1, state.boundary.x.shape[1])[:owned]
+        for number, paired in self._turning_pairs.items():
+            points, values = turned_gaps(state, number, paired, displacements)
+            closed[points] = values
+        return closed
 
     def _solve_with_last_stiffness(self) -> bool:
         """Whether the contact problem has a solution with the stiffness of the last one, which is solved; collective."""

@@ -290,8 +290,12 @@ class PairedSides:
 
         Between the vertices of quadratic triangles normals are means, whose turning is left out.
         """
+        return self.turning_at(from_owners(displacement, self.master.nodes, space.mesh.comm))
+
+    def turning_at(self, displacement: Array) -> sp.csr_array:
+        """See ``turning``; ``displacement``: of the nodes of the master, length, shape (M, d)."""
         coupling, start = self.coupling, self.master.surface
-        master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
+        master = start.displaced(displacement)
         initial, present = (coupling.master @ side.directions for side in (start, master))
         initial = initial / np.linalg.norm(initial, axis=1, keepdims=True)
         size = np.linalg.norm(present, axis=1)[:, None, None]
