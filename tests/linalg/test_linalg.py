@@ -59,6 +59,10 @@ def test_schur_complement_with_loads(definite, count, placed):
         for one in (condensed, found.condense(right)[0]):
             if one is not None:
                 np.testing.assert_allclose(one, reference, rtol=0, atol=tolerance)
+        again = right.duplicate()  # without a back substitution
+        again.setArray(np.where(np.isin(np.arange(40), retained), 2.0 * load + 1.0, load))
+        twice = found.condense(again)[0] - found.condense(right)[0]
+        np.testing.assert_allclose(twice, load[retained] + 1.0, rtol=0, atol=10 * tolerance + 1e-12)
         values = generator.normal(size=4)
         every = found.recover(right, np.empty(0), values).getArray()
         np.testing.assert_array_equal(every[retained], values)

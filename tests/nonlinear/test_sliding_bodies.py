@@ -21,8 +21,11 @@ from signorini_fx import (
     Pair,
     Status,
 )
+from signorini_fx.algebra.linalg import schur
+from signorini_fx.forms.nonlinear import newton
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.mechanics.body import elastic_body
 from signorini_fx.results.certificate.promised_law import Law, Tractions
 
 PRESSED = ((0, -0.1), (0, -0.2))
@@ -389,9 +392,35 @@ def test_shears_that_are_passed_on(monkeypatch):
     found = []
     for passes in (True, False):
         if not passes:
-            monkeypatch.setattr(LinearisedProblem, "_pass_on", lambda self: None)
+            monkeypatch.setattr(LinearisedProblem, "_pass_on", lambda self, begun: False)
         scene = wheel(slave=1, friction=Coulomb(0.3))
         force = [scene.move(*way) for way in ((0.0, -0.05), (0.0, -0.1), (0.1, -0.1))][-1]
         found.append((scene.problem.iterations, force))
     assert found[0][0] <= 5 < found[1][0]
     assert found[1][1] == pytest.approx(found[0][1], rel=1e-7)
+
+
+def test_tangents_that_are_kept(monkeypatch):
+    """A wheel that is pressed and pulled: after small increments nothing is assembled or eliminated, and the answer is
+    that of tangents which are all new.
+    """
+    found, made, joined = [], list[str](), elastic_body.joined_stiffness
+    begin = schur.SchurComplement.__init__
+    monkeypatch.setattr(elastic_body, "joined_stiffness", lambda *of: made.append("assembled") or joined(*of))
+    monkeypatch.setattr(
+        schur.SchurComplement, "__init__", lambda self, *of, **more: made.append("eliminated") or begin(self, *of, **more)
+    )
+    for kept in (newton.KEPT_TANGENT, (0.0, 0.0)):
+        monkeypatch.setattr(newton, "KEPT_TANGENT", kept)
+        scene, iterations = wheel(slave=1, friction=Coulomb(0.3), linear_algebra="condensed"), 0
+        made.clear()
+        for way in ((0.0, -0.05), (0.0, -0.1), (0.1, -0.1)):
+            force = scene.move(*way)
+            iterations += scene.problem.iterations
+        found.append((iterations, made.count("assembled"), made.count("eliminated"), force, scene.u.x.array.copy()))
+    (iterations, *with_kept, force, u), (of_new, *all_new, expected, u_of_new) = found
+    assert all_new == [of_new - 1, of_new]  # nothing is between both bodies at first
+    assert with_kept[1] == with_kept[0] + 1 <= iterations - 3
+    assert iterations <= of_new
+    assert force == pytest.approx(expected, rel=1e-8)
+    assert u == pytest.approx(u_of_new, abs=1e-9 * np.abs(u).max())

@@ -563,7 +563,6 @@ class LinearisedProblem(FormSolver):
         """
         self.passed_on = None
         if not (keeps_stiffness and self._solve_with_last_stiffness()):
-            self.bend()
             self._solve()
         comm, begun, last_change = self.space.mesh.comm, self.begun, np.inf
         most = MOST_PASSES if self._turning_pairs else int(any(pair.near for pair in self.pairs.values()))
@@ -626,7 +625,9 @@ class LinearisedProblem(FormSolver):
         return closed
 
     def _solve_with_last_stiffness(self) -> bool:
-        """Whether the contact problem has a solution with the stiffness of the last one, which is solved; collective."""
+        """Whether the contact problem has a solution with the stiffness of the last one, which is solved; else the
+        tangent is that of now again; collective.
+        """
         self._keeps = True
         try:
             solved = not self.attempt()
@@ -636,6 +637,7 @@ class LinearisedProblem(FormSolver):
             self._keeps = False
         if not solved:
             self._last_pattern = None
+            self.bend()
         return solved
 
     def _solve(self) -> None:
