@@ -1423,8 +1423,8 @@ MUTANTS = (
     # --- linear algebra ----------------------------------------------------------------------------------------------
     Mutant(
         "schur",
-        "self._onto_retained(values, -self._factor.toward.T @ self._factor.solve(values[self._factor.inner]))",
-        "self._onto_retained(values, self._factor.toward.T @ self._factor.solve(values[self._factor.inner]))",
+        "self._condensed = inner, -self._factor.toward.T @ self._factor.solve(inner)",
+        "self._condensed = inner, self._factor.toward.T @ self._factor.solve(inner)",
         "condensed load, sign",
         tests=("linalg::test_schur_complement_with_loads",),
     ),
@@ -1437,9 +1437,16 @@ MUTANTS = (
     ),
     Mutant(
         "schur",
-        "self._onto_retained(values, -self._factor.toward.T @ self._factor.solve(values[self._factor.inner]))",
+        "self._onto_retained(values, self._condensed[1])",
         "self._onto_retained(values, 0.0 * self._places)",
         "condensed load: that of the interior forgotten",
+        tests=("linalg::test_schur_complement_with_loads",),
+    ),
+    Mutant(
+        "schur",
+        "if self._condensed is None or not np.array_equal(inner, self._condensed[0]):",
+        "if self._condensed is None:",
+        "condensed load: that of the interior is the last one",
         tests=("linalg::test_schur_complement_with_loads",),
     ),
     Mutant(
@@ -2172,6 +2179,13 @@ MUTANTS = (
         'moved = np.einsum("pqk,pq,pqd->pkd", self.slope, shift, forces)',
         "two bodies that slide: shears move against their partners",
         tests=("sliding::test_what_shears_pass_on", "sliding_bodies::test_shears_that_are_passed_on"),
+    ),
+    Mutant(
+        "nonlinear/linearised",
+        "gap=begun.data.gap - closed",
+        "gap=begun.data.gap + closed",
+        "two bodies that keep partners: gaps open where the turning of normals closes them",
+        tests=("pairs_that_keep_partners::test_steps_without_friction",),
     ),
     Mutant(
         "mechanics/body/paired_points",

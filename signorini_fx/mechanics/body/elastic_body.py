@@ -350,8 +350,10 @@ class ElasticBody:
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
         definite = self.definite and not self.elastic.pressed
         far = None if self.far is None or free else FarPoints(self.far[0], self.unknowns(self.far[1]))
-        kinds = {"definite": definite, "rigid": self._rigid, "symmetric": self.symmetric}
-        return Elasticity(*of, **kinds, far=far, eliminated=self.eliminated)
+        symmetric, eliminated = self.symmetric, self.eliminated
+        return Elasticity(
+            *of, definite=definite, rigid=self._rigid, symmetric=symmetric, far=far, eliminated=eliminated
+        )
 
     def case(
         self,

@@ -62,6 +62,7 @@ class JointPattern:
             of_forms.finalize()
         dofmap = forms[0].function_spaces[0].dofmap
         size = dofmap.index_map.size_local * dofmap.index_map_bs
+        columns: npt.NDArray[np.integer[Any]]
         if last is None:
             empty = la.matrix_csr(of_forms, block_mode=la.BlockMode.expanded, dtype=forms[0].dtype)
             columns, counts = empty.indices, np.diff(empty.indptr)
