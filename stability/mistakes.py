@@ -1444,8 +1444,8 @@ MUTANTS = (
     ),
     Mutant(
         "schur",
-        "if self._condensed is None or not np.array_equal(inner, self._condensed[0]):",
-        "if self._condensed is None:",
+        "self._condensed is None or not np.array_equal(inner, self._condensed[0])",
+        "self._condensed is None",
         "condensed load: that of the interior is the last one",
         tests=("linalg::test_schur_complement_with_loads",),
     ),
