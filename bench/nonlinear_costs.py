@@ -4,8 +4,8 @@
 
 Where it is known, the nodes on which contact acts at the end of one of the load steps are moved as contact moves them:
 what is left is Newton's method for the body, by dolfinx and a Cholesky factorisation of MUMPS alone.  Forms and mesh
-are the same.  Iterations are those of Newton's method, each with a new tangent.  CPU times are of one thread, the least
-of some rounds, without compiling forms.
+are the same.  Iterations are those of Newton's method, each with a new tangent, but for those of contact that keep the
+last one.  CPU times are of one thread, the least of some rounds, without compiling forms.
 """
 
 from __future__ import annotations
