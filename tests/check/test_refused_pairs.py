@@ -227,13 +227,7 @@ def problems_of_bound(scene):
         return str(error)
 
 
-@pytest.mark.parametrize(
-    ("other", "more"),
-    [
-        ("preload", WITH["preload"]),
-        ("entering load", WITH["entering load"]),
-    ],
-)
+@pytest.mark.parametrize(("other", "more"), [("entering load", WITH["entering load"])])
 def test_the_page_says_what_has_no_bound(other, more):
     """In the words in which the bound refuses it."""
     data = merged(BASE, more)
