@@ -72,7 +72,7 @@ SCENES = {
     "springs in space": partial(loaded, "springs", "space", 4),
     "preload": partial(loaded, "preload", "plane", 2),
     "springs that vary": partial(loaded, "varying springs", "plane", 4),
-    "springs that vary in space": partial(loaded, "varying springs", "space", 4),
+    "springs that vary in space": partial(loaded, "varying springs", "space", 5),
     "two bodies in space": partial(pair_in_space, 1),
     "two bodies in space that do not match": partial(pair_in_space, 1, unmatched=1),
 }
