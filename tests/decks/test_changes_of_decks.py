@@ -162,7 +162,6 @@ def test_sides_inside_a_body_are_in_the_order_of_the_deck(tmp_path):
     ("line", "others", "keyword", "says"),
     [
         ("UP_WALL, 1", ["UP_WALLS, 1"], "*BOUNDARY", "set 'UP_WALLS' does not exist"),
-        ("UP_WALL, 1", ["UP_WALL, 1", "999, 1"], "*BOUNDARY", "node 999 does not exist"),
         ("UP_WALL, 1", ["UP_WALL, 1", "1.2, 1"], "*BOUNDARY", "set '1.2' does not exist"),
         ("*DSLOAD", ["*TEMPERATURE", "UP_HEADS, 5.", "*DSLOAD"], "*TEMPERATURE", "set 'UP_HEADS' does not exist"),
         ("*STATIC", ["*STATIC", "1., 1.", "UP_TOP, 4."], "*STATIC", "data line 2, 'UP_TOP, 4.', is one too many"),

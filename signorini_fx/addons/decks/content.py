@@ -476,15 +476,14 @@ class Deck:
         return _defined_name(name, self._node_sets) is not None
 
     def check_nodes(self, name: str) -> None:
-        """Check that a name is that of a node or of a set of nodes or faces, which the body may not have.
+        """Check that a name is a number, or that of a set of nodes or faces, which the body may not have; CalculiX
+        takes numbers of nodes that the file has not, too.
 
         Raises:
             ValueError: the file does not define it.
         """
-        if (number := single(name)) is not None:
-            if self.model.places.get(number) is None:
-                raise ValueError(f"node {number} does not exist")
-        elif not self.has_nodes(name) and self.boundary(name) is None and self.surface(name) is None:
+        is_set = self.has_nodes(name) or self.boundary(name) is not None or self.surface(name) is not None
+        if single(name) is None and not is_set:
             raise ValueError(f"set {name!r} does not exist")
 
     def single(self, name: str) -> int | None:
