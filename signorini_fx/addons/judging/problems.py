@@ -245,7 +245,8 @@ def _problem(
         lost=lost,
         links=links,
         bonds=bonds,
-        begun=None if deck is None else deck.ends.get(len(deck.steps) - 2),
+        # Where friction changes before the loads of the step, its slip is not that between its beginning and its end.
+        begun=None if deck is None or deck.taken[-2:-1] == [None] else deck.ends.get(len(deck.steps) - 2),
         other_loads=loads_by_degree(statement, position, mesh, materials, revolved=revolved) if deck is None else {},
         prescribed_before=prescribed_of(statement, position - 1, mesh)[0] if position > 0 else None,
     ), reasons
