@@ -5166,6 +5166,13 @@ MUTANTS = (
         tests=("bounds_of_preload::test_a_bar_that_is_shortened_between_walls",),
     ),
     Mutant(
+        "accuracy/force_error",
+        "seen > BALANCED_BY_STATICS",
+        "seen >= 0",
+        "accuracy: forces that statics determines have the error of others",
+        tests=("price_list::test_error_of_a_force_on_meshes_that_are_divided_here_and_there",),
+    ),
+    Mutant(
         "bounds/varying_springs",
         "more = value - component.least[places][:, None]",
         "more = value",

@@ -67,6 +67,23 @@ def test_error_of_a_force(paired):
     assert found == pytest.approx(0.25) if paired else found > 0.1
 
 
+@pytest.mark.parametrize(
+    ("dimension", "degree", "change", "expected"),
+    [(3, 1, 1e-4, 0.12 * 0.1**2), (3, 2, 1e-4, None), (2, 1, 1e-4, None), (3, 1, 0.0, None)],
+)
+def test_error_of_a_force_on_meshes_that_are_divided_here_and_there(dimension, degree, change, expected):
+    """In space it is at least a share of the squared error of the displacement, where no statics determine it."""
+
+    def level(force, energy):
+        about = {"force": np.array([0.0, force]), "energy": energy, "inside": energy, "h": energy, "data": 0.0}
+        return SimpleNamespace(**about, paired=False, dimension=dimension, degree=degree)
+
+    levels = [level(1 - change, 0.2), level(1.0, 0.1)]
+    by_changes = force_error(levels)
+    assert by_changes == pytest.approx(change / 3)
+    assert force_error(levels, uniform=False) == (pytest.approx(expected) if expected else by_changes)
+
+
 def test_error_of_a_force_that_a_coarse_mesh_does_not_have():
     """Where nothing touches on the mesh before, nothing is known to be left of its error: all of the force is new."""
 

@@ -4,6 +4,9 @@ A force is an average: its error decreases like the square of that of the soluti
 pressure counts as well, if it decreases less.  Between two bodies contact mostly ends at edges of one of them: there
 the error of the pressure in L2 hardly decreases on any mesh and says nothing about the force.  But forces change to and
 fro when nodes come into contact, by about as much as the square of the error of the pressure, whatever the changes say.
+On meshes that are divided here and there the change is no error where cells stay as they are: in space, with elements
+of degree 1, the error is at least a share of the square of that of the displacement (J. A. Nitsche's argument), unless
+statics determines the force, which then does not change at all.
 """
 
 from __future__ import annotations
@@ -13,10 +16,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.tuned import CHANGES_USED, LARGEST_CHANGE, SLOWEST_DECREASE
+from signorini_fx.tuned import BALANCED_BY_STATICS, CHANGES_USED, FORCE_OF_ENERGY, LARGEST_CHANGE, SLOWEST_DECREASE
 
 
-def force_error(levels: Sequence[LevelResult]) -> float | None:
+def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float | None:
     """Error of contact and friction force on the last mesh, relative; None where there is no force.
 
     Of several contact boundaries it is that of all their forces together, relative to these: their resultant may
@@ -24,6 +27,7 @@ def force_error(levels: Sequence[LevelResult]) -> float | None:
 
     Args:
         levels: results on the meshes, coarsest first, at least two.
+        uniform: whether each mesh is finer than the one before everywhere.
     """
     fine = levels[-1]
     size = float(np.linalg.norm(fine.force))
@@ -36,7 +40,10 @@ def force_error(levels: Sequence[LevelResult]) -> float | None:
             continue
         share = float(np.clip(_share(coarse, fine), 0.0, SLOWEST_DECREASE))
         estimates.append(change * share / (1 - share))
-    return max(estimates) + fine.data
+    seen = max(estimates)
+    if not uniform and (fine.dimension, fine.degree) in FORCE_OF_ENERGY and seen > BALANCED_BY_STATICS:
+        seen = max(seen, FORCE_OF_ENERGY[fine.dimension, fine.degree] * fine.energy**2)
+    return seen + fine.data
 
 
 def _share(coarse: LevelResult, fine: LevelResult) -> float:

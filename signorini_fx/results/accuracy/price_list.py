@@ -158,7 +158,7 @@ def price_list(
             }
             # In space and between two bodies a single change was seen to mislead.
             enough = index > 1 or not (level.dimension == 3 or level.paired)
-            errors["force"] = force_error(levels[: index + 1]) if enough else None
+            errors["force"] = force_error(levels[: index + 1], uniform=uniform) if enough else None
             pollution = 0.0 if uniform else POLLUTION_OF_PEAK * level.energy**2
             error = peak_error(peaks[: index + 1], level.degree, fineness if uniform else None, pollution)
             errors["peak"] = None if error is None else error + level.data + POLYGON_PEAK * level.polygon

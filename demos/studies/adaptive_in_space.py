@@ -1,0 +1,173 @@
+"""How good the estimate of contact forces is on meshes in space that are divided here and there.
+
+    ./env python3 demos/studies/adaptive_in_space.py --seed 21 --out results/adaptive_in_space
+
+Half a ring on a rigid pin, a ball on a plane and a plate that bends onto a bowl, with parameters drawn from the seed,
+are asked for their contact force with ``refinement = "adaptive"`` and elements of degree 1.  The reference is of degree
+2; how far it may be wrong is a third of what it differs from one with cells twice as large.  Written is
+adaptive_in_space.csv: estimated over true error of each mesh, also as the changes from mesh to mesh alone tell it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import tempfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+from effectivity import as_asked
+
+from signorini_fx.errors import SignoriniError
+from signorini_fx.machine.csv_text import write_csv
+from signorini_fx.results.accuracy.force_error import force_error
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
+
+ASKED = 0.005
+RING = """SetFactory("OpenCASCADE"); Mesh.ElementOrder = {order}; Mesh.HighOrderOptimize = 0;
+Point(1) = {{0, 0, 0}}; Point(2) = {{0, 1, 0}}; Point(3) = {{1, 0, 0}}; Point(7) = {{0, {outer}, 0}};
+Point(8) = {{{outer}, 0, 0}};
+Circle(1) = {{2, 1, 3}}; Line(2) = {{3, 8}}; Circle(3) = {{8, 1, 7}}; Line(4) = {{7, 2}};
+Curve Loop(1) = {{1, 2, 3, 4}}; Plane Surface(1) = {{1}};
+Extrude {{0, 0, {thick}}} {{ Surface{{1}}; }}
+Physical Surface("hole") = {{2}}; Physical Surface("low") = {{3}}; Physical Surface("rim") = {{4}};
+Physical Surface("symmetry") = {{5}}; Physical Surface("middle") = {{1}}; Physical Surface("side") = {{6}};
+Physical Volume("ring") = {{1}};
+MeshSize {{ PointsOf{{ Volume{{1}}; }} }} = {size};
+"""
+
+
+def ring(rng, folder):
+    """Half a ring that hangs on a rigid pin smaller than its hole."""
+    outer, thick, loose = rng.uniform(1.8, 2.6), rng.uniform(0.5, 1.0), rng.uniform(0.004, 0.02)
+    poisson, pull = rng.uniform(0.1, 0.4), rng.uniform(5, 15)
+    pin = {"shape": "cylinder", "centre": [0.0, -loose, 0.0], "axis": [0.0, 0.0, 1.0], "radius": 1 - loose}
+
+    def make(degree, size):
+        name = folder / f"ring_{degree}_{size:g}.geo"
+        name.write_text(RING.format(outer=outer, thick=thick, size=0.4 * size, order=degree), encoding="utf-8")
+        return parse_scene(
+            {
+                "mesh": {"file": str(name)},
+                "element": {"degree": degree},
+                "material": {"young": 1000.0, "poisson": poisson},
+                "displacement": [{"boundary": "symmetry", "x": 0.0}, {"boundary": "middle", "z": 0.0}],
+                "traction": {"boundary": "low", "y": -pull},
+                "contact": {"boundary": "hole", "foundation": pin},
+            }
+        )
+
+    return make
+
+
+def ball(rng, folder):
+    """A quarter of half a ball on a plane."""
+    radius, share, poisson = rng.uniform(3, 10), rng.uniform(0.15, 0.3), rng.uniform(0, 0.4)
+    wide = share * radius
+    load = 4 * 200 / (1 - poisson**2) * wide**3 / (3 * radius) / (math.pi * radius**2)
+
+    def make(degree, size):
+        parameters = {"part": "quarter", "radius": radius, "size": 0.3 * radius * max(size, 0.5), "order": degree}
+        sizes = {"contact_size": wide / 3 * size, "contact_zone": 1.4 * wide}
+        return parse_scene(
+            {
+                "mesh": {"generator": "half_sphere", "parameters": parameters | sizes},
+                "element": {"degree": degree},
+                "material": {"young": 200.0, "poisson": poisson},
+                "displacement": [{"boundary": "symmetry_x", "x": 0.0}, {"boundary": "symmetry_y", "y": 0.0}],
+                "traction": {"boundary": "top", "pressure": load},
+                "contact": {"boundary": "sphere", "gap": "x[2]", "direction": [0.0, 0.0, -1.0]},
+            }
+        )
+
+    return make
+
+
+def plate(rng, folder):
+    """A plate that is held at its ends and bends onto a bowl."""
+    length, thick, poisson = rng.uniform(3, 5), rng.uniform(0.3, 0.6), rng.uniform(0.1, 0.4)
+    bend, load = rng.uniform(0.001, 0.004), rng.uniform(1, 4)
+    gap = f"{bend} * ((x[0] - {length / 2})**2 + 2 * (x[1] - 0.5)**2) + {bend / 4}"
+
+    def make(degree, size):
+        counts = {"nx": round(16 / size), "ny": round(4 / size), "nz": round(2 / size)}
+        cell = {"cell": "tetrahedron" if degree == 1 else "hexahedron"}
+        return parse_scene(
+            {
+                "mesh": {
+                    "generator": "box",
+                    "parameters": {"length": length, "width": 1.0, "height": thick, **counts, **cell},
+                },
+                "element": {"degree": degree},
+                "material": {"young": 2000.0, "poisson": poisson},
+                "displacement": [{"boundary": name, "x": 0.0, "y": 0.0, "z": 0.0} for name in ("left", "right")],
+                "traction": {"boundary": "top", "z": -load},
+                "contact": {"boundary": "bottom", "gap": gap},
+            }
+        )
+
+    return make
+
+
+# What is drawn, the size of the first cells, and those of the references.
+PROBLEMS = {"ring": (ring, 1.0, (0.5, 0.3)), "ball": (ball, 2.0, (1.0, 0.5)), "plate": (plate, 1.0, (1.0, 0.5))}
+
+
+def rows_of(name, seed, folder):
+    """The meshes of one problem that have an estimate."""
+    draw, first, finest = PROBLEMS[name]
+    make = draw(np.random.default_rng([seed, zlib.crc32(name.encode())]), folder)
+    coarse, reference = (
+        solve(make(2, size), MPI.COMM_SELF, check=False).contact.forces_of_each.ravel() for size in finest
+    )
+    whole, rows = np.linalg.norm(reference), []
+    found, prices = as_asked(make(1, first), ASKED, of="force", refinement="adaptive", seconds=60.0)
+    for number, (one, price) in enumerate(zip(found, prices, strict=False)):
+        if price.force is None:
+            continue
+        true = np.linalg.norm(one.solution.contact.forces_of_each.ravel() - reference) / whole
+        changes = force_error([mesh.level for mesh in found[: number + 1]])
+        rows.append(
+            {
+                "problem": name,
+                "seed": seed,
+                "dofs": one.level.dofs,
+                "last": number == len(found) - 1,
+                "estimated": price.force,
+                "by changes": changes,
+                "true": true,
+                "reference_error": np.linalg.norm(coarse - reference) / whole / 3,
+                "ratio": price.force / true,
+                "ratio by changes": changes / true,
+            }
+        )
+    return rows
+
+
+def main():
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("results/adaptive_in_space"), help="folder (%(default)s)")
+    parser.add_argument("--problem", choices=PROBLEMS, action="append", help="only this one")
+    parser.add_argument("--seed", type=int, action="append", help="of the parameters (default: 1)")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for seed in options.seed or [1]:
+        for name in options.problem or PROBLEMS:
+            with tempfile.TemporaryDirectory() as folder:
+                try:
+                    rows += rows_of(name, seed, Path(folder))
+                except (SignoriniError, AssertionError) as error:
+                    print(f"{name}, seed {seed}: {error}", flush=True)
+            for row in rows:
+                if (row["problem"], row["seed"]) == (name, seed):
+                    print({key: f"{v:.3g}" if isinstance(v, float) else v for key, v in row.items()}, flush=True)
+            write_csv(options.out / "adaptive_in_space.csv", rows)
+
+
+if __name__ == "__main__":
+    main()
