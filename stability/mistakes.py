@@ -1728,7 +1728,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/nested",
-        "coarser = solved.body.level(coarser, solution.displacement)",
+        "coarser = solution.model.level(coarser, solution.displacement)",
         "coarser = None",
         "nested meshes are no levels of multigrid",
         tests=("mesh_levels::test_steps_do_not_grow_with_the_mesh",),
@@ -5174,8 +5174,8 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/varying_springs",
-        "more = value - component.least[places][:, None]",
-        "more = value",
+        "excess = value - component.least[places][:, None]",
+        "excess = value",
         "bounds: the least stiffness of springs that vary counts twice",
         tests=("bounds_of_springs::test_energies_in_springs_that_vary",),
     ),

@@ -440,8 +440,8 @@ class FormSolver:
             self._parts = named_parts(self.forms, self.settings)
         parts = self._parts.along(counted_path(self.begun.step) if path is None else path, title)
         model = parts.model(self.elastic, self.begun.law, self.foundations.pairs, self.rigid)
-        now = {"foundation_data": self.data, "prescribed_dofs": self.prescribed, "form_scales": self.scales}
-        return FormBody.of(model, user_forms=self.forms, **now)
+        attributes = {"foundation_data": self.data, "prescribed_dofs": self.prescribed, "form_scales": self.scales}
+        return FormBody.of(model, user_forms=self.forms, **attributes)
 
     def law_now(self) -> PointFriction | None:
         """Friction at the contact points with the values that Constants have now; collective."""

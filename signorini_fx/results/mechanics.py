@@ -29,9 +29,9 @@ class SolidBody(Model, ABC):
     """A model that says its own forces, stresses and contact sides.  The entries of its statement do, or forms do."""
 
     @classmethod
-    def of(cls, model: Model, **own: Any) -> Self:
+    def of(cls, model: Model, **attributes: Any) -> Self:
         """A body from its model, and from what this kind of body has beside; both share what is computed of them."""
-        return cls(**{field.name: getattr(model, field.name) for field in fields(Model)}, **own)
+        return cls(**{field.name: getattr(model, field.name) for field in fields(Model)}, **attributes)
 
     @abstractmethod
     def sides(self, y: fem.Function) -> list[ContactSide]:
@@ -96,8 +96,8 @@ class StatedBody(SolidBody):
         scale: float = 1.0,
     ) -> Certificate:
         """See ``certify``."""
-        own: Any = {"pairs": self.pairs, "like": NodalForces.on(self), "rigid": rigid, "scale": scale}
-        return certify(self.statement, self.tagged, displacement, tractions, law=law, step=step, before=last, **own)
+        about: Any = {"pairs": self.pairs, "like": NodalForces.on(self), "rigid": rigid, "scale": scale}
+        return certify(self.statement, self.tagged, displacement, tractions, law=law, step=step, before=last, **about)
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
         """See ``SolidBody``."""

@@ -156,7 +156,7 @@ class VaryingSprings:
             return None
         facets = np.unique(np.concatenate([component.facets for component in varying]))
         loose = np.eye(t.dimension) - held[facets]
-        found = VaryingSprings(t, facets, t.sides[facets, 0], loose, varying, ())
+        without_rules = VaryingSprings(t, facets, t.sides[facets, 0], loose, varying, ())
         values = [component.value for component in varying]
         corners, rules = t.x[t.facets[facets]], []
         rows, places = cut(corners, values)
@@ -164,7 +164,7 @@ class VaryingSprings:
             points, weights = simplex_rule(t.dimension - 1, size)
             at, share = points @ places, np.abs(np.linalg.det(places)) * t.area[facets[rows]]
             x = np.einsum("kqc,kcd->kqd", at, corners[rows])
-            stiffness = found._stiffness(rows, x)
+            stiffness = without_rules._stiffness(rows, x)
             across = np.abs(loose[rows][:, None] @ stiffness @ held[facets[rows]][:, None]).max(initial=0.0)
             if across > SAME_LENGTH * np.abs(stiffness).max(initial=0.0):
                 raise Refused(
@@ -172,7 +172,7 @@ class VaryingSprings:
                 )
             projected = loose[rows][:, None] @ stiffness @ loose[rows][:, None]
             rules.append(_SpringQuadrature(rows, at, share[:, None] * weights, projected))
-        return VaryingSprings(t, facets, found.cells, loose, varying, tuple(rules))
+        return VaryingSprings(t, facets, without_rules.cells, loose, varying, tuple(rules))
 
     def _stiffness(self, rows: Ints, x: Array) -> Array:
         """K_2 at points on parts of facets, supports left out, shape (k, q, d, d).
@@ -191,8 +191,8 @@ class VaryingSprings:
             value = BoundPoints(x[parts], np.zeros_like(x[parts])).value(component.value)
             if (value < -SAME_LENGTH * np.abs(value).max(initial=0.0)).any():
                 raise Refused("springs have a guaranteed bound where their stiffness is not negative")
-            more = value - component.least[places][:, None]
-            stiffness[parts] += more[:, :, None, None] * component.directions[places][:, None]
+            excess = value - component.least[places][:, None]
+            stiffness[parts] += excess[:, :, None, None] * component.directions[places][:, None]
         return stiffness
 
     @property
@@ -217,7 +217,7 @@ class VaryingSprings:
             v, w = (values @ coefficients[rule.rows] for coefficients in (first, second))
             products = np.einsum("kq,kqi,kqij,kqj->k", rule.weight, v, rule.stiffness, w)
             sums.append(np.bincount(self.cells[rule.rows], products, len(self.t.corners)).astype(np.float64))
-        return sums[0], np.max([np.abs(sums[0] - one) for one in sums], axis=0)
+        return sums[0], np.max([np.abs(sums[0] - rival) for rival in sums], axis=0)
 
 
 @dataclass(frozen=True)
@@ -250,8 +250,8 @@ class SpringReaction:
         corners = t.x[t.facets[facets]]
         edges = corners[:, 1:] - corners[:, :1]
         gram = edges @ edges.transpose(0, 2, 1)
-        others = np.linalg.solve(gram, edges @ (points.x - corners[:, :1]).transpose(0, 2, 1)).transpose(0, 2, 1)
-        at = np.concatenate((1 - others.sum(axis=2, keepdims=True), others), axis=2)
+        coordinates = np.linalg.solve(gram, edges @ (points.x - corners[:, :1]).transpose(0, 2, 1)).transpose(0, 2, 1)
+        at = np.concatenate((1 - coordinates.sum(axis=2, keepdims=True), coordinates), axis=2)
         moved = bernstein(at.reshape(-1, at.shape[2])).reshape(*at.shape[:2], -1) @ self.displacement[rows]
         loose = springs.loose[rows][:, None]
         stiffness = loose @ springs._stiffness(rows, points.x) @ loose

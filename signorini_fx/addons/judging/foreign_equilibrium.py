@@ -226,8 +226,8 @@ def own_formulation(problem: JudgedProblem) -> Formulation | None:
 def stated_formulations(problem: JudgedProblem) -> list[Formulation]:
     """That of the elements of a deck; of a scene, which has no rule of quadrature, those that it may mean."""
     if problem.deck is not None:
-        own = own_formulation(problem)
-        return [Formulation("full", problem.hypothesis == "plane stress")] if own is None else [own]
+        stated = own_formulation(problem)
+        return [Formulation("full", problem.hypothesis == "plane stress")] if stated is None else [stated]
     fewer = problem.scene.element.volumetric in ("auto", "reduced")
     names = ["full", "exact", *[SELECTIVE, SELECTIVE_EXACT] * fewer]
     return [Formulation(name) for name in names]

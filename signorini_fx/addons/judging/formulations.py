@@ -152,8 +152,8 @@ def _stiffness_of_cells(problem: JudgedProblem, formulation: Formulation, x: Flo
     if formulation.name in (SELECTIVE, SELECTIVE_EXACT):
         dilatation = np.zeros_like(stiffness)
         dilatation[:3, :3] = stiffness[0, 1]
-        whole = FULL if formulation.name == SELECTIVE else EXACT
-        parts = (whole, stiffness - dilatation), (REDUCED, dilatation)
+        plain_rule = FULL if formulation.name == SELECTIVE else EXACT
+        parts = (plain_rule, stiffness - dilatation), (REDUCED, dilatation)
         return np.sum([_stiffness_of_cells(problem, rule, x, share) for rule, share in parts], axis=0)
     element = problem.mesh.element
     places, weights = stiffness_rule(element, formulation.further_points)

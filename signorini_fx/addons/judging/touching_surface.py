@@ -118,7 +118,7 @@ def touching_surface(
     gap, normal, slip = _opposite(problem, contact, (v, change), flat, (moved, changed), at.normal.reshape(flat.shape))
     gap, normal, slip = gap.reshape(at.weight.shape), normal.reshape(at.x.shape), slip.reshape(at.x.shape)
     begun = np.zeros_like(v) if step_start is None else step_start
-    before, open_then = (
+    undeformed, open_then = (
         _opposite(
             problem,
             contact,
@@ -135,25 +135,25 @@ def touching_surface(
     penetration, mean_slip = mean((-gap).clip(min=0.0)), mean(slip)
     clearance = np.full(len(corners), np.inf)
     np.minimum.at(clearance, local, np.repeat(_least(mesh.facet, at.shape, gap)[:, None], width, axis=1))
-    most = np.full(len(corners), -np.inf)
-    known = np.where(np.isfinite(gap), gap, -np.inf).max(axis=1)
-    np.maximum.at(most, local, np.repeat(known[:, None], width, axis=1))
-    varies = np.where(np.isfinite(most), most, 0.0) - np.where(np.isfinite(clearance), clearance, 0.0)
+    widest = np.full(len(corners), -np.inf)
+    largest_gaps = np.where(np.isfinite(gap), gap, -np.inf).max(axis=1)
+    np.maximum.at(widest, local, np.repeat(largest_gaps[:, None], width, axis=1))
+    varies = np.where(np.isfinite(widest), widest, 0.0) - np.where(np.isfinite(clearance), clearance, 0.0)
     toward = mean(normal)
     toward /= np.linalg.norm(toward, axis=1)[:, None]
     kink, uneven = np.zeros(len(corners)), np.zeros(len(corners))
     bent = np.linalg.norm(normal[:, None] - toward[local][:, :, None], axis=3).max(axis=2)
     np.maximum.at(kink, local, bent)
-    own = mean(at.normal)
+    outward = mean(at.normal)
     if contact.opposite.size:
-        kink += np.linalg.norm(own / np.linalg.norm(own, axis=1)[:, None] - toward, axis=1)
-    np.maximum.at(uneven, local, np.repeat(_uneven(at.shape, before)[:, None], width, axis=1))
+        kink += np.linalg.norm(outward / np.linalg.norm(outward, axis=1)[:, None] - toward, axis=1)
+    np.maximum.at(uneven, local, np.repeat(_uneven(at.shape, undeformed)[:, None], width, axis=1))
     straight = np.ones(len(corners)) if contact.nodal else _straight(mean, slip, normal, (-gap).clip(min=0.0))
     lawful = None
     if contact.law is not None and not contact.nodal:
         lawful = np.stack([mean(limit) * area for limit in contact.law.pressures(-gap)])
     at_corners = v[corners], change[corners]
-    gap_at, _, slip_at = _opposite(problem, contact, (v, change), mesh.points[corners], at_corners, own)
+    gap_at, _, slip_at = _opposite(problem, contact, (v, change), mesh.points[corners], at_corners, outward)
     clearance = np.minimum(clearance, gap_at)  # nodes may touch where the points of facets do not
     if contact.nodal:
         penetration, mean_slip = (-gap_at).clip(min=0.0), slip_at
@@ -265,10 +265,10 @@ def _uneven(shape: Floats, gap: Floats) -> Floats:
         shape: of the nodes of a facet at the points, shape (q, l).
         gap: at the points, length, infinite where nothing is opposite, shape (f, q).
     """
-    known = np.isfinite(gap).all(axis=1)
+    facing = np.isfinite(gap).all(axis=1)
     missed = np.zeros(len(gap))
-    at_points = gap[known].T
-    missed[known] = 2 * np.abs(at_points - shape @ np.linalg.lstsq(shape, at_points, rcond=None)[0]).max(axis=0)
+    at_points = gap[facing].T
+    missed[facing] = 2 * np.abs(at_points - shape @ np.linalg.lstsq(shape, at_points, rcond=None)[0]).max(axis=0)
     return missed
 
 

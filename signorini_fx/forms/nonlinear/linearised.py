@@ -565,11 +565,11 @@ class LinearisedProblem(FormSolver):
         if not (keeps_stiffness and self._solve_with_last_stiffness()):
             self._solve()
         comm, begun, last_change = self.space.mesh.comm, self.begun, np.inf
-        most = MOST_PASSES if self._turning_pairs else int(any(pair.near for pair in self.pairs.values()))
-        for _ in range(0 if self._ends else most):
-            before = self.u.x.array.copy()
-            increment, done = np.abs(before - self._at.x.array), self._pass_on(begun)
-            change = parallel.largest(comm, np.abs(self.u.x.array - before), 0.0)
+        passes = MOST_PASSES if self._turning_pairs else int(any(pair.near for pair in self.pairs.values()))
+        for _ in range(0 if self._ends else passes):
+            last_values = self.u.x.array.copy()
+            increment, done = np.abs(last_values - self._at.x.array), self._pass_on(begun)
+            change = parallel.largest(comm, np.abs(self.u.x.array - last_values), 0.0)
             if not done or change <= SMALL_PASS * parallel.largest(comm, increment, 0.0) or 2 * change > last_change:
                 break
             last_change = change

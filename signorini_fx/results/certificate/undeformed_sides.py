@@ -176,12 +176,12 @@ def error_of_sides(claim: SlidingClaim, held: Array, supports: PrescribedNodes, 
     ):
         across: Array = np.zeros_like(side.loose) if surface.across is None else surface.across
         in_order = sides if k == 0 else sides[::-1]
-        least, most = (
+        required, allowed = (
             planes_of_symmetry(in_order, components if k == 0 else components[::-1], radial)
             for components, radial in ((rests, (at_slave, at_master)[k]), (fixed, (at_slave, perhaps)[k]))
         )
         planes = np.einsum("nii->ni", across) > 0.5
-        agreements.append(bool((planes | ~least).all() and (most | ~planes).all()))
+        agreements.append(bool((planes | ~required).all() and (allowed | ~planes).all()))
         worst = max(worst, float(np.max(np.abs(across - planes[:, :, None] * np.eye(planes.shape[1])))))
         agreements.append(np.array_equal(flags, side.held(across)))
         if loose is not None:

@@ -153,10 +153,10 @@ def check_rows(block: DeckBlock) -> None:
     """
     if isinstance(block.rows, NumberTable):
         return
-    most = _MOST_ROWS.get(block.keyword, len(block.rows))
-    if len(block.rows) > most:
-        text = ", ".join(block.rows[most])
-        raise ValueError(f"data line {most + 1}, {text!r}, is one too many: of which keyword is it?")
+    limit = _MOST_ROWS.get(block.keyword, len(block.rows))
+    if len(block.rows) > limit:
+        text = ", ".join(block.rows[limit])
+        raise ValueError(f"data line {limit + 1}, {text!r}, is one too many: of which keyword is it?")
     least = _LEAST_WORDS.get(block.keyword, 0)
     for number, row in enumerate(block.rows, start=1):
         if len(row) < least:
