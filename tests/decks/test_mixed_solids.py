@@ -7,6 +7,9 @@ import pytest
 from deck_lines import STEEL
 from test_tables import solved
 
+from signorini_fx.addons.decks.deck import read_deck
+from signorini_fx.errors import MeshError
+
 CORNERS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
 HALVES = [(0, 1, 2, 4, 5, 6), (2, 3, 0, 6, 7, 4)]
 
@@ -55,6 +58,14 @@ def test_a_shelf_beside_calculix(tmp_path):
     lines += ["*NODE PRINT, NSET=BLOCK, TOTALS=ONLY", "RF", "*END STEP"]
     (total,) = solved(tmp_path, lines)[0].values()
     assert total[0][2] == pytest.approx(4.172, rel=0.01)
+
+
+def test_a_number_without_its_keyword_in_space(tmp_path):
+    """*SURFACE INTERACTION has a thickness in the plane alone, and not a stiffness whose keyword is missing."""
+    lines, _ = bricks("BLOCK", (1, 1, 1), (1.0, 1.0, 1.0))
+    (tmp_path / "deck.inp").write_text("\n".join([*lines, *STEEL, "*SURFACE INTERACTION, NAME=I", "1.e6"]) + "\n")
+    with pytest.raises(MeshError, match=r"\*SURFACE INTERACTION: data line 1, '1.e6', is one too many"):
+        read_deck(tmp_path / "deck.inp")
 
 
 def test_forces_at_nodes(tmp_path):

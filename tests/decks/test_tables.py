@@ -35,6 +35,15 @@ def solved(folder, lines, *options):
     return tables((folder / "out" / "deck.dat").read_text()), (folder / "out" / "deck.frd").read_text()
 
 
+def test_tables_that_are_asked_for_before_the_steps(tmp_path):
+    """They are those of each step."""
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{SLOPE}"])
+    at = lines.index("*STEP")
+    lines[at:at] = ["*NODE PRINT, NSET=UP_HEAD", "U"]
+    found, _ = solved(tmp_path, lines)
+    assert list(found) == ["displacements (vx,vy,vz) for set UP_HEAD and time  0.1000000E+01"]
+
+
 def test_two_blocks(tmp_path):
     """One above the other under pressure, with soft contact: the exact solution at the nodes of the deck."""
     lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{SLOPE}"])

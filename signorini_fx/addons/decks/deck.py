@@ -131,6 +131,9 @@ def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> De
                     material = block.parameters["NAME"].upper()
                     deck.materials.setdefault(material, {})
                 case "SURFACEINTERACTION":
+                    if block.rows and deck.mesh.dim == 3:  # in the plane it is a thickness
+                        text = ", ".join(block.rows[0])
+                        raise ValueError(f"data line 1, {text!r}, is one too many: of which keyword is it?")
                     interaction = block.parameters["NAME"].upper()
                     deck.frictions.setdefault(interaction, {})
                 case "ELASTIC" | "DENSITY" | "EXPANSION" | "HYPERELASTIC" | "PLASTIC" if not material:

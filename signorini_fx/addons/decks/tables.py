@@ -86,11 +86,12 @@ def dat(deck: Deck, moments: Sequence[NodeResults]) -> Iterator[str]:
     names = deck.names
     requests: dict[str, list[DeckBlock]] = {}
     by_step: list[list[DeckBlock]] = []
+    fresh: set[str] = set()
     last = DeckBlock("ENDSTEP", {}, 0)  # which a file may lack
     for block in (*deck.model.blocks, last):
         match block.keyword:
             case "STEP":
-                fresh: set[str] = set()
+                fresh = set()
             case "NODEPRINT" | "CONTACTPRINT":
                 if block.keyword not in fresh:
                     requests[block.keyword] = []
