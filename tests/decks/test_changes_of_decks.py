@@ -188,6 +188,31 @@ def test_what_is_mutilated(tmp_path, line, others, keyword, says):
         drafted(tmp_path, lines)
 
 
+@pytest.mark.parametrize(
+    ("line", "others", "lost"),
+    [
+        ("*STATIC", ["*STATIC, SOLVER=SPOOLES,", "DIRECT", "0.5, 1."], []),
+        ("*END STEP", ["*EL PRINT, ELSET=UP", "1, 5", "S", "*EL FILE", "1", "S", "*END STEP"], []),
+        ("*END STEP", ["*SECTION PRINT, SURFACE=UP_TOP, AXES=LOCAL", "0., 1.", "SOF, SOM", "*END STEP"], []),
+        (
+            "*BOUNDARY",
+            ["*SURFACE INTERACTION, NAME=O, USER, PROPERTIES=9", "1, 2, 3, 4, 5, 6, 7, 8", "9", "*BOUNDARY"],
+            ["behaviour of a subroutine: contact is hard"],
+        ),
+    ],
+)
+def test_what_only_looks_mutilated(tmp_path, line, others, lost):
+    """Keywords of Abaqus that go on in the next line, or have more data lines: numbers of section points, places, and
+    constants of a subroutine."""
+    lines = stacked([])
+    plain, expected = drafted(tmp_path, lines)
+    at = lines.index(line)
+    lines[at : at + 1] = others
+    made, data = drafted(tmp_path, lines)
+    assert {**data, "incomplete": None} == {**expected, "incomplete": None}
+    assert [said.rpartition("*SURFACE INTERACTION: ")[2] for said in made.lost] == [*plain.lost, *lost]
+
+
 def test_a_clearance_of_no_contact(tmp_path):
     """It is lost with the names of its sides."""
     lines = stacked([])

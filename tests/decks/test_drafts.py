@@ -300,6 +300,21 @@ def test_an_assembly(tmp_path, capsys):
     assert "lost" not in said
 
 
+def test_the_name_of_the_assembly_before_those_of_instances(tmp_path, capsys):
+    """Steps may call nodes and sets by their whole names, which are those without it."""
+    lines = assembly()
+    name = next(line for line in lines if line.startswith("*ASSEMBLY")).rpartition("=")[2]
+    at = lines.index("*STEP")
+    texts = []
+    for before in ("", f"{name}."):
+        whole = [*lines[:at], "*BOUNDARY", f"{before}Brick-1.5, 1", f"{before}Brick-2.4, 1", *lines[at:]]
+        (tmp_path / "deck.inp").write_text("\n".join(whole))
+        _, data, _ = drafted(tmp_path, whole, capsys)
+        texts.append(data)
+    assert texts[0] == texts[1]
+    assert texts[0]["displacement"] != drafted(tmp_path, lines, capsys)[1]["displacement"]
+
+
 def test_the_only_instance_keeps_its_names(tmp_path):
     """Names that are unique are not told apart, whether the mesh is in the part or in the instance."""
     part = [

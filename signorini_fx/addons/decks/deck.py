@@ -36,6 +36,7 @@ from signorini_fx.addons.decks.keywords import (
     SECTOR,
     SMALL,
     STATIC,
+    SUBROUTINE,
     TURNED,
     UNKNOWN,
     WITHIN_STEP,
@@ -136,6 +137,8 @@ def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> De
                         raise ValueError(f"data line 1, {text!r}, is one too many: of which keyword is it?")
                     interaction = block.parameters["NAME"].upper()
                     deck.frictions.setdefault(interaction, {})
+                    if "USER" in block.parameters:
+                        deck.lose(block, SUBROUTINE)
                 case "ELASTIC" | "DENSITY" | "EXPANSION" | "HYPERELASTIC" | "PLASTIC" if not material:
                     raise ValueError("no *MATERIAL is before it")
                 case "FRICTION" | "SURFACEBEHAVIOR" if not interaction:
@@ -369,8 +372,14 @@ def _clearance(deck: Deck, block: DeckBlock) -> None:
 def _output(deck: Deck, block: DeckBlock) -> None:
     """Say which tables are not written, and of which body forces are."""
     file, written = WRITTEN[block.keyword]
-    words = [word.upper() for row in block.rows for word in row if word]
-    if numbers := [word for word in words if real_or_none(word) is not None]:
+    rows = block.rows
+    if block.keyword.startswith("EL") and rows and all(word.isdecimal() for word in rows[0]):
+        rows = rows[1:]  # in Abaqus these are points of the sections of shells and beams
+    words = [word.upper() for row in rows for word in row if word]
+    numbers = [word for word in words if real_or_none(word) is not None]
+    if block.keyword == "SECTIONPRINT":  # in Abaqus a point and axes for the forces of a section are before results
+        words = [word for word in words if word not in numbers]
+    elif numbers:
         raise ValueError(f"{numbers[0]} is no result that can be written: of which keyword is this data line?")
     missing = [word for word in words if word[:4] not in written]
     if missing:

@@ -67,6 +67,7 @@ COMING_AND_GOING = "parts that come or go with a later step, or contacts of rigi
 FRICTION_FIRST = (
     "the coefficient changes before the loads of its step, in a step of its own, as in CalculiX with small increments"
 )
+SUBROUTINE = "behaviour of a subroutine: contact is hard"
 NO_CLEARANCE = "a clearance that a file gives node by node, or that a later step changes"
 OTHER_BEHAVIOUR = "another stiffness, or a bond, from a step on: the first one is taken"
 GENERAL_CONTACT = "general contact: name the pairs of surfaces, in [[contact]]"
@@ -166,6 +167,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.NOTED, WITHOUT_EFFECT, "INITIAL CONDITIONS", case="VELOCITY"),
     *_rules(Grade.TAKEN, "preload", "PRE-TENSION SECTION"),
     *_rules(Grade.TAKEN, "contact", "CONTACT PAIR", "SURFACE INTERACTION", "FRICTION", "SURFACE BEHAVIOR"),
+    *_rules(Grade.LOST, SUBROUTINE, "SURFACE INTERACTION", case="USER"),
     *_rules(Grade.TAKEN, "friction that changes with the load step", "CHANGE FRICTION"),
     *_rules(Grade.NOTED, FRICTION_FIRST, "CHANGE FRICTION", case="beside loads or displacements of a later step"),
     *_rules(

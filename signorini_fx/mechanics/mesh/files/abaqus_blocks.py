@@ -72,7 +72,7 @@ class DeckError(ValueError):
 # NODE, or with one that is no name of a set.
 _CONTINUED = re.compile(
     r",[ \t]*\r?\n(?=[ \t]*\*?(?:[A-Za-z]+(?:[ \t]+[A-Za-z]+)*[ \t]*=|"
-    r"(?:NLGEOM|GENERATE|PERTURBATION|REMOVE|NO[ \t]*SEPARATION|CYCLIC[ \t]*SYMMETRY|LINTEMP)[ \t]*(?:,|\r?$)))",
+    r"(?:NLGEOM|GENERATE|PERTURBATION|DIRECT|REMOVE|NO[ \t]*SEPARATION|CYCLIC[ \t]*SYMMETRY|LINTEMP)[ \t]*(?:,|\r?$)))",
     re.IGNORECASE | re.MULTILINE,
 )
 
@@ -153,8 +153,9 @@ def check_rows(block: DeckBlock) -> None:
     """
     if isinstance(block.rows, NumberTable):
         return
-    limit = _MOST_ROWS.get(block.keyword, len(block.rows))
-    if len(block.rows) > limit:
+    count = len(block.rows)
+    limit = count if "USER" in block.parameters else _MOST_ROWS.get(block.keyword, count)  # constants of a subroutine
+    if count > limit:
         text = ", ".join(block.rows[limit])
         raise ValueError(f"data line {limit + 1}, {text!r}, is one too many: of which keyword is it?")
     least = _LEAST_WORDS.get(block.keyword, 0)
