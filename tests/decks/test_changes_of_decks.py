@@ -213,6 +213,18 @@ def test_what_only_looks_mutilated(tmp_path, line, others, lost):
     assert [said.rpartition("*SURFACE INTERACTION: ")[2] for said in made.lost] == [*plain.lost, *lost]
 
 
+@pytest.mark.parametrize("keyword", ["*GAP, ELSET=UP", "*CONNECTOR FRICTION"])
+@pytest.mark.parametrize("before", ["*NODE", "*BOUNDARY"])
+def test_friction_of_elements(tmp_path, keyword, before):
+    """That of gaps and connectors is lost with them, and neither an error nor the friction of a contact."""
+    lines = stacked(["*FRICTION", "0.2"])
+    at = lines.index(before)
+    lines[at:at] = [keyword, "0.1, 0., 1.", "*FRICTION", "0.5"]
+    made, data = drafted(tmp_path, lines)
+    assert data["contact"][0]["friction"]["coefficient"] == 0.2
+    assert len(made.lost) == 1
+
+
 def test_a_clearance_of_no_contact(tmp_path):
     """It is lost with the names of its sides."""
     lines = stacked([])

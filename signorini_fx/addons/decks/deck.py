@@ -66,6 +66,8 @@ _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane b
 _KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "PGLINMORTAR", "MASSLESS")
 # What a step changes beside friction.
 _CHANGES = ("BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "MODELCHANGE")
+# Elements that may have friction of their own, of no *SURFACE INTERACTION.
+_WITH_FRICTION = ("GAP", "CONNECTORFRICTION")
 # What a step does, unless it is static.
 _PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
 
@@ -109,7 +111,7 @@ def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> De
                     if (turn := _turn(deck, block)) is not None:
                         deck.turned |= dict.fromkeys(map(int, deck.nodes(block.parameters["NSET"])), turn)
     material = interaction = changed = ""
-    behaving = False
+    behaving = of_element = False
     for block in _used_keywords(file, deck):
         with _placed(file, block):
             match block.keyword:
@@ -120,6 +122,8 @@ def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> De
                     deck.lose(block, OTHER_BEHAVIOUR)
                     behaving = True
                     continue
+                case "FRICTION" if of_element:
+                    pass  # the keyword before it is lost
                 case "FRICTION" if deck.steps and changed:
                     _change_friction(deck, block, changed)
                 case "SURFACEBEHAVIOR" if deck.steps and behaving:
@@ -155,7 +159,7 @@ def read_deck(file: Path, *, at_nodes: bool = False, finite: bool = False) -> De
                     _behaviour(deck, block, interaction)
                 case _:
                     _read(deck, block)
-        changed, behaving = "", False
+        changed, behaving, of_element = "", False, block.keyword in _WITH_FRICTION
     try:
         follow_amplitudes(deck)
     except DeckError as error:
