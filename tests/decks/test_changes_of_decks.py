@@ -225,6 +225,22 @@ def test_friction_of_elements(tmp_path, keyword, before):
     assert len(made.lost) == 1
 
 
+def test_the_nodes_of_a_set_of_elements(tmp_path):
+    """A set of nodes may be those of elements, as in Abaqus: what it holds is held."""
+    lines = stacked([])
+    at = lines.index("*BOUNDARY")
+    named, listed = ["*NSET, NSET=SOME, ELSET=LOW_TOP_ROW"], ["*NSET, NSET=SOME", "6, 7, 8, 11, 12, 13"]
+    found = []
+    for given in (named, listed):
+        elements = ["*ELSET, ELSET=LOW_TOP_ROW", "5, 6"]
+        made, data = drafted(tmp_path, [*lines[:at], *elements, *given, "*BOUNDARY", "SOME, 1", *lines[at:]])
+        found.append((made.lost, data["displacement"]))
+        assert not any("SOME" in said for said in made.noted)
+    assert found[0] == found[1]
+    with pytest.raises(MeshError, match="set 'NONE' does not exist"):
+        drafted(tmp_path, [*lines[:at], "*NSET, NSET=SOME, ELSET=NONE", *lines[at:]])
+
+
 def test_a_clearance_of_no_contact(tmp_path):
     """It is lost with the names of its sides."""
     lines = stacked([])

@@ -153,7 +153,10 @@ class _Reader:
             case "ELEMENT":
                 self._read_elements(block)
             case "NSET":
-                self._read_set(self.node_sets, self._name(parameters["NSET"]), parameters, rows)
+                name = self._name(parameters["NSET"])
+                self._read_set(self.node_sets, name, parameters, rows)
+                if "ELSET" in parameters:
+                    self._extend(self.node_sets, name, self._nodes_of(parameters["ELSET"]))
             case "ELSET":
                 self._read_set(self.element_sets, self._name(parameters["ELSET"]), parameters, rows)
             case "SURFACE":
@@ -261,6 +264,16 @@ class _Reader:
         self._element_parts.append((block, kind, table))
         if "ELSET" in parameters:
             self._extend(self.element_sets, self._name(parameters["ELSET"]), table[:, 0])
+
+    def _nodes_of(self, name: str) -> Ints:
+        """The numbers of the nodes of a set of elements.
+
+        Raises:
+            ValueError: there is no such set.
+        """
+        elements = self._member(self.element_sets, name)
+        nodes = [table[np.isin(table[:, 0], elements), 1:].ravel() for _, _, table in self._element_parts]
+        return distinct(np.concatenate([np.empty(0, dtype=np.int64), *nodes]))
 
     def _extend(self, sets: dict[str, Ints], name: str, members: Ints) -> None:
         """Add members to a set."""
