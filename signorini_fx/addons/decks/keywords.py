@@ -126,7 +126,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, "no part of the body", "BEAM SECTION"),
     *_rules(Grade.LOST, "no part of the body", "SHELL SECTION", "MEMBRANE SECTION", case="of no part of the mesh"),
     *_rules(Grade.LOST, "no part of the body", "ELEMENT", case="springs, gaps, connectors"),
-    *_rules(Grade.LOST, UNKNOWN, "GAP"),
+    *_rules(Grade.LOST, UNKNOWN, "GAP", "CONNECTOR FRICTION"),
     *_rules(
         *(Grade.REFUSED, "nodes and elements are not generated here"),
         *("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"),
