@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from support.sliding_bodies import blocks, stacked, turn_of
+from support.sliding_bodies import blocks, bulge, stacked, turn_of, wheel
 from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import Coulomb, FormError, Foundation, NonlinearContactProblem, Pair
@@ -250,8 +250,9 @@ def test_steps_without_friction():
         lambda: blocks(lower=(6, 3), upper=(3, 2), **KEPT),
         lambda: blocks(lower=(4, 2), upper=(3, 2), degree=2, slave=1, **KEPT),
         lambda: stacked("hexahedron", lower=(2, 2, 1), upper=(1, 1, 1), **KEPT),
+        lambda: wheel(cells=(6, 3), around=6, half=True, **KEPT),
     ],
-    ids=["plane", "quadratic", "space"],
+    ids=["plane", "quadratic", "space", "half"],
 )
 def test_gaps_close_as_normals_turn(scene):
     """Against differences of the relative displacement along the turned normals, from points that are apart."""
@@ -273,6 +274,28 @@ def test_gaps_close_as_normals_turn(scene):
     assert points.tolist() == list(range(boundary.size))
     assert np.abs(expected).max() > 1e-3
     assert closed / step == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("slave", [0, 1])
+def test_half_of_a_body_beside_a_plane_of_symmetry(slave, degree):
+    """A half of a wheel, with friction, is certified and has the displacements of a whole one: normals that turn have
+    nothing across the plane, where points see partners on one side of it alone.
+    """
+    found = []
+    for half in (False, True):
+        pair = {"sliding": False, "friction": Coulomb(0.3), "reach": 0.3}
+        scene = wheel(cells=(6, 3), around=6, half=half, slave=slave, degree=degree, pair=pair, algorithm="alm")
+        force = [scene.move(0.0, -depth) for depth in (0.01, 0.05)][-1]
+        assert scene.problem.certificate.holds
+        x, u = scene.u.function_space.tabulate_dof_coordinates()[:, :2], scene.u.x.array.reshape(-1, 2)
+        right = np.flatnonzero(x[:, 0] > -1e-9)
+        order = right[np.lexsort(np.round(x[right], 9).T)]
+        found.append((force[1], x[order], u[order]))
+    (force, x, u), (of_half, x_of_half, u_of_half) = found
+    assert x_of_half == pytest.approx(x, abs=1e-12)
+    assert 2.0 * of_half == pytest.approx(force, rel=1e-7)
+    assert u_of_half == pytest.approx(u, abs=1e-7 * np.abs(u).max())
 
 
 def test_what_a_pair_may_be():

@@ -275,7 +275,7 @@ class PairedSides:
         """
         coupling, start = self.coupling, self.master.surface
         master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
-        initial, present = (coupling.master @ side.directions for side in (start, master))
+        initial, present = (self._at_partners(side) for side in (start, master))
         initial, present = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (initial, present))
         bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1, keepdims=True)
         along, initial_part = (
@@ -296,7 +296,7 @@ class PairedSides:
         """See ``turning``; ``displacement``: of the nodes of the master, length, shape (M, d)."""
         coupling, start = self.coupling, self.master.surface
         master = start.displaced(displacement)
-        initial, present = (coupling.master @ side.directions for side in (start, master))
+        initial, present = (self._at_partners(side) for side in (start, master))
         initial = initial / np.linalg.norm(initial, axis=1, keepdims=True)
         size = np.linalg.norm(present, axis=1)[:, None, None]
         present, normal = present / size[:, 0], coupling.normal
@@ -306,9 +306,16 @@ class PairedSides:
         turned = (2.0 * initial_part - along / share) * identity
         turned = turned - bisector[:, :, None] * normal[:, None] / share
         turned = turned + along / share**2 * bisector[:, :, None] * initial[:, None]
-        turned = turned @ (identity - present[:, :, None] * present[:, None]) / size
+        turned = turned @ (identity - present[:, :, None] * present[:, None]) @ (identity - self.across) / size
         nodal = of_components(coupling.master, normal.shape[1]) @ turned_normals(master)
         return sp.csr_array(along_vectors(turned.transpose(0, 2, 1)) @ nodal)
+
+    def _at_partners(self, master: PairSurface) -> Array:
+        """Sums of the normals of the master at the partners of the points, shape (n, d): those of both halves beside a
+        plane of symmetry have nothing across it.
+        """
+        sums = self.coupling.master @ master.directions
+        return np.asarray(sums - np.einsum("nij,nj->ni", self.across, sums))
 
     @property
     def across(self) -> Array:

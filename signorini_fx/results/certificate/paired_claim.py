@@ -112,8 +112,10 @@ class Claim:
     def turned(self, normal: Array, initial: Array, present: Array) -> Array:
         """Vectors at the points, shape (n, d), turned as the normals of the master turn at the partners, from unit
         normals of the master at the owned nodes, initial and present ones, shape (owned nodes, d): by two reflections.
+        Beside a plane of symmetry the mean has nothing across that, as both halves have partners.
         """
         means = (self.others @ from_owners(normals, self.reached, self.comm) for normals in (initial, present))
+        means = (vectors - np.einsum("nij,nj->ni", self.across, vectors) for vectors in means)
         initial_unit, unit = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in means)
         return _reflected(_reflected(normal, initial_unit), initial_unit + unit)
 

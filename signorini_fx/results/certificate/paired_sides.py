@@ -133,6 +133,7 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     errors += [largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]
     errors.append(largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
     turned_distances, zeros = _rigid(np.asarray(claim.distance / size)), np.zeros_like(claim.distance)
+    turned_distances = [turned - np.einsum("nij,nj->ni", claim.across, turned) for turned in turned_distances]
     for number, motion in enumerate(_rigid((x - middle) / size)):
         remainder = turned_distances[number] if number >= dim and claim.followed is not None else zeros
         errors.append(largest(claim.relative(motion) + remainder))
