@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from support.sliding_bodies import blocks, bulge, stacked, turn_of, wheel
+from support.sliding_bodies import blocks, stacked, turn_of, wheel
 from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import Coulomb, FormError, Foundation, NonlinearContactProblem, Pair
