@@ -14,6 +14,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Timings
+from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -47,7 +48,7 @@ def solved_from(
         solver = scene.solver.model_copy(update={"linear_algebra": "full"})
         scene = scene.model_copy(update={"solver": solver})
     timings = Timings()
-    discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), timings)
+    discretisation = StatedBody.of(discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), timings))
     assert discretisation.boundary is not None
     task = contact_task(discretisation, History())
     begin = task.start
