@@ -156,8 +156,8 @@ def test_a_varying_stiffness_that_is_wrong(monkeypatch, factor):
     moved = 0.1
     traction = [{"boundary": "right", "x": PULL}, {"boundary": "left", "x": f"{moved}*(2 + 6*x[1]) - {PULL}"}]
     solution = alone(bar([{"normal": "2 + 6*x[1]", "tangential": 3.0}], traction=traction))
-    of = VaryingSprings._stiffness
-    monkeypatch.setattr(VaryingSprings, "_stiffness", lambda *args: factor * of(*args))
+    of = VaryingSprings.stiffness_at
+    monkeypatch.setattr(VaryingSprings, "stiffness_at", lambda *args: factor * of(*args))
     low, high = solution.mean_displacement_bounds("right", (1.0, 0.0))
     assert (low - 1e-10 <= moved + PULL / YOUNG * LONG_BAR <= high + 1e-10) == (factor == 1)
 

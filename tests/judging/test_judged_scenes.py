@@ -126,6 +126,30 @@ def test_curved_cells_of_degree_2(tmp_path):
     assert wrong.word == "another problem: load or modulus", str(wrong)
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+def test_another_gap_of_a_curved_side(degree):
+    """What contact at nodes does not see of a curved gap allows for none that is ignored, or another one."""
+    mesh = sfx.MeshGenerator(generator="half_disk", parameters={"radius": 1.0, "size": 0.2, "order": degree})
+
+    def pressed(gap):
+        return sfx.Scene(
+            mesh=mesh,
+            element={"degree": degree},
+            material=sfx.LinearElastic(young=1000.0, poisson=0.3),
+            displacement=sfx.PrescribedDisplacement(boundary="top", x=0.0, y=-0.05),
+            contact=() if gap is None else sfx.UnilateralContact(boundary="arc", direction=(0.0, -1.0), gap=gap),
+        )
+
+    scene = pressed("x[1]")
+    problem, _ = judged_problem(scene)
+    words = [
+        judge(scene, at_nodes_of(sfx.solve(pressed(gap), check=False), problem), compare=False).word
+        for gap in ("x[1]", None, "x[1] + 0.01", "x[1] - 0.01")
+    ]
+    through = "violates contact: penetration"
+    assert words == ["agrees", through, through, "violates contact: apart"]
+
+
 def test_folders_of_results(tmp_path):
     """The last load step of a folder or a .pvd, whose slip counts from the step before."""
     scene = sfx.read_scene(DEMOS / "press_fit.toml")

@@ -12,7 +12,7 @@ in which nothing is divided by K_2: it may vanish, and the integrals are those o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -164,7 +164,7 @@ class VaryingSprings:
             points, weights = simplex_rule(t.dimension - 1, size)
             at, share = points @ places, np.abs(np.linalg.det(places)) * t.area[facets[rows]]
             x = np.einsum("kqc,kcd->kqd", at, corners[rows])
-            stiffness = without_rules._stiffness(rows, x)
+            stiffness = without_rules.stiffness_at(rows, x)
             across = np.abs(loose[rows][:, None] @ stiffness @ held[facets[rows]][:, None]).max(initial=0.0)
             if across > SAME_LENGTH * np.abs(stiffness).max(initial=0.0):
                 raise Refused(
@@ -172,9 +172,9 @@ class VaryingSprings:
                 )
             projected = loose[rows][:, None] @ stiffness @ loose[rows][:, None]
             rules.append(_SpringQuadrature(rows, at, share[:, None] * weights, projected))
-        return VaryingSprings(t, facets, without_rules.cells, loose, varying, tuple(rules))
+        return replace(without_rules, rules=tuple(rules))
 
-    def _stiffness(self, rows: Ints, x: Array) -> Array:
+    def stiffness_at(self, rows: Ints, x: Array) -> Array:
         """K_2 at points on parts of facets, supports left out, shape (k, q, d, d).
 
         Args:
@@ -254,5 +254,5 @@ class SpringReaction:
         at = np.concatenate((1 - coordinates.sum(axis=2, keepdims=True), coordinates), axis=2)
         moved = bernstein(at.reshape(-1, at.shape[2])).reshape(*at.shape[:2], -1) @ self.displacement[rows]
         loose = springs.loose[rows][:, None]
-        stiffness = loose @ springs._stiffness(rows, points.x) @ loose
+        stiffness = loose @ springs.stiffness_at(rows, points.x) @ loose
         return np.asarray(-np.einsum("kqij,kqj->kqi", stiffness, moved))

@@ -121,13 +121,12 @@ class _Judging:
             candidate = self._equilibrium(unprinted)
             if (fits := best_fit(candidate[2])).fit.rho < best.fit.rho:  # it is no file of ours, which has what moves
                 self.theirs, (v, largest, equilibrium), best = unprinted, candidate, fits
-        for words, loads in self.problem.other_loads.items():
-            if best.exact:
-                break
+        for words, loads in {} if best.exact else self.problem.other_loads().items():
             with_them = Equilibrium(replace(equilibrium.problem, loads=loads), v, self.theirs.half_units)
             fits = best_fit(with_them, of_calculix=of_calculix)
             if fits.exact:
                 equilibrium, best, self.integrated = with_them, fits, words
+                break
         problem = self.problem = equilibrium.problem
         findings: list[JudgedFinding] = []
         lines: dict[str, str] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
@@ -170,7 +170,7 @@ class JudgedProblem:
         lost: what the problem lacks of the deck.
         links: C of the relations C v = 0 of equations and of ties that are no bonds, without unit, shape (links, n d).
         bonds: the same of ties that are bonds of ``contacts``, too.
-        other_loads: ``loads`` as programs may integrate them instead, by what is to be said of it.
+        other_loads: makes ``loads`` as programs may integrate them instead, by what is to be said of it.
         rigid_bodies: numbers of bodies all of whose nodes are held.
     """
 
@@ -193,7 +193,7 @@ class JudgedProblem:
     bonds: csr_array = field(default_factory=lambda: csr_array((0, 0)))
     begun: float | None = None
     prescribed_before: Floats | None = None
-    other_loads: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
+    other_loads: Callable[[], Mapping[str, Mapping[str, Floats]]] = dict
 
     def linked_in(self, v: Floats, allowed: float) -> Self:
         """The problem whose ties are links of nodes if a displacement keeps to these, else are bonds.

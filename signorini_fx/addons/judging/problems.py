@@ -40,7 +40,7 @@ from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed, dimension
 from signorini_fx.mechanics.mesh.files.cutting import shape_of
-from signorini_fx.mechanics.mesh.files.raw import rows_of
+from signorini_fx.mechanics.mesh.files.raw import row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.mechanics.statement.expressions import in_space
@@ -175,7 +175,7 @@ def _with_nodes_between(cell: Cell, cells: Ints, points: Floats) -> tuple[str, I
     for size in sorted({len(members) for members in full_cell.nodes} - {1}):
         between = np.array([members for members in full_cell.nodes if len(members) == size])
         rows = cells[:, between].reshape(-1, size)
-        _, first, numbers = np.unique(np.sort(rows, axis=1), axis=0, return_index=True, return_inverse=True)
+        _, first, numbers = np.unique(row_keys(rows), return_index=True, return_inverse=True)
         columns.append(count + numbers.reshape(len(cells), -1))
         further.append(points[rows[first]].mean(axis=1))
         count += len(first)
@@ -203,7 +203,8 @@ def _problem(
         reasons.append("elements with a pressure of their own are not judged yet")
     materials, misfits = _materials(statement, mesh)
     reasons += misfits
-    loads, misfits = loads_of(statement, position, mesh, materials, revolved=revolved)
+    stated = statement, position, mesh, materials
+    loads, misfits = loads_of(*stated, revolved=revolved)
     reasons += misfits
     linked = deck is not None and not deck.grounded
     unjudged = {"springs", "preload", "fluid", "links"} - ({"links"} if linked else set())
@@ -247,7 +248,7 @@ def _problem(
         bonds=bonds,
         # Where friction changes before the loads of the step, its slip is not that between its beginning and its end.
         begun=None if deck is None or deck.taken[-2:-1] == [None] else deck.ends.get(len(deck.steps) - 2),
-        other_loads=loads_by_degree(statement, position, mesh, materials, revolved=revolved) if deck is None else {},
+        other_loads=dict if deck is not None else lambda: loads_by_degree(*stated, revolved=revolved),
         prescribed_before=prescribed_of(statement, position - 1, mesh)[0] if position > 0 else None,
     ), reasons
 

@@ -186,8 +186,9 @@ def _rule(
         degree: of the rule of a load that jumps; None: on the parts.
     """
     if not load.jumps or degree is not None or not len(nodes):
-        places, weights = gauss(JUDGED_LOAD_POINTS, element.dim, simplex=element.simplex)
-        if load.jumps and degree is not None:
+        if degree is None or not load.jumps:
+            places, weights = gauss(JUDGED_LOAD_POINTS, element.dim, simplex=element.simplex)
+        else:
             places, weights = basix.make_quadrature(_BASIX[element.corner_count, element.dim], degree)
         shape = len(nodes), *weights.shape
         return (np.broadcast_to(places, (*shape, element.dim)), np.broadcast_to(weights, shape)), nodes

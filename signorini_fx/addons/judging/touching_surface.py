@@ -117,18 +117,15 @@ def touching_surface(
     moved, changed = (np.einsum("qk,fkd->fqd", at.shape, u[facets]).reshape(flat.shape) for u in (v, change))
     gap, normal, slip = _opposite(problem, contact, (v, change), flat, (moved, changed), at.normal.reshape(flat.shape))
     gap, normal, slip = gap.reshape(at.weight.shape), normal.reshape(at.x.shape), slip.reshape(at.x.shape)
-    begun = np.zeros_like(v) if step_start is None else step_start
-    undeformed, open_then = (
-        _opposite(
-            problem,
-            contact,
-            (u, change),
-            flat,
-            (np.einsum("qk,fkd->fqd", at.shape, u[facets]).reshape(flat.shape), changed),
-            at.normal.reshape(flat.shape),
-        )[0].reshape(at.weight.shape)
-        for u in (np.zeros_like(v), begun)
-    )
+
+    def clearance_at(u: Floats) -> Floats:
+        """At the points with another displacement, length, shape (f, q)."""
+        begun = np.einsum("qk,fkd->fqd", at.shape, u[facets]).reshape(flat.shape)
+        opposite = _opposite(problem, contact, (u, change), flat, (begun, changed), at.normal.reshape(flat.shape))
+        return opposite[0].reshape(at.weight.shape)
+
+    undeformed = clearance_at(np.zeros_like(v))
+    open_then = undeformed if step_start is None else clearance_at(step_start)
     near = JUDGED_APART * float(np.linalg.norm(v, axis=1).max())
     touched = np.zeros(len(corners), dtype=bool)
     touched[local[open_then.min(axis=1) <= near]] = True
