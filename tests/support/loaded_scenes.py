@@ -129,7 +129,7 @@ def _varying(springs, chance, up, sizes):
     changed = []
     for spring in springs:
         values = dict(spring)
-        for key in set(values) - {"boundary"}:
+        for key in [name for name in values if name != "boundary"]:  # in an order that all ranks have
             a, b = along if chance.random() < 0.5 else along[::-1]
             shapes = [
                 f"0.1 + {a} + 2*{b}**2",
