@@ -1,4 +1,8 @@
-"""One entry of a scene with several values: a solve for each of them, a table and a picture."""
+"""One number of a problem with several values: a solve for each of them, a table and a picture.
+
+The problem is an entry of a scene, or forms, or a residual with another value of a Constant: each is a function that
+solves it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine.csv_text import write_csv
@@ -17,8 +20,6 @@ from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.changes import Changes, parsed_change
-from signorini_fx.scenes.scene import Scene
-from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 # The figures of a row.
@@ -42,8 +43,8 @@ class ParameterStudy:
     """What came out.
 
     Attributes:
-        entry: the path of the entry of the scene that has several values.
-        title: of the scene.
+        entry: the path of the entry of the scene that has several values, or its name.
+        title: of the problem.
         units: for labels, see ``signorini_fx.mechanics.statement.units``.
         rows: of each value in order: ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``:
             sizes of the contact and friction force (per thickness in the plane), between bodies the sum of those of all
@@ -90,28 +91,28 @@ def _values(path: str, value: Any) -> list[Any]:
 
 
 def run(
-    entry: str, scenes: Sequence[tuple[Any, Scene]], comm: MPI.Comm, report: Callable[[str], object]
+    entry: str, problems: Sequence[tuple[Any, Callable[[], Solution]]], report: Callable[[str], object]
 ) -> ParameterStudy:
-    """Solve each scene; collective.
+    """Solve each problem; collective.
 
     Args:
-        entry: the path of what has several values.
-        scenes: each value, and the scene that has it.
-        comm: the ranks that share the work.
+        entry: the name of what has several values.
+        problems: each value, and what solves the problem that has it, to the last iterate if there is no solution.
         report: told a line of text at each one.
     """
     names = "  ".join(f"{name:>14s}" for name in FIGURES).replace("_", " ")
     report(f"{entry}\n{'value':>12s}  {names}  outcome")
-    rows, units = [], {}
-    for value, scene in scenes:
-        solution = solve(scene, comm, check=False)
+    rows, title, units = [], "", {}
+    for value, solved in problems:
+        solution = solved()
         rows.append({"value": value, **figures_of(solution)})
-        units = scene.statement.unit_names(solution.model.tagged.dimension)
+        statement = solution.statement
+        title, units = statement.title, statement.unit_names(solution.model.tagged.dimension)
         row = rows[-1]
         # Without contact there are no figures of it.
         figures = "  ".join(f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES)
         report(f"{value!s:>12s}  {figures}  {solution.status.value}")
-    return ParameterStudy(entry, scenes[0][1].title, units, tuple(rows))
+    return ParameterStudy(entry, title, units, tuple(rows))
 
 
 def figures_of(solution: Solution) -> dict[str, Any]:

@@ -300,14 +300,16 @@ def sweep(options: argparse.Namespace) -> int:
 
     from signorini_fx.machine import parallel
     from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.scenes import solver
 
     comm, study = MPI.COMM_WORLD, add_on("sweep")
     path = options.out or Path("results") / f"sweep_{options.scene.stem}"
     entry, values = study.several(changes(options))
     scenes = _read_scenes(options, lambda changed: [(value, {**changed, entry: value}) for value in values])
     report = partial(parallel.log_on_root, comm)
+    problems = [(value, partial(solver.solve, scene, comm, check=False)) for value, scene in scenes]
     with ResultFolder(comm, path, study.FILES) as folder:
-        outcome = study.run(entry, scenes, comm, report)
+        outcome = study.run(entry, problems, report)
         parallel.on_root(comm, lambda: study.write(outcome, folder.part))
         folder.commit()
     report(f"results: {path}/")
