@@ -317,7 +317,7 @@ def test_files_of_a_draft_that_has_no_solution(tmp_path, monkeypatch, fails):
     """Where finite strains are tried in vain, the files are those of the solution that there is."""
     first = draft(case_of(tmp_path, "shelf_CPE4"), file := tmp_path / "scene.toml")
     other = replace(first, files={file: "title = 'other'\n", tmp_path / "links.csv": "link\n"})
-    tried, kept = [], solved_drafts.SolvedDraft(None, None, [])
+    tried, kept = [], solved_drafts.SolvedDraft(None, [], None)
 
     def solved(case, drafted, path, plainly):
         solved_drafts._write(drafted)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from foreign_spoils import displacements
 
-from signorini_fx import Scene
 from signorini_fx.addons.judging.formulations import EXACT, stiffness_by_material
 from signorini_fx.addons.judging.judge import judge
 from signorini_fx.addons.judging.own_solution import CarriedMesh, as_functions, at_points, one_body, solved, tagged
@@ -45,8 +44,7 @@ def fine(name, halvings):
     mesh = body.mesh
     for _ in range(halvings):
         mesh = mesh.finer()
-    fields = {key: getattr(body.scene, key) for key in body.scene.model_fields_set}
-    return at_points(solved(Scene(**fields | {"mesh": tagged(mesh.arrays)})), mesh.arrays.points), mesh
+    return at_points(solved(body.solve, mesh=tagged(mesh.arrays)), mesh.arrays.points), mesh
 
 
 def energy_norm(problem, arrays, u):
@@ -112,9 +110,7 @@ def test_a_carried_displacement_stays_the_same_function(name):
     finer = mesh.finer()
     sizes = [energy_norm(problem, each.arrays, each.displacements) for each in (mesh, finer)]
     assert sizes[1] == pytest.approx(sizes[0], rel=1e-10)
-    scene = one_body(problem, v).scene
-    fields = {key: getattr(scene, key) for key in scene.model_fields_set}
-    solution = solved(Scene(**fields | {"mesh": tagged(finer.arrays)}))
+    solution = solved(one_body(problem, v).solve, mesh=tagged(finer.arrays))
     (function,) = as_functions(solution, finer)
     solution.displacement.x.array[:] = function.x.array
     np.testing.assert_allclose(at_points(solution, finer.arrays.points), finer.displacements, atol=1e-14)

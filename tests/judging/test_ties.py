@@ -44,7 +44,7 @@ def test_a_tie_beside_contact(name):
 def test_a_bond_is_no_contact_beside_ours():
     """The force beside ours is that of the contact, not that of the tie, too."""
     problem, _ = result_of("press_capped")
-    ours = at_nodes_of(solved(problem.scene), problem)
+    ours = at_nodes_of(solved(problem.solve), problem)
     judgement = judge(DATA / "press_capped.inp", ours)
     assert judgement.word == "agrees with another element", str(judgement)  # ours has no incompatible modes
     assert judgement.beside["force"] < 1e-3
@@ -86,7 +86,7 @@ def test_an_equation(tmp_path):
     )
     problem, reasons = judged_problem(tmp_path / "linked.inp")
     assert reasons == []
-    ours = at_nodes_of(solved(problem.scene), problem)
+    ours = at_nodes_of(solved(problem.solve), problem)
     assert judge(tmp_path / "linked.inp", ours, compare=False).word == "agrees"
     assert judge(plain, ours, compare=False).word == "not in equilibrium"
     without = judge(tmp_path / "linked.inp", DATA / "shelf_CPE4.dat", compare=False)
@@ -158,7 +158,7 @@ def test_linked_nodes_in_contact(tmp_path):
     (tmp_path / "linked.inp").write_text(text.replace("*STEP", equation, 1))
     problem, reasons = judged_problem(tmp_path / "linked.inp")
     assert reasons == []
-    ours = at_nodes_of(solved(problem.scene), problem)
+    ours = at_nodes_of(solved(problem.solve), problem)
     judgement = judge(tmp_path / "linked.inp", ours, compare=False)
     assert judgement.agrees, str(judgement)
     assert judge(DATA / "stack_CPE4.inp", ours, compare=False).exit_code == 6

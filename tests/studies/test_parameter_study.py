@@ -192,7 +192,9 @@ def test_forms_and_residuals_have_parameter_studies():
     none = ufl.inner(fem.Constant(tagged.mesh, (0.0, 0.0)), v) * ufl.dx
     a = hooke(ufl.TrialFunction(space), v, 5000.0)
     forms = ContactProblem(a, none, moved, floor, algorithm="exact", coulomb="newton")
-    residual = NonlinearContactProblem(hooke(u, v, 5000.0), u, bcs=moved, contact=floor, algorithm="exact", coulomb="newton")
+    residual = NonlinearContactProblem(
+        hooke(u, v, 5000.0), u, bcs=moved, contact=floor, algorithm="exact", coulomb="newton"
+    )
 
     def solved(problem, coefficient):
         shared.value = coefficient

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
-from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.content import Deck
@@ -19,7 +18,6 @@ from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats, is_straight
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import FINER_AT_MOST
 
 
@@ -42,13 +40,12 @@ def finer_values(solved: SolvedDraft, deck: Deck) -> FinerValues | None:
     """Our solution with all sides halved; None: the mesh, or the scene, does not allow that, or there is none."""
     arrays = deck.mesh
     unknowns = solved.solution.model.dofs * 2**arrays.dim
-    nodal = deck.links or any(getattr(entry, "file", None) for _, entry in solved.scene.statement.listed())
+    nodal = deck.links or any(getattr(entry, "file", None) for _, entry in solved.solution.statement.listed())
     straight = arrays.degree == 1 or is_straight(arrays.points, arrays.cells, arrays.cell)
     if nodal or unknowns > FINER_AT_MOST:
         return None
     try:
-        finer = solved.scene.remade(mesh=tagged(halved(arrays), straight=straight))
-        solution = solve(finer, MPI.COMM_SELF, check=False)
+        solution = solved.solve(mesh=tagged(halved(arrays), straight=straight))
     except SignoriniError:
         return None
     return _at_nodes_of(solution, deck) if solution.converged else None

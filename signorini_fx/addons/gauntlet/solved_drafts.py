@@ -17,8 +17,7 @@ from signorini_fx.addons.gauntlet.outcomes import LOST, UNSOLVED, GauntletCase, 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.reading import read_scene
-from signorini_fx.scenes.scene import Scene
-from signorini_fx.scenes.solver import solve
+from signorini_fx.scenes.solver import solves
 
 
 @dataclass(frozen=True)
@@ -26,14 +25,14 @@ class SolvedDraft:
     """A draft whose scene has a solution.
 
     Attributes:
-        scene: that was drafted.
         solution: ours, on this rank.
         lost: what it has lost of the draft, in words.
+        solve: solves it with other entries, such as ``mesh``.
     """
 
-    scene: Scene
     solution: Solution
     lost: list[str]
+    solve: Callable[..., Solution]
 
 
 def solved_draft(
@@ -80,8 +79,8 @@ def _solved(
     lost = list(drafted.lost)
     _write(drafted)
     try:
-        scene = read_scene(file)
-        solution = solve(scene, MPI.COMM_SELF, check=False)
+        solve = solves(read_scene(file), MPI.COMM_SELF)
+        solution = solve()
     except (SceneError, MeshError) as error:
         return replace(case, why=in_short([plainly(str(error)), *lost]))
     except ConvergenceError as error:
@@ -91,7 +90,7 @@ def _solved(
     graded = graded_solution(solution, drafted)
     further = graded.statement.incomplete[len(solution.statement.incomplete) :]
     at_case = drafted.at_case if isinstance(drafted, StudyDraft) else str
-    return SolvedDraft(scene, graded, [*lost, *map(at_case, further)])
+    return SolvedDraft(graded, [*lost, *map(at_case, further)], solve)
 
 
 def without_folders(text: str, *folders: Path) -> str:

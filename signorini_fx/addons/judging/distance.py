@@ -108,7 +108,7 @@ def measured_distance(
         if any(figure.is_soft for figure in contacts):
             raise Refused("a guaranteed bound is for hard contact")
         body = one_body(problem, exact)
-        if body.scene.statement.has_coulomb:
+        if problem.statement.has_coulomb:
             raise Refused("friction of Coulomb")
         return _guaranteed(problem, body, contacts, figures_of)
     except Refused as reason:
@@ -120,7 +120,7 @@ def _guaranteed(
 ) -> DistanceOfResult:
     """With the interval of the error."""
     dim = body.mesh.arrays.dim
-    coarse = solved(body.scene)
+    coarse = solved(body.solve)
     on_mesh = at_points(coarse, body.mesh.arrays.points)
     theirs = body.mesh.displacements
     apart = _energy_norm(problem, body.mesh, theirs - on_mesh)
@@ -132,7 +132,7 @@ def _guaranteed(
         missed = [_interpolation_error(problem, mesh, number) for number in range(len(missed))]
         mesh = mesh.on_triangles()
     if mesh.arrays is not body.mesh.arrays:
-        ours = solved(body.scene.remade(mesh=tagged(mesh.arrays)))
+        ours = solved(body.solve, mesh=tagged(mesh.arrays))
     size, own_error = _bound(ours, ours.displacement)
     finest = at_points(ours, mesh.arrays.points)
     intervals = []
@@ -232,7 +232,7 @@ def _estimated(
 ) -> DistanceOfResult:
     """With the distance to our solution on the same mesh alone."""
     try:
-        solution = solved(problem.scene)
+        solution = solved(problem.solve)
         ours = at_nodes_of(solution, problem)
         if not ours[problem.deformable].any():
             raise Refused("in our own solution nothing moves")

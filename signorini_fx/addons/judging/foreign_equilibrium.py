@@ -228,7 +228,7 @@ def stated_formulations(problem: JudgedProblem) -> list[Formulation]:
     if problem.deck is not None:
         stated = own_formulation(problem)
         return [Formulation("full", problem.hypothesis == "plane stress")] if stated is None else [stated]
-    fewer = problem.scene.element.volumetric in ("auto", "reduced")
+    fewer = problem.statement.element.volumetric in ("auto", "reduced")
     names = ["full", "exact", *[SELECTIVE, SELECTIVE_EXACT] * fewer]
     return [Formulation(name) for name in names]
 

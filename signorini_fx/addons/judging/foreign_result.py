@@ -128,7 +128,7 @@ def _of_steps(file: Path, problem: JudgedProblem) -> ForeignResult:
     if not files:
         raise MeshError(f"{file}: it names no file")
     last = _read(files[-1], problem)
-    if len(files) == 1 or len(files) != problem.scene.statement.steps:
+    if len(files) == 1 or len(files) != problem.statement.steps:
         return replace(last, name=file.name)
     begun = _read(files[-2], problem).displacement
     return replace(last, name=file.name, step_start=begun if np.isfinite(begun).all() else None)

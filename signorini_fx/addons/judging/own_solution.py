@@ -6,7 +6,7 @@ mesh one.  Without it a single body is left, whose error has a guaranteed bound.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +14,6 @@ import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the l
 import numpy as np
 from dolfinx import fem
 from dolfinx.io.utils import cell_perm_vtk
-from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.tagged_arrays import tagged
@@ -28,8 +27,6 @@ from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
-from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import SAME_LENGTH
 
 # Nodes of a quadrilateral of degree 2 that are those of the triangles on either side of its diagonal.
@@ -86,11 +83,11 @@ class OneBody:
 
     Attributes:
         mesh: without bodies that are held everywhere; its displacement is the one that is judged.
-        scene: of it, whose contact is as hard as ours can be.
+        solve: solves it, its contact as hard as ours can be, with further entries, such as ``mesh``.
     """
 
     mesh: CarriedMesh
-    scene: Scene
+    solve: Callable[..., Solution]
 
 
 def one_body(problem: JudgedProblem, v: Floats) -> OneBody:
@@ -99,7 +96,7 @@ def one_body(problem: JudgedProblem, v: Floats) -> OneBody:
     Raises:
         Refused: some contact is between two bodies, or with a surface that is not flat.
     """
-    deck, scene = problem.deck, problem.scene
+    deck, statement = problem.deck, problem.statement
     if deck is None:
         raise Refused("an input file is needed, whose mesh can be divided")
     if problem.links.shape[0]:
@@ -118,16 +115,19 @@ def one_body(problem: JudgedProblem, v: Floats) -> OneBody:
     carried = _part(CarriedMesh(arrays, values), cells)
     named = {name for name, rows in carried.arrays.boundaries.items() if rows.size}
     changed: dict[str, Any] = {"contact": tuple(contacts)}
-    for key, entries in scene.statement.effects.items():
+    for key, entries in statement.effects.items():
         if key in ("contact", "body_force"):
             continue
         acting = tuple(entry for entry in entries if _acts_on(entry, named, carried, problem))
         if len(acting) < len(entries):
             changed[key] = acting
-    solver = scene.solver.model_copy(update={"gamma_n": "auto", "gamma_t": "auto"})
-    if scene.element.degree == 2 and not is_straight(carried.arrays.points, carried.arrays.cells, carried.arrays.cell):
+    solver = statement.solver.model_copy(update={"gamma_n": "auto", "gamma_t": "auto"})
+    if statement.element.degree == 2 and not is_straight(
+        carried.arrays.points, carried.arrays.cells, carried.arrays.cell
+    ):
         raise Refused("a guaranteed bound is for straight cells so far")
-    return OneBody(carried, scene.remade(**changed, solver=solver, mesh=tagged(carried.arrays)))
+    changed |= {"solver": solver, "mesh": tagged(carried.arrays)}
+    return OneBody(carried, lambda **further: problem.solve(**changed | further))
 
 
 def _acts_on(entry: Any, named: set[str], carried: CarriedMesh, problem: JudgedProblem) -> bool:
@@ -193,13 +193,13 @@ def _held(rows: Any) -> Any:
     return np.sort(rows[rows >= 0])
 
 
-def solved(scene: Scene) -> Solution:
-    """The solution of a scene.
+def solved(solve: Callable[..., Solution], **entries: Any) -> Solution:
+    """The solution of a problem with other entries.
 
     Raises:
         Refused: there is none.
     """
-    solution = solve(scene, MPI.COMM_SELF, check=False)
+    solution = solve(**entries)
     if not solution.converged:
         raise Refused(f"our own solve of it ended as {solution.status.value}")
     return solution

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,10 @@ from signorini_fx.addons.judging.soft_contact import SoftLaw
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.statement.statement import Statement
+
+if TYPE_CHECKING:
+    from signorini_fx.results.solution import Solution
 
 # The kind of the facets of each kind of cell; those of serendipity elements are of that family.
 _FACET = {"quad8": "line3", "hexahedron20": "quad8"}
@@ -165,7 +169,8 @@ class JudgedProblem:
         time: at the end of the last step; None: not known.
         begun: when the last one of several steps began; None: there is one alone, or it is not known.
         prescribed_before: the same as ``prescribed`` at the end of the step before; None: there is none.
-        scene: what ``solve`` takes.
+        statement: what is stated of it.
+        solve: solves it with other entries of the keys that it is called with, to the last iterate.
         deck: what was read from the input file; None: the problem is none.
         lost: what the problem lacks of the deck.
         links: C of the relations C v = 0 of equations and of ties that are no bonds, without unit, shape (links, n d).
@@ -186,7 +191,8 @@ class JudgedProblem:
     printed_share: float
     several_steps: bool
     time: float | None
-    scene: Any
+    statement: Statement
+    solve: Callable[..., Solution]
     deck: Any
     lost: tuple[str, ...] = ()
     links: csr_array = field(default_factory=lambda: csr_array((0, 0)))

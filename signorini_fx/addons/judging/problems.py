@@ -6,7 +6,7 @@ import re
 import shutil
 import tempfile
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,9 +45,11 @@ from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.mechanics.statement.expressions import in_space
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import as_scene, read_scene
-from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solves
 from signorini_fx.tuned import HARD_OF_CALCULIX, SAME_LENGTH
 
 # Elements of the serendipity family by the complete ones that they are read as.
@@ -69,7 +71,8 @@ def judged_problem(problem: object) -> tuple[JudgedProblem, list[str]]:
     scene = as_scene(problem)
     tagged = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, tagged)
-    judged, reasons = _problem(scene, _mesh_of_tagged(tagged, scene.element.degree), None, ())
+    mesh = _mesh_of_tagged(tagged, scene.element.degree)
+    judged, reasons = _problem(scene.statement, solves(scene, MPI.COMM_SELF), mesh, None, ())
     if tagged.subdivided:
         reasons.append(f"its mesh has other cells than its file: {tagged.note}")
     return judged, reasons
@@ -97,7 +100,8 @@ def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
         raise error.of(file) from None
     source = tagged(deck.mesh, straight=False) if moved else MeshFile(file=file.resolve())
     scene = scene.model_copy(update={"mesh": source})
-    problem, reasons = _problem(scene, mesh, drafted.deck, tuple(drafted.lost))
+    solve = solves(scene, MPI.COMM_SELF)
+    problem, reasons = _problem(scene.statement, solve, mesh, drafted.deck, tuple(drafted.lost))
     return problem, _of_other_cells(deck) + unclear + reasons
 
 
@@ -187,9 +191,8 @@ def _corners(cell: str) -> int:
 
 
 def _problem(
-    scene: Scene, mesh: JudgedMesh, deck: Deck | None, lost: tuple[str, ...]
+    statement: Statement, solve: Callable[..., Solution], mesh: JudgedMesh, deck: Deck | None, lost: tuple[str, ...]
 ) -> tuple[JudgedProblem, list[str]]:
-    statement = scene.statement
     position = float(statement.steps - 1)
     placed = statement.placed(position)
     hypothesis = "space" if mesh.dim == 3 else statement.kinematics.words
@@ -197,9 +200,9 @@ def _problem(
     reasons: list[str] = []
     if hypothesis not in ("plane strain", "plane stress", "axisymmetric", "space"):
         reasons.append(f"{hypothesis} is not judged yet")
-    if scene.element.degree != mesh.element.degree:
+    if statement.element.degree != mesh.element.degree:
         reasons.append("elements of degree 1 on cells of degree 2 are not judged yet: take those of degree 2")
-    if scene.element.volumetric == "mixed":
+    if statement.element.volumetric == "mixed":
         reasons.append("elements with a pressure of their own are not judged yet")
     materials, misfits = _materials(statement, mesh)
     reasons += misfits
@@ -241,7 +244,8 @@ def _problem(
         printed_share=1.0 if deck is None else deck.printed_share * (2 * np.pi if revolved else 1.0),
         several_steps=statement.several_steps,
         time=None if deck is None else deck.ends.get(len(deck.steps) - 1, float(max(1, len(deck.steps)))),
-        scene=scene,
+        statement=statement,
+        solve=solve,
         deck=deck,
         lost=lost,
         links=links,

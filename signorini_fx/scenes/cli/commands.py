@@ -307,7 +307,7 @@ def sweep(options: argparse.Namespace) -> int:
     entry, values = study.several(changes(options))
     scenes = _read_scenes(options, lambda changed: [(value, {**changed, entry: value}) for value in values])
     report = partial(parallel.log_on_root, comm)
-    problems = [(value, partial(solver.solve, scene, comm, check=False)) for value, scene in scenes]
+    problems = [(value, solver.solves(scene, comm)) for value, scene in scenes]
     with ResultFolder(comm, path, study.FILES) as folder:
         outcome = study.run(entry, problems, report)
         parallel.on_root(comm, lambda: study.write(outcome, folder.part))
