@@ -15,12 +15,11 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from cases import reference_of, scene_of
+from cases import on_mesh, reference_of, scene_of
 from effectivity import as_asked, one_after_the_other
 from matplotlib.figure import Figure
 
 from signorini_fx.addons.pictures.style import RULE, STYLE, finish
-from signorini_fx.addons.studies.reference import on_mesh
 from signorini_fx.machine.csv_text import write_csv
 
 SCENE = "example2_tresca"

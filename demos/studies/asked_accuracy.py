@@ -24,10 +24,9 @@ from pathlib import Path
 import numpy as np
 import random_scenes
 from mpi4py import MPI
-from cases import reference_of, scene_of
+from cases import on_mesh, reference_of, scene_of
 
 from signorini_fx.addons.studies.methods import methods
-from signorini_fx.addons.studies.reference import on_mesh
 from signorini_fx.addons.studies.work_precision import work_of
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine.csv_text import write_csv

@@ -4,8 +4,18 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-from signorini_fx.addons.studies.reference import Reference, divided, reference_errors, reference_solution
+from mpi4py import MPI
+
+from signorini_fx.addons.studies.reference import (
+    Reference,
+    divided,
+    reference_errors,
+    reference_solution,
+    studied_settings,
+)
+from signorini_fx.scenes.hierarchy import varied_scene
 from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.solver import varied
 
 SCENES = Path(__file__).parent.parent / "scenes"
 UNKNOWNS = 200_000
@@ -25,15 +35,20 @@ def scene_of(name):
 def reference_of(name):
     """A reference of much higher accuracy, and how far it may be wrong."""
     if not name.startswith("hertz"):
-        return reference_solution(scene_of(name), 0.2, UNKNOWNS)
+        return reference_solution(varied(scene_of(name), MPI.COMM_SELF), 0.2, UNKNOWNS)
     return _hertz_reference()
 
 
 @cache
 def _hertz_reference():
     # From small cells on: where facets are divided, the body remains the polygon that it is.
-    scene = scene_of("hertz_degree2")
-    solutions = divided(scene, 1 / 3, UNKNOWNS)
+    problem = varied(scene_of("hertz_degree2"), MPI.COMM_SELF)
+    solutions = divided(problem, 1 / 3, UNKNOWNS)
     reference, finest = Reference(solutions[-1]), solutions[-1].model.dofs
-    coarse = (divided(scene, k / 3, finest / k**2)[-1] for k in (2, 4))
+    coarse = (divided(problem, k / 3, finest / k**2)[-1] for k in (2, 4))
     return reference, reference_errors(*(reference.errors(solution) for solution in coarse))
+
+
+def on_mesh(scene, factor, element, settings):
+    """A scene with elements ``factor`` times as large, of this kind, and with the settings of a method."""
+    return varied_scene(scene, factor, element, studied_settings(scene.statement, settings), None)

@@ -31,9 +31,8 @@ SCENE = "example1_coulomb"
 def run(name: str) -> None:
     """One method on the ranks that there are: what it took, as JSON from the first rank."""
     from mpi4py import MPI
-    from cases import scene_of
+    from cases import on_mesh, scene_of
 
-    from signorini_fx.addons.studies.reference import on_mesh
     from signorini_fx.machine import parallel
     from signorini_fx.results.accuracy.price_list import peak_memory
     from signorini_fx.scenes.solver import solve

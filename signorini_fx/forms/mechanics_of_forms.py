@@ -64,6 +64,11 @@ class FormBody(SolidBody):
     form_scales: Scales
     settled: bool = True
 
+    @property
+    def scales(self) -> Scales:
+        """See ``Model``: forms state no materials."""
+        return self.form_scales
+
     def sides(self, y: fem.Function) -> list[ContactSide]:
         """See ``SolidBody``."""
         forms = self.user_forms

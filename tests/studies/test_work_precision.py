@@ -6,20 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import example1
 
+from signorini_fx import ContactProblem, Coulomb, Foundation, OrthotropicElastic, generate_mesh
 from signorini_fx.addons.pictures import style
 from signorini_fx.addons.studies import conclusions, methods, work_precision
 from signorini_fx.addons.studies.files import write_study
-from signorini_fx.addons.studies.reference import Reference, on_mesh, reference_errors
+from signorini_fx.addons.studies.reference import Reference, reference_errors, studied_settings
 from signorini_fx.addons.studies.work_precision import Study
 from signorini_fx.errors import SceneError
+from signorini_fx.forms.meshes import varied as varied_forms
 from signorini_fx.machine.result_files import read_csv
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.reading import read_scene
-from signorini_fx.scenes.solver import solve
+from signorini_fx.scenes.hierarchy import varied_scene
+from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.solver import solve, varied
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 SCENE = """
@@ -33,6 +38,10 @@ boundary = "bottom"
 gap = "0.003*(x[0] - 1.5)**2 + 0.001"
 friction = { law = "coulomb", coefficient = 0.3 }
 """
+
+
+CONSTANTS = {"young": [5000.0, 2000.0, 3000.0], "poisson": [0.3, 0.2, 0.25], "shear": [900.0, 1200.0, 1000.0]}
+FRICTION = {"law": "coulomb", "coefficient": 0.3}
 
 
 def row(method, size, seconds, error, **more):
@@ -79,7 +88,7 @@ def test_choice():
 
 def test_advice_names_failures_and_trusts_the_reference_no_further_than_it_is():
     """Failures are told with their status; targets near the error of the reference are left out."""
-    study = Study(example1(bound=1.0), ROWS, {"pressure": None, **dict.fromkeys(work_precision.QUANTITIES)}, "it", 1.0)
+    study = Study("Block", ROWS, {"pressure": None, **dict.fromkeys(work_precision.QUANTITIES)}, "it", 1.0)
     said = conclusions.advice(study)
     assert "broken" in said
     assert "active sets cycle" in said
@@ -94,15 +103,18 @@ def test_errors_that_are_none_are_not_shown(tmp_path):
     rows = [
         row("simple", size, 1 / size, size * 1e-2, force=1e-9, families="; ".join(methods.FAMILIES)) for size in (1, 2)
     ]
-    study = Study(example1(bound=1.0), rows, dict.fromkeys(work_precision.QUANTITIES), "it", 1.0)
+    study = Study("Block", rows, dict.fromkeys(work_precision.QUANTITIES), "it", 1.0)
     write_study(study, tmp_path, pdf=True)
     assert sorted(file.name for file in tmp_path.glob("*.p[nd][gf]")) == [
         f"work_precision_pressure.{kind}" for kind in ("pdf", "png")
     ]
 
 
-@pytest.mark.parametrize(("cell", "degree"), [("triangle", 1), ("quadrilateral", 1), ("quadrilateral", 2)])
-def test_measured_energy_error(cell, degree):
+@pytest.mark.parametrize(
+    ("cell", "degree", "orthotropic"),
+    [("triangle", 1, False), ("quadrilateral", 1, False), ("quadrilateral", 2, False), ("quadrilateral", 1, True)],
+)
+def test_measured_energy_error(cell, degree, orthotropic):
     """Against a nested finer mesh of the same space, measured at quadrature points = the energies' difference.
 
     Without contact a(y, y) / 2 of a Galerkin solution under a load only falls short by that of its error.
@@ -112,8 +124,11 @@ def test_measured_energy_error(cell, degree):
     # A body that the foundation does not reach.
     far = [linear.contact[0].model_copy(update={"gap": 1.0})]
     linear = linear.model_copy(update={"displacement": tuple(fixed), "contact": tuple(far)})
-    fine = on_mesh(linear, 1 / 4, "Q2", {})
-    reference, coarse = solve(fine, MPI.COMM_SELF), solve(linear, MPI.COMM_SELF)
+    if orthotropic:
+        linear = linear.model_copy(update={"material": (OrthotropicElastic(orthotropic=CONSTANTS),)})
+    settings = studied_settings(linear.statement, {})
+    reference = varied(linear, MPI.COMM_SELF).on(1 / 4, "Q2", settings, None)()
+    coarse = solve(linear, MPI.COMM_SELF)
     energies = [s.steps[-1].strain_energy for s in (reference, coarse)]
     expected = np.sqrt((energies[0] - energies[1]) / energies[0])
     with np.errstate(invalid="ignore"):  # there is no contact force to compare
@@ -139,7 +154,8 @@ def test_methods():
         for family in methods.FAMILIES:
             assert 3 <= sum(family in method.families for method in found) <= 9
         # The settings are those of a scene.
-        assert all(on_mesh(scene, 1.0, m.element, m.settings) for m in found)
+        of_methods = [(m.element, studied_settings(scene.statement, m.settings)) for m in found]
+        assert all(varied_scene(scene, 1.0, *of_method, None) for of_method in of_methods)
 
 
 @pytest.fixture(scope="module")
@@ -176,6 +192,58 @@ def test_quick_study(quick):
     assert "\n- For the contact pressure take" in text
 
 
+def test_forms_have_studies(monkeypatch):
+    """A scene and forms that state one problem have the same reference and the same errors of all methods."""
+    monkeypatch.setattr(work_precision, "QUICK_STUDY_REFERENCE", (0.5, 1_500))
+    monkeypatch.setattr(work_precision, "QUICKLY_STUDIED_CELLS", (4.0,))
+    monkeypatch.setattr(work_precision, "QUICKLY_STUDIED_TARGETS", (0.1,))
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 24, "ny": 8}},
+            "material": [{"young": 5000.0, "poisson": 0.4}],
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
+            "traction": [{"boundary": "top", "y": -20.0}],
+            "contact": [{"boundary": "bottom", "gap": "0.003*(x[0] - 1.5)**2 + 0.001", "friction": FRICTION}],
+        }
+    )
+
+    def stress(y):
+        """Hooke's law, plane strain."""
+        strain = ufl.sym(ufl.grad(y))
+        return 5000.0 / 1.4 * (strain + 0.4 / 0.2 * ufl.tr(strain) * ufl.Identity(2))
+
+    def make(tagged, degree):
+        space = fem.functionspace(tagged.mesh, ("Lagrange", degree, (2,)))
+        u, v, x = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(tagged.mesh)
+        top = dmesh.meshtags(tagged.mesh, 1, facets := np.sort(tagged.facets("top")), np.full(facets.size, 1, np.int32))
+        on_top = ufl.Measure("ds", tagged.mesh, subdomain_data=top)(1)
+        held = [
+            fem.dirichletbc(0.0, fem.locate_dofs_topological(space.sub(0), 1, tagged.facets(side)), space.sub(0))
+            for side in ("left", "right")
+        ]
+        gap = 0.003 * (x[0] - 1.5) ** 2 + 0.001
+        floor = Foundation(tagged.facets("bottom"), gap=gap, friction=Coulomb(FRICTION["coefficient"]))
+        a = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx
+        return ContactProblem(a, -20.0 * v[1] * on_top, held, floor, stress=stress)
+
+    def mesh(factor, cell):
+        sizes = {"nx": round(24 / factor), "ny": round(8 / factor), "cell": cell}
+        return generate_mesh("rectangle", sizes, MPI.COMM_SELF)
+
+    of_scene, of_forms = (
+        work_precision.run_study(problem, quick=True)
+        for problem in (varied(scene, MPI.COMM_SELF), varied_forms(make, mesh))
+    )
+    assert of_forms.reference == of_scene.reference
+    for row_of_scene, row_of_forms in zip(of_scene.rows, of_forms.rows, strict=True):
+        assert row_of_forms["status"] == row_of_scene["status"] == "converged"
+        for name in ("method", "element", "size_of_cells", "asked", "dofs", *work_precision.QUANTITIES):
+            assert row_of_forms[name] == pytest.approx(row_of_scene[name], rel=1e-6, abs=1e-9), (
+                row_of_scene["method"],
+                name,
+            )
+
+
 def test_what_cannot_be_studied(tmp_path, capsys):
     """A scene without contact is refused, by the name of the key."""
     scene = tmp_path / "scene.toml"
@@ -185,7 +253,7 @@ def test_what_cannot_be_studied(tmp_path, capsys):
     tagged = solve(example1(bound=1.0, nx=6, ny=2)).model.tagged
     own = example1(bound=1.0).model_copy(update={"mesh": tagged})
     with pytest.raises(SceneError, match="generator"):
-        on_mesh(own, 1.0, "Q1", {})
+        work_precision.run_study(varied(own, MPI.COMM_SELF))
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
@@ -193,7 +261,7 @@ def test_notched_sides(cell):
     """Left and right begin at the given height, on every mesh of a nested iteration; the rest of them has no name."""
     scene = read_scene(SCENES / "example2_tresca.toml")
     for factor, ny in ((1.0, 40), (2.0, 20), (8.0, 5)):
-        tagged = load_mesh(on_mesh(scene, factor, "Q1" if cell[0] == "q" else "P1", {}), MPI.COMM_SELF)
+        tagged = varied(scene, MPI.COMM_SELF).mesh(factor, "Q1" if cell[0] == "q" else "P1")
         for name, count in (("left", 0.8 * ny), ("right", 0.8 * ny), ("bottom", 3 * ny), ("top", 3 * ny)):
             assert tagged.facet_tags.find(tagged.boundaries[name]).size == round(count), (factor, name)
 

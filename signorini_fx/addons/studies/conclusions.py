@@ -69,7 +69,7 @@ def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
 def advice(study: Study) -> str:
     """A line for each quantity: which method for which accuracy, from the data alone."""
     rows = study.rows
-    parts = [f"{study.scene.title or 'The scene'}: errors relative to {study.reference}, times of whole solves."]
+    parts = [f"{study.title or 'The problem'}: errors relative to {study.reference}, times of whole solves."]
     for quantity in quantities_with_errors(study):
         best: list[tuple[str, float, Row]] = []
         for target in COMPARED_ERRORS:

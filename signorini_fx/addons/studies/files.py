@@ -80,7 +80,7 @@ def draw(stem: Path, study: Study, quantity: str, suffixes: Sequence[str] = SCRE
             axes.set_ylabel("relative error")
         small[5].set_axis_off()
         small[5].text(0.0, 0.98, _how_to_read(study, floor, low), va="top", fontsize=7, transform=small[5].transAxes)
-        finish(figure, stem, f"What accuracy costs: {study.scene.title}", suffixes)
+        finish(figure, stem, f"What accuracy costs: {study.title}", suffixes)
 
 
 def _front(axes: Axes, study: Study, quantity: str) -> None:

@@ -13,65 +13,39 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.elastic_law import compliance
-from signorini_fx.mechanics.body.element_stress import element_stress
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.mesh.refinement import mark, refine
-from signorini_fx.mechanics.mesh.tagged import simplex_parameters
 from signorini_fx.mechanics.statement.features import refuse
-from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import SolverSettings
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.accuracy.contact_values import interpolated
 from signorini_fx.results.accuracy.price_list import zone_change
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.hierarchy import scene_on
-from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.scene import Scene
-from signorini_fx.scenes.solver import solve
+from signorini_fx.solving.varied_problem import VariedProblem
 from signorini_fx.tuned import EXPECTED_RATES, FIRST_CELLS, OUTSIDE_OTHER_MESH, SLOWEST_RATE
 
 Floats = npt.NDArray[np.float64]
 EXACT = {"algorithm": "exact", "linear_algebra": "condensed"}
-_CELLS = {"P": "triangle", "Q": "quadrilateral"}
 # How errors decrease with h on smooth parts of the boundary.
 _EXPECTED = {"energy": 1.0, **EXPECTED_RATES}
 
 
-# Features of a scene that a study does not know.
+# Features of a problem that a study does not know.
 REFUSES = {
     "nonlinear material": "a study is not possible yet with a nonlinear material",
     "mixed element": "a study compares elements without a pressure: leave 'mixed' out",
-    "anisotropic material": "a study is not possible yet with an anisotropic material",
     "mesh that no generator makes": "a study needs a mesh from a generator, which can make coarser and finer ones",
     "several bodies": "a study is not possible yet with several [[body]]",
 }
 
 
-def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any]) -> Scene:
-    """The scene with elements ``factor`` times as large, of this kind, and with other solver settings.
-
-    Raises:
-        SceneError: the generator makes no such meshes; the element is mixed.
-    """
-    refuse(scene.statement, REFUSES)
-    finer = scene_on(scene, factor)
-    mesh = finer.mesh
-    assert isinstance(mesh, MeshGenerator)
-    parameters = {**mesh.parameters, "cell": _CELLS[element[0]]}
+def studied_settings(statement: Statement, settings: dict[str, Any]) -> SolverSettings:
+    """The settings of a method, with the limits of a problem."""
     inherited = {"max_iterations", "max_outer_iterations", "tolerance"}
-    return finer.model_copy(
-        update={
-            "mesh": mesh.model_copy(update={"parameters": parameters}),
-            "element": scene.element.model_copy(update={"degree": int(element[1])}),
-            # Each method is measured by itself, without fall-backs.
-            "solver": SolverSettings(**scene.solver.model_dump(include=inherited), **settings, fallbacks=False),
-            "accuracy": None,
-        }
-    )
+    # Each method is measured by itself, without fall-backs.
+    return SolverSettings(**statement.solver.model_dump(include=inherited), **settings, fallbacks=False)
 
 
 class Reference:
@@ -81,10 +55,10 @@ class Reference:
     (a curved boundary), the nearest cell is continued.
     """
 
-    def __init__(self, solution: Solution) -> None:
-        self.solution = solution
+    def __init__(self, solution: Solution, *, adaptive: bool = False) -> None:
+        self.solution, self._adaptive = solution, adaptive
         self._located: dict[Any, tuple[npt.NDArray[np.int32], Floats]] = {}
-        model, mesh = solution.model, solution.model.tagged.mesh
+        stress, mesh = solution.stress.stress, solution.model.tagged.mesh
         points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
         cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
 
@@ -95,10 +69,12 @@ class Reference:
 
         self._points = np.zeros((cells.size * len(points), 3))
         self._points[:, : mesh.geometry.dim] = at_points(ufl.SpatialCoordinate(mesh))
-        self._weights = np.abs(at_points(ufl.JacobianDeterminant(mesh))[:, 0]) * np.tile(weights, cells.size)
-        lame = at_points(ufl.as_vector(model.lame))
-        self._lame, self._mu = lame.T
-        self._stress = at_points(_stress(solution))
+        sizes = at_points(stress.around * ufl.JacobianDeterminant(mesh))[:, 0]
+        self._weights = np.abs(sizes) * np.tile(weights, cells.size)
+        self._stress = at_points(stress.components)
+        tau = ufl.variable(fem.Constant(mesh, np.zeros(len(stress.kinematics.pairs))))
+        twice = ufl.diff(ufl.diff(stress.compliance(tau), tau), tau)
+        self._compliance = at_points(twice / 2).reshape(-1, len(tau), len(tau))
         self._size = self._energy_norm(self._stress)
 
     @property
@@ -106,7 +82,7 @@ class Reference:
         """A description for the text of the study."""
         mesh, statement = self.solution.model.tagged.mesh, self.solution.statement
         kind = {"triangle": "P", "quadrilateral": "Q"}[mesh.topology.cell_name()]
-        adaptive = "" if statement.generated else ", adaptive"
+        adaptive = ", adaptive" if self._adaptive else ""
         return f"{kind}{statement.element.degree}, exact{adaptive}"
 
     def errors(self, solution: Solution, mesh_key: Any = None) -> dict[str, float | None]:
@@ -134,7 +110,7 @@ class Reference:
 
     def _energy_norm(self, tau: Floats) -> float:
         """The square root of the integral of C^-1 tau : tau for the components of tau at the points."""
-        density = compliance(tau.T, self.solution.model.kinematics, self._lame, self._mu)
+        density = np.einsum("qi,qij,qj->q", tau, self._compliance, tau)
         return float(np.sqrt(max(0.0, np.dot(self._weights, density))))
 
     def _stress_of(self, solution: Solution, key: Any) -> Floats:
@@ -143,7 +119,7 @@ class Reference:
         space = fem.functionspace(mesh, ("DG", solution.statement.element.degree, (self._stress.shape[1],)))
         function = fem.Function(space)
         points = compat.interpolation_points(space.element)
-        function.interpolate(fem.Expression(_stress(solution), points))
+        function.interpolate(fem.Expression(solution.stress.stress.components, points))
         if key is None or key not in self._located:
             cells, places, _ = cells_of_points(mesh, self._points, OUTSIDE_OTHER_MESH)
             assert (cells >= 0).all()  # the meshes are of one body
@@ -154,54 +130,41 @@ class Reference:
         return np.asarray(np.einsum("nk,nkc->nc", shares, values[space.dofmap.list[cells]]))
 
 
-def _stress(solution: Solution) -> Any:
-    """The components of the stress as UFL."""
-    return element_stress(solution.model, solution.displacement, solution.last_step.place).components
-
-
-def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
-    """A reference for a scene, and an estimate of its error.
+def reference_solution(problem: VariedProblem, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
+    """A reference for a problem, and an estimate of its error.
 
     Args:
-        scene: with a mesh from a generator, contact and one load step.
-        fine: cells of a uniform reference, relative to those of the scene.
+        problem: with contact and one load step.
+        fine: cells of a uniform reference, relative to those of the problem.
         unknowns: smallest number of unknowns of an adaptive reference.
 
     Raises:
-        SceneError: the scene is not of that kind.
+        SceneError: the problem is not of that kind.
         ConvergenceError: there is no solution.
     """
-    solutions = divided(scene, FIRST_CELLS, unknowns) if _straight(scene) else uniform(scene, fine, "Q2")
-    reference = Reference(solutions[-1])
+    refuse(problem.statement, REFUSES)
+    solutions = divided(problem, FIRST_CELLS, unknowns) if problem.divisible else uniform(problem, fine, "Q2")
+    reference = Reference(solutions[-1], adaptive=problem.divisible)
     # Meshes with half and a quarter of the cells along a line; of the energy norm both differences see the same error.
     finest = solutions[-1].model.dofs
     near, far = (min(solutions[:-1], key=lambda s: abs(np.log(finest / s.model.dofs / k))) for k in (4, 16))
     return reference, reference_errors(reference.errors(near), reference.errors(far))
 
 
-def uniform(scene: Scene, fine: float, element: str) -> list[Solution]:
-    """Solutions on uniform meshes with cells 4, 2 and 1 times ``fine`` times as large as those of the scene."""
-    return [solve(on_mesh(scene, k * fine, element, EXACT), MPI.COMM_SELF) for k in (4, 2, 1)]
+def uniform(problem: VariedProblem, fine: float, element: str) -> list[Solution]:
+    """Solutions on uniform meshes with cells 4, 2 and 1 times ``fine`` times as large as those of the problem."""
+    settings = studied_settings(problem.statement, EXACT)
+    return [problem.on(k * fine, element, settings, None)() for k in (4, 2, 1)]
 
 
-def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
+def divided(problem: VariedProblem, first: float, unknowns: int) -> list[Solution]:
     """Solutions on triangles of degree 2, refined adaptively up to this number of unknowns."""
-    scene = on_mesh(scene, first, "P2", EXACT)
-    tagged = load_mesh(scene, MPI.COMM_SELF)
+    tagged, settings = problem.mesh(first, "P2"), studied_settings(problem.statement, EXACT)
     solutions: list[Solution] = []
     while not solutions or solutions[-1].model.dofs < unknowns:
-        solution = solve(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF)
-        solutions.append(solution)
-        squares = StressRecovery.of(solution.model).squares(solution.displacement)
-        tagged = refine(tagged, mark(MPI.COMM_SELF, squares))
+        solutions.append(problem.on(tagged, "P2", settings, None)())
+        tagged = refine(tagged, mark(tagged.mesh.comm, solutions[-1].stress.squares))
     return solutions
-
-
-def _straight(scene: Scene) -> bool:
-    return (
-        isinstance(scene.mesh, MeshGenerator)
-        and simplex_parameters(scene.mesh.generator, scene.mesh.parameters) is not None
-    )
 
 
 def reference_errors(second: dict[str, float | None], third: dict[str, float | None]) -> dict[str, float | None]:

@@ -19,13 +19,12 @@ from typing import Any
 from mpi4py import MPI
 
 from signorini_fx.addons.studies.methods import Method, methods
-from signorini_fx.addons.studies.reference import Reference, on_mesh, reference_solution
+from signorini_fx.addons.studies.reference import Reference, reference_solution, studied_settings
 from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.scene import Scene
-from signorini_fx.scenes.solver import solve
+from signorini_fx.solving.varied_problem import VariedProblem
 from signorini_fx.tuned import (
     LONG_RUN,
     MIDDLE_RUN,
@@ -54,14 +53,14 @@ class Study:
     """The results of a study.
 
     Attributes:
-        scene: the scene of the study.
+        title: of the problem.
         rows: one for each method on each mesh, failures included; the columns of work_precision.csv.
         floor: the estimated error of the reference itself for each quantity; None: it cannot be estimated.
         reference: description of the reference.
         seconds: wall time of the whole study.
     """
 
-    scene: Scene
+    title: str
     rows: list[Row]
     floor: dict[str, float | None]
     reference: str
@@ -69,57 +68,59 @@ class Study:
 
 
 def run_study(
-    scene: Scene, *, quick: bool = False, repeats: int = 7, report: Callable[[str], None] = lambda _: None
+    problem: VariedProblem, *, quick: bool = False, repeats: int = 7, report: Callable[[str], None] = lambda _: None
 ) -> Study:
     """Run every method on every mesh; on one rank.
 
     Args:
-        scene: with a mesh from a generator that has ``coarser``, contact and one load step.
+        problem: with contact and one load step.
         quick: few methods, two coarse meshes, no repeats.
         repeats: rounds that are counted, long runs are part of three; medians are taken.  In a round before them
             forms may still be compiled.
         report: called with the progress as text.
 
     Raises:
-        SceneError: the scene is not of that kind.
+        SceneError: the problem is not of that kind.
         ConvergenceError: there is no reference.
     """
-    if not scene.contact or scene.statement.several_steps:
+    statement = problem.statement
+    if not statement.contact or statement.several_steps:
         raise SceneError([("contact", "a study needs a scene with contact and one load step")])
     begin = time.perf_counter()
     factors = QUICKLY_STUDIED_CELLS if quick else STUDIED_CELLS
-    reference, floor = reference_solution(scene, *(QUICK_STUDY_REFERENCE if quick else STUDY_REFERENCE))
+    reference, floor = reference_solution(problem, *(QUICK_STUDY_REFERENCE if quick else STUDY_REFERENCE))
     about = f"{reference.about}, {reference.solution.model.dofs} unknowns"
     report(f"reference: {about}; {time.perf_counter() - begin:.1f} s")
     natural = reference.solution.model.scales.gamma
     runs = []
-    for method in methods(scene.statement, quick=quick):
+    for method in methods(statement, quick=quick):
         if method.adaptive:
             targets = QUICKLY_STUDIED_TARGETS if quick else STUDIED_TARGETS[method.element]
-            runs += [_Run(method, 1.0, scene, natural, asked=target) for target in targets]
+            runs += [_Run(method, 1.0, problem, natural, asked=target) for target in targets]
             continue
         # Quadratic elements on twice as large cells have as many unknowns.
         mesh_factors = factors[:-1] if method.degree == 2 else factors[1:]
-        runs += [_Run(method, factor, scene, natural) for factor in (mesh_factors if not quick else factors)]
+        runs += [_Run(method, factor, problem, natural) for factor in (mesh_factors if not quick else factors)]
     for repeat in range(1 if quick else repeats + 1):
         for run in runs:
             run.solve_once(reference if repeat == 0 else None, counted=repeat > 0 or quick)
         report(f"round {repeat} of {0 if quick else repeats}: {time.perf_counter() - begin:.1f} s")
-    return Study(scene, [run.row() for run in runs], floor, about, time.perf_counter() - begin)
+    return Study(statement.title, [run.row() for run in runs], floor, about, time.perf_counter() - begin)
 
 
 class _Run:
     """A method on a mesh, or on the meshes of a requested accuracy, solved as often as the study repeats it."""
 
     def __init__(
-        self, method: Method, factor: float, scene: Scene, natural: float, *, asked: float | None = None
+        self, method: Method, factor: float, problem: VariedProblem, natural: float, *, asked: float | None = None
     ) -> None:
         gamma = "auto" if method.gamma is None else method.gamma * natural
-        settings = {"gamma_n": gamma, "gamma_t": gamma, **method.settings}
-        self._scene = on_mesh(scene, factor, method.element, settings)
+        goal = None
         if asked is not None:
             goal = Accuracy(target=asked, of="energy", refinement="adaptive", seconds=TOO_LONG_RUN)
-            self._scene = self._scene.model_copy(update={"accuracy": goal})
+        settings = {"gamma_n": gamma, "gamma_t": gamma, **method.settings}
+        self._statement, self._settings = problem.statement, studied_settings(problem.statement, settings)
+        self._solve = problem.on(factor, method.element, self._settings, goal)
         self._method, self._factor, self._asked = method, factor, asked
         self._times: list[dict[str, float]] = []
         self._about: Row = {}
@@ -132,7 +133,7 @@ class _Run:
         _forget_peak_memory()
         memory_before, begin = peak_memory(MPI.COMM_SELF), time.perf_counter()
         try:
-            solution = solve(self._scene, MPI.COMM_SELF, check=False)
+            solution = self._solve()
         except SignoriniError as error:
             self._about = {"status": " ".join(str(error).split()), **dict.fromkeys(QUANTITIES)}
             return
@@ -163,7 +164,7 @@ class _Run:
 
     def row(self) -> Row:
         """The row of the table for this run."""
-        settings, about = self._scene.solver, self._about
+        settings, about = self._settings, self._about
         times: dict[str, float | None] = dict.fromkeys(
             ("seconds", *PHASES, "coarser", "rest", "fastest", "slowest", "memory")
         )
@@ -176,7 +177,7 @@ class _Run:
             "families": "; ".join(self._method.families),
             "element": self._method.element,
             "algorithm": settings.algorithm,
-            "coulomb": settings.coulomb if self._scene.statement.has_coulomb else "",
+            "coulomb": settings.coulomb if self._statement.has_coulomb else "",
             "gamma": self._method.gamma if self._method.gamma is not None else "auto",
             "linear_algebra": about.get("linear_algebra", settings.linear_algebra),
             "levels": settings.levels,

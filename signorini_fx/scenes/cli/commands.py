@@ -280,10 +280,13 @@ def work_precision(options: argparse.Namespace) -> int:
         raise SceneError([("work-precision", "compares methods on one rank: run it without mpirun")])
     scene = _read_scene(options)
     from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.scenes import solver
 
     study = add_on("work_precision")
     with ResultFolder(comm, path, study.FILES) as folder:  # fail early if it cannot be written
-        outcome = study.run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
+        outcome = study.run_study(
+            solver.varied(scene, MPI.COMM_SELF), quick=options.quick, report=partial(parallel.log_on_root, comm)
+        )
         try:
             study.write_study(outcome, folder.part, pdf=options.pdf)
         except OSError as error:
