@@ -1,6 +1,7 @@
 """The work-precision study: the measure, the front, the advice, and a quick study as a whole."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import example1
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, OrthotropicElastic, generate_mesh
+from signorini_fx import ContactProblem, Coulomb, Foundation, LinearElastic, OrthotropicElastic, generate_mesh
 from signorini_fx.addons.pictures import style
 from signorini_fx.addons.studies import conclusions, methods, work_precision
 from signorini_fx.addons.studies.files import write_study
@@ -111,10 +112,17 @@ def test_errors_that_are_none_are_not_shown(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("cell", "degree", "orthotropic"),
-    [("triangle", 1, False), ("quadrilateral", 1, False), ("quadrilateral", 2, False), ("quadrilateral", 1, True)],
+    ("cell", "degree", "material"),
+    [
+        ("triangle", 1, {}),
+        ("quadrilateral", 1, {}),
+        ("quadrilateral", 2, {}),
+        ("quadrilateral", 1, {"hypothesis": "axisymmetric"}),
+        ("quadrilateral", 1, {"orthotropic": CONSTANTS}),
+    ],
+    ids=["triangle-1", "quadrilateral-1", "quadrilateral-2", "axisymmetric", "orthotropic"],
 )
-def test_measured_energy_error(cell, degree, orthotropic):
+def test_measured_energy_error(cell, degree, material):
     """Against a nested finer mesh of the same space, measured at quadrature points = the energies' difference.
 
     Without contact a(y, y) / 2 of a Galerkin solution under a load only falls short by that of its error.
@@ -124,8 +132,8 @@ def test_measured_energy_error(cell, degree, orthotropic):
     # A body that the foundation does not reach.
     far = [linear.contact[0].model_copy(update={"gap": 1.0})]
     linear = linear.model_copy(update={"displacement": tuple(fixed), "contact": tuple(far)})
-    if orthotropic:
-        linear = linear.model_copy(update={"material": (OrthotropicElastic(orthotropic=CONSTANTS),)})
+    kind = OrthotropicElastic if "orthotropic" in material else partial(LinearElastic, young=5000.0, poisson=0.4)
+    linear = linear.model_copy(update={"material": (kind(**material),)})
     settings = studied_settings(linear.statement, {})
     reference = varied(linear, MPI.COMM_SELF).on(1 / 4, "Q2", settings, None)()
     coarse = solve(linear, MPI.COMM_SELF)

@@ -43,7 +43,7 @@ from signorini_fx.quantities.functional import Functional
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.reading import as_scene
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
 
@@ -114,14 +114,14 @@ class Sensitivity:
 
 
 def sensitivity(
-    scene: Scene, of: str | Sequence[str], by: Sequence[str] | None = None, comm: MPI.Comm = MPI.COMM_WORLD
+    scene: object, of: str | Sequence[str], by: Sequence[str] | None = None, comm: MPI.Comm = MPI.COMM_WORLD
 ) -> Sensitivity | list[Sensitivity]:
     """Solve a scene, and differentiate results of it by its data; collective.
 
     gamma and the choice of the contact sets do not change: derivatives are those of the discrete solution.
 
     Args:
-        scene: on one mesh.
+        scene: on one mesh: a ``Scene``, the path of its file, or its mapping.
         of: the result or several: see ``functional_of``; of the last load step, or of another one with
             its number behind it, as in ``force bottom x step 2``.
         by: paths of numbers of the scene, such as ``contact[0].friction.coefficient``; of an expression a term that is
@@ -133,6 +133,7 @@ def sensitivity(
         SceneError: a result or a datum is not known, or has no derivative.
         ConvergenceError: the scene has no solution.
     """
+    scene = as_scene(scene)
     _check(scene.statement)
     # Coarser meshes give a start, and change nothing of the solution.
     scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
