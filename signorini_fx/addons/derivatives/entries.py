@@ -22,8 +22,9 @@ def default_entries(statement: Statement) -> list[str]:
     """What derivatives are taken by if nothing is named: friction and gap of each contact, the material, each load."""
     entries = []
     for number, effect in enumerate(statement.contact):
-        if effect.friction.acts:
-            entries += [f"contact[{number}].friction.{key}" for key in effect.friction.required]
+        law = effect.friction
+        required = [key for key in law.parameters if type(law).model_fields[key].is_required()] if law.acts else []
+        entries += [f"contact[{number}].friction.{key}" for key in required]
         entries.append(f"contact[{number}].gap")
     isotropic = [number for number, material in enumerate(statement.material) if material.isotropic]
     entries += [f"material[{number}].{key}" for number in isotropic for key in ("young", "poisson")]

@@ -52,7 +52,7 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.effect import Force, Load
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory, Timings
-from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
+from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, SAME_NUMBER
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.body.paired_points import PairedSides
@@ -222,8 +222,9 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
 
 
 def _compressible(statement: Statement) -> bool:
-    """See ``ElasticBody``."""
-    return max(material.mean_poisson for material in statement.material) <= LARGEST_MULTIGRID_POISSON
+    """See ``ElasticBody``; ratios follow from moduli, with round-off."""
+    largest = max(material.mean_poisson for material in statement.material)
+    return largest <= LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER)
 
 
 def _terms(

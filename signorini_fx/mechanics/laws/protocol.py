@@ -164,11 +164,6 @@ class FrictionLaw(Table):
         values = {key: getattr(self, key) for key in type(self).model_fields if key not in self.apart}
         return {key: value for key, value in values.items() if value is not None}
 
-    @property
-    def required(self) -> tuple[str, ...]:
-        """The names of parameters without which there is no such law."""
-        return tuple(key for key in self.parameters if type(self).model_fields[key].is_required())
-
     def with_values(self, of: Callable[[str, Any], Any]) -> Self:
         """The same with other parameters, made from their names and values."""
         return self.model_copy(update={key: of(key, value) for key, value in self.parameters.items()})

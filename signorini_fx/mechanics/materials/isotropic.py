@@ -76,11 +76,6 @@ class LinearElastic(Material):
         return self.young
 
     @property
-    def mean_poisson(self) -> float:
-        """See ``Material``."""
-        return self.poisson
-
-    @property
     def lame(self) -> tuple[float, float]:
         """Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda is the reduced one for plane
         stress, and infinite elsewhere for nu = 1/2.
@@ -130,21 +125,6 @@ class LinearElastic(Material):
     def locks(self) -> bool:
         """See ``Material``; of nonlinear materials the ratio follows from moduli, with round-off."""
         return self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER) and self.hypothesis != "plane stress"
-
-    @property
-    def friction_indication(self) -> float:
-        """The friction coefficient above which several solutions are to be expected: sqrt(3 - 4 nu) / (2 - 2 nu).
-
-        This is an indication, not a theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential
-        displacement, and this the pressure; for every k, the fixed-point iteration contracts below this coefficient
-        (1 / sqrt(S_NN C_TT), with the stiffness S and the compliance C of the surface, does not depend on k).  A bound
-        for uniqueness that is both proved and independent of the mesh is not known: a solution exists for every
-        coefficient in two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound
-        that decreases to zero with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples
-        with several solutions are known.
-        """
-        nu = self.poisson / (1 + self.poisson) if self.hypothesis == "plane stress" else self.poisson
-        return math.sqrt(3 - 4 * nu) / (2 - 2 * nu)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""

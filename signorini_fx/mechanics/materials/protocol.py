@@ -166,9 +166,9 @@ class Material(Effect):
 
     @property
     def mean_poisson(self) -> float:
-        """A mean of Poisson's ratio."""
+        """A mean of Poisson's ratio; of an isotropic one in plane stress that of the same stresses in plane strain."""
         first, second = self.lame
-        return first / (2 * (first + second))
+        return first / (2 * (first + second)) if math.isfinite(first) else 0.5
 
     def stiffest(self, *, pressed: bool) -> float:
         """The largest normal stress per strain, ``pressed``: without a pressure that is an unknown of its own."""
@@ -183,11 +183,6 @@ class Material(Effect):
     def locks(self) -> bool:
         """Whether fully integrated elements lock visibly."""
         return False
-
-    @property
-    def friction_indication(self) -> float:
-        """The friction coefficient above which several solutions are to be expected; infinite: it is not known."""
-        return math.inf
 
     @property
     def features(self) -> Features:

@@ -22,6 +22,7 @@ from signorini_fx.mechanics.body.assembly import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.motion_names import MOST_LISTED, rounded
+from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
@@ -411,8 +412,25 @@ def _displacement_at(body: Model, step: int, young: float) -> float:
 # --- uniqueness, gamma, methods --------------------------------------------------------------------------------------
 
 
+def friction_indication(material: Material) -> float:
+    """The friction coefficient above which several solutions are to be expected: sqrt(3 - 4 nu) / (2 - 2 nu) of an
+    isotropic linear material; infinite: it is not known.
+
+    This is an indication, not a theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential
+    displacement, and this the pressure; for every k, the fixed-point iteration contracts below this coefficient
+    (1 / sqrt(S_NN C_TT), with the stiffness S and the compliance C of the surface, does not depend on k).  A bound
+    for uniqueness that is both proved and independent of the mesh is not known: a solution exists for every
+    coefficient in two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound
+    that decreases to zero with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples
+    with several solutions are known.
+    """
+    if not (material.isotropic and material.linear):
+        return math.inf
+    return math.sqrt(3 - 4 * material.mean_poisson) / (2 - 2 * material.mean_poisson)
+
+
 def _uniqueness(statement: Statement, boundary: ContactBoundary, law: PointFriction | None) -> list[Finding]:
-    limit = min(material.friction_indication for material in statement.material)
+    limit = min(map(friction_indication, statement.material))
     findings = []
     for index, _ in enumerate(statement.contact):
         coefficients = np.zeros(0) if law is None else law.coefficient[boundary.part == index]
