@@ -44,7 +44,7 @@ def _hertz_reference():
     # From small cells on: where facets are divided, the body remains the polygon that it is.
     problem = varied(scene_of("hertz_degree2"), MPI.COMM_SELF)
     solutions = divided(problem, 1 / 3, UNKNOWNS)
-    reference, finest = Reference(solutions[-1]), solutions[-1].model.dofs
+    reference, finest = Reference(solutions[-1], adaptive=True), solutions[-1].model.dofs
     coarse = (divided(problem, k / 3, finest / k**2)[-1] for k in (2, 4))
     return reference, reference_errors(*(reference.errors(solution) for solution in coarse))
 
