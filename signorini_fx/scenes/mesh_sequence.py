@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
-from math import log2
+from math import isfinite, log2
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from mpi4py import MPI
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.contact_table import contact_table
 from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.mesh.remeshing import moved_back, size_fields
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, load_file
@@ -78,11 +79,19 @@ def _solved(
         displacement, compliance = model.function(outcome.displacement()), compliance_of(outcome, comm)
         step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place, compliance))
 
-    load, modulus = partial(load_mesh, scene, comm), max(material.plane_modulus for material in scene.material)
+    load, modulus = partial(load_mesh, scene, comm), max(map(plane_modulus, scene.material))
     solution, task, outcome = solve_mesh(
         scene.statement, load, problem.history, state, estimate, coarser, checkpoint, with_findings=shown
     )
     return SolvedMesh(solution, solution.model.tagged, task, modulus, outcome)
+
+
+def plane_modulus(material: Material) -> float:
+    """Stress per strain along a line without lateral stress, or more: E / (1 - nu^2), in plane stress E."""
+    if not material.isotropic:
+        return material.stiffest(pressed=False)
+    first, second = material.lame
+    return 4 * second * ((first + second) / (first + 2 * second) if isfinite(first) else 1.0)
 
 
 def _on(scene: Scene, tagged: TaggedMesh) -> Scene:

@@ -18,6 +18,8 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import facet_vertices
 from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
@@ -30,7 +32,7 @@ from signorini_fx.results.accuracy.data_error import data_error
 from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error
 from signorini_fx.results.accuracy.price_list import border_of, fineness_of, predict, zone_change
 from signorini_fx.results.accuracy.surface_pressure import piece_squares
-from signorini_fx.scenes.mesh_sequence import meshed_scene
+from signorini_fx.scenes.mesh_sequence import meshed_scene, plane_modulus
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import _solve_nested, solve
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
@@ -139,6 +141,16 @@ def test_facets_instead_of_a_curved_surface():
     columns = {**table.columns, "pressure": np.full(27, 4.0)}
     assert polygon_error(replace(table, columns=columns), 100.0) == pytest.approx(100 * 0.05 / 4)
     assert polygon_error(grid(np.arange(3.0), np.arange(3.0), "squares"), 100.0) == 0.0
+
+
+@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
+@pytest.mark.parametrize("poisson", [-0.3, 0.0, 0.3, 0.5])
+def test_modulus_of_facets(hypothesis, poisson):
+    """E / (1 - nu^2) of a half-plane, in plane stress E, and no less of a material with directions."""
+    material = LinearElastic(young=7.0, poisson=poisson, hypothesis=hypothesis)
+    assert plane_modulus(material) == pytest.approx(7.0 if hypothesis == "plane stress" else 7.0 / (1 - poisson**2))
+    wood = OrthotropicElastic(orthotropic={"young": [9.0, 2.0, 1.0], "poisson": [0.3] * 3, "shear": [1.0] * 3})
+    assert plane_modulus(wood) >= 9.0
 
 
 def true_energy_error(solution):

@@ -117,11 +117,6 @@ class LinearElastic(Material):
         return 2 if self.hypothesis == "plane stress" else 3
 
     @property
-    def plane_modulus(self) -> float:
-        """See ``Material``: E / (1 - nu^2), in plane stress E."""
-        return self.young if self.hypothesis == "plane stress" else self.young / (1 - self.poisson**2)
-
-    @property
     def locks(self) -> bool:
         """See ``Material``; of nonlinear materials the ratio follows from moduli, with round-off."""
         return self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER) and self.hypothesis != "plane stress"

@@ -175,11 +175,6 @@ class Material(Effect):
         return float(self.stiffness.diagonal().max())
 
     @property
-    def plane_modulus(self) -> float:
-        """Stress per strain along a line without lateral stress, or more."""
-        return self.stiffest(pressed=False)
-
-    @property
     def locks(self) -> bool:
         """Whether fully integrated elements lock visibly."""
         return False
