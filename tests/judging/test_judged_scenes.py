@@ -72,6 +72,81 @@ def test_our_own_solution_agrees(kind):
     assert set(wrong.factors) == {"traction on top", "body force"}
 
 
+HEATED = {
+    "alike everywhere": {"change": 30.0},
+    "linear": {"change": "40*x[1] - 10*x[0]"},
+    "not linear": {"change": "30*sin(3*x[0])*(1 + x[1]**2)"},
+    "of a function": {"change": lambda x: 30 * np.cos(2 * x[0])},
+}
+
+
+def heatable(hypothesis):
+    """The shelf in the plane, or in space with facets that are small enough for means over them."""
+    return shelf("box", hypothesis, nx=6, ny=3, nz=3) if hypothesis == "space" else shelf("rectangle", hypothesis)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("kind", HEATED)
+@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "space"])
+def test_bodies_that_are_heated(kind, degree, hypothesis):
+    """Temperatures are taken at points where they are expressions, else between nodes; another one is named."""
+    body = heatable(hypothesis)
+    material = body.statement.material[0].model_copy(update={"expansion": 1e-4})
+    scene = sfx.Scene(**dict(body) | {"element": {"degree": degree}, "material": material, "temperature": HEATED[kind]})
+    problem, reasons = judged_problem(scene)
+    assert reasons == []
+    v = at_nodes_of(sfx.solve(scene), problem)
+    judgement = judge(scene, v, compare=False)
+    assert judgement.word == "agrees", str(judgement)
+    warmer = sfx.Scene(**dict(scene) | {"temperature": HEATED[kind] | {"factors": [1.3]}})
+    wrong = judge(warmer, v, compare=False)
+    assert wrong.word == "another problem: load or modulus", str(wrong)
+    assert wrong.factors["temperature"] == pytest.approx(1 / 1.3, rel=1e-3)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", pytest.param("space", marks=pytest.mark.slow)])
+def test_materials_that_vary(degree, hypothesis):
+    """Moduli in the middle of each cell; those that do not vary are of another problem."""
+    body = heatable(hypothesis)
+    graded = {"grading": "1/(1 + x[0])", "poisson_grading": "1 - 0.3*x[1]", "expansion": 1e-4}
+    material = body.statement.material[0].model_copy(update=graded)
+    material = type(material).model_validate(
+        {key: getattr(material, key) for key in material.model_fields_set | graded.keys()}
+    )
+    scene = sfx.Scene(
+        **dict(body) | {"element": {"degree": degree}, "material": material, "temperature": {"change": "20*x[1]"}}
+    )
+    problem, reasons = judged_problem(scene)
+    assert reasons == []
+    v = at_nodes_of(sfx.solve(scene), problem)
+    judgement = judge(scene, v)
+    assert judgement.word == "agrees", str(judgement)
+    assert judgement.error["distance"] < 1e-9
+    plain = sfx.Scene(**dict(scene) | {"material": body.statement.material[0].model_copy(update={"expansion": 1e-4})})
+    assert not judge(plain, v, compare=False).agrees
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("hypothesis", ["plane strain", pytest.param("space", marks=pytest.mark.slow)])
+def test_bodies_on_springs(degree, hypothesis):
+    """They are part of the equilibrium; a stiffness that is another one is named."""
+    body = heatable(hypothesis)
+    springs = [{"boundary": "right", "normal": "200 + 100*x[1]", "tangential": 50.0}, {"boundary": "left", "x": 80.0}]
+    scene = sfx.Scene(**dict(body) | {"element": {"degree": degree}, "springs": springs})
+    problem, reasons = judged_problem(scene)
+    assert reasons == []
+    v = at_nodes_of(sfx.solve(scene), problem)
+    judgement = judge(scene, v)
+    assert judgement.word == "agrees", str(judgement)
+    assert judgement.error["distance"] < 1e-9
+    stiffer = [{"boundary": "right", "normal": "400 + 200*x[1]", "tangential": 100.0}, springs[1]]
+    wrong = judge(sfx.Scene(**dict(scene) | {"springs": stiffer}), v, compare=False)
+    assert wrong.word == "another problem: load or modulus", str(wrong)
+    assert wrong.factors["springs on right"] == pytest.approx(0.5, rel=1e-3)
+    assert "its stiffness of the springs on right is 0.5 times the problem's" in str(wrong)
+
+
 @pytest.mark.parametrize(
     "name", ["bonded_pad", "dovetail", "hertz_friction", "press_and_slide", "press_fit", "two_cylinders"]
 )
@@ -259,12 +334,12 @@ def test_two_nodes_at_one_place_need_numbers(tmp_path):
 
 
 def test_what_is_not_judged_yet_is_said():
-    """Springs, and materials that are not linear, by their names."""
-    scene = sfx.Scene(**dict(shelf()) | {"springs": [sfx.Springs(boundary="right", normal=1.0)]})
+    """Contact that cannot open, and materials that are not linear, by their names."""
+    scene = sfx.Scene(**dict(shelf()) | {"contact": {"boundary": "bottom", "kind": "bilateral"}})
     problem, _ = judged_problem(scene)
     judgement = judge(scene, np.ones(problem.mesh.points.shape), compare=False)
     assert (judgement.word, judgement.exit_code) == ("cannot be judged", 7)
-    assert "springs right is not judged yet" in str(judgement)
+    assert "contact of bottom cannot open, which is not judged yet" in str(judgement)
     for law in ({"law": "neo-hooke", "young": 1.0, "poisson": 0.3}, {"law": "j2", "young": 1.0, "poisson": 0.3}):
         scene = parse_scene(
             {

@@ -146,8 +146,14 @@ class ContactReaction:
         return JudgedFinding("reaction", text, self.missing, limit, self.missing)
 
 
-def reactions(problem: JudgedProblem, residual: Floats) -> list[ContactReaction]:
-    """Action and reaction of contacts of bodies that both deform, in directions in which nothing holds them."""
+def reactions(problem: JudgedProblem, residual: Floats, doubt: float) -> list[ContactReaction]:
+    """Action and reaction of contacts of bodies that both deform, in directions in which nothing holds them.
+
+    Args:
+        problem: the problem.
+        residual: internal forces less loads, force, shape (n, d).
+        doubt: how large a force may be that is none, see ``Equilibrium.doubt``.
+    """
     listed = []
     for contact in problem.contacts:
         if not contact.opposite.size or not problem.deformable[contact.nodes].all():
@@ -161,6 +167,7 @@ def reactions(problem: JudgedProblem, residual: Floats) -> list[ContactReaction]
             continue
         first, second = (residual[nodes][:, free].sum(axis=0) for nodes in sides)
         size = max(float(np.linalg.norm(residual[nodes], axis=1).sum()) for nodes in sides)
+        size = max(size, doubt / JUDGED_REACTION[False])
         if not size > 0:
             continue
         missing = float(np.linalg.norm(first + second)) / size
@@ -173,9 +180,12 @@ def reactions(problem: JudgedProblem, residual: Floats) -> list[ContactReaction]
 
 
 def _loaded(problem: JudgedProblem, nodes: Any) -> bool:
-    """Whether loads act on the body of some nodes."""
+    """Whether loads or initial strains act on the body of some nodes."""
     of_body = np.isin(problem.mesh.bodies, np.unique(problem.mesh.bodies[nodes]))
-    return any(forces[of_body].any() for forces in problem.loads.values())
+    cells = of_body[problem.mesh.cells[:, 0]]
+    return any(strain.at_nodes[cells].any() for strain in problem.strains) or any(
+        forces[of_body].any() for forces in problem.loads.values()
+    )
 
 
 def figures_of_contact(

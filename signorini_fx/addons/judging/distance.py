@@ -105,6 +105,10 @@ def measured_distance(
     try:
         if not supported:
             raise Refused("it does not keep to its supports")
+        if problem.springs:
+            raise Refused("a guaranteed bound is for bodies without springs so far")
+        if any(material.varies for material in problem.materials):
+            raise Refused("a guaranteed bound is for materials that do not vary so far")
         if any(figure.is_soft for figure in contacts):
             raise Refused("a guaranteed bound is for hard contact")
         body = one_body(problem, exact)
@@ -240,7 +244,7 @@ def _estimated(
         why = f"{reason}; {missing}"
         return DistanceOfResult({"guaranteed": False, "distance": None, "reason": why}, {"reason": str(missing)})
     v = np.where(problem.deformable[:, None], v, ours)
-    matrices = stiffness_by_material(problem, FULL)
+    matrices = [*stiffness_by_material(problem, FULL), *problem.springs.values()]
     difference, size = (
         np.sqrt(sum(float(u.ravel() @ (matrix @ u.ravel())) for matrix in matrices)) for u in (v - ours, ours)
     )

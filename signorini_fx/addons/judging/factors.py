@@ -27,6 +27,8 @@ class FoundFactors:
         count: how many of them were free.
         remainder: rho with them.
         residual: internal forces less loads with them, force, shape (n, d).
+        fit: in whose formulation it is in equilibrium.
+        springs: which of the names are those of springs.
     """
 
     kind: str
@@ -34,6 +36,16 @@ class FoundFactors:
     count: int
     remainder: float
     residual: Floats
+    fit: Fit
+    springs: frozenset[str]
+
+    def called(self, name: str) -> str:
+        """A load, the moduli of a material or the stiffness of springs in words."""
+        if self.kind == "loads":
+            return name
+        if name in self.springs:
+            return f"stiffness of the {name}"
+        return f"moduli of {name}" if name else "moduli"
 
     @property
     def changed(self) -> dict[str, float]:
@@ -43,32 +55,37 @@ class FoundFactors:
     @property
     def words(self) -> str:
         """For messages."""
-        named = [
-            f"{value:.4g} x the {_material(name) if self.kind == 'moduli' else name}"
-            for name, value in self.factors.items()
-        ]
-        return ", ".join(named)
-
-
-def _material(name: str) -> str:
-    return f"moduli of {name}" if name else "moduli"
+        return ", ".join(f"{value:.4g} x the {self.called(name)}" for name, value in self.factors.items())
 
 
 def found_factors(equilibrium: Equilibrium, best: BestFit) -> FoundFactors | None:
-    """The fewest factors that explain what is left of equilibrium; None: none do."""
-    fit = best.fit
+    """The fewest factors that explain what is left of equilibrium; None: none do.
+
+    Those that leave nothing in one of the formulations, of which the wrong one may be nearer to equilibrium without
+    them, come before those that leave little in the one that fits best.
+    """
+    for fit in best.tried:
+        explained = _of_fit(equilibrium, fit)
+        if explained is not None and explained.remainder <= equilibrium.threshold:
+            return explained
+    return _of_fit(equilibrium, best.fit)
+
+
+def _of_fit(equilibrium: Equilibrium, fit: Fit) -> FoundFactors | None:
+    """``found_factors`` in one formulation."""
     loads = list(equilibrium.problem.loads)
-    materials = [material.name for material in equilibrium.problem.materials]
-    internal = fit.forces.total
+    loads += [strain.name for strain in equilibrium.problem.strains]
+    materials = [*(material.name for material in equilibrium.problem.materials), *equilibrium.problem.springs]
+    acting = -np.vstack((equilibrium.loads, fit.forces.strains))
     kinds = (
-        ("loads", loads, -equilibrium.loads, internal),
+        ("loads", loads, acting, fit.forces.of_displacement),
         ("moduli", materials, fit.forces.by_material, -equilibrium.loads.sum(axis=0)),
     )
     tried: list[FoundFactors] = []
-    for kind, names, parts, acting in kinds:
+    for kind, names, parts, besides in kinds:
         alone = [[row] for row in range(len(names))]
         for chosen in [*alone, *([list(range(len(names)))] if len(names) > 1 else [])]:
-            factors = _fitted(equilibrium, fit, kind, names, parts, acting, chosen)
+            factors = _fitted(equilibrium, fit, kind, names, parts, besides, chosen)
             if factors is not None:
                 tried.append(factors)
     # What leaves nothing comes before what leaves little, a load before a modulus, and one before all together.
@@ -113,7 +130,8 @@ def _fitted(
     shaped = residual.reshape(equilibrium.v.shape)
     # Of softer bodies the residual is smaller, too: it is compared with their own energy.
     softness = min(1.0, float(fitted.min())) if kind == "moduli" else 1.0
-    return FoundFactors(kind, factors, len(chosen), equilibrium.size(residual) / softness, shaped)
+    springs = frozenset(equilibrium.problem.springs)
+    return FoundFactors(kind, factors, len(chosen), equilibrium.size(residual) / softness, shaped, fit, springs)
 
 
 def force_factor(theirs: Floats, residual: Floats, held: npt.NDArray[np.bool_]) -> tuple[float, float]:

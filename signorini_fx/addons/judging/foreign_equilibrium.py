@@ -11,7 +11,7 @@ with the same values on supports and contact: it has no unit and does not depend
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,7 @@ from signorini_fx.addons.judging.formulations import (
     UNIFORM,
     Formulation,
     candidates,
+    forces_of_strains,
     stiffness_by_material,
 )
 from signorini_fx.addons.judging.linked_nodes import free_directions
@@ -48,18 +49,26 @@ class Forces:
 
     Attributes:
         formulation: it.
-        by_material: those of each material, force, shape (materials, n d).
+        by_material: those of each material, and behind them of each spring, force, shape (materials + springs, n d).
+        strains: those by which each initial strain expands the body, which ``by_material`` is less, force, shape
+            (strains, n d).
         columns: what unknowns of the formulation add that only contact determines, shape (n d, k).
     """
 
     formulation: Formulation
     by_material: Floats
+    strains: Floats
     columns: Floats
 
     @property
     def total(self) -> Floats:
         """Their sum, shape (n d,)."""
         return np.asarray(self.by_material.sum(axis=0))
+
+    @property
+    def of_displacement(self) -> Floats:
+        """Their sum without initial strains, shape (n d,)."""
+        return np.asarray(self.total + self.strains.sum(axis=0))
 
 
 @dataclass(frozen=True)
@@ -100,19 +109,18 @@ class Equilibrium:
         self._half_digits = np.maximum(half_digits, np.finfo(np.float64).eps / 2 * np.abs(v).max(initial=0.0))
         self._free = np.flatnonzero(problem.free.ravel())
         self._basis, self._independent = free_directions(problem.links, self._free, v.size)
-        self._plain = stiffness_by_material(problem, FULL)
-        self.energies = np.array([float(v.ravel() @ (matrix @ v.ravel())) for matrix in self._plain])
+        self._plain, self._springs = stiffness_by_material(problem, FULL), list(problem.springs.values())
         self.loads = np.array([forces.ravel() for forces in problem.loads.values()]).reshape(-1, v.size)
 
-    @property
+    @cached_property
     def energy(self) -> float:
         """a(v, v), an energy."""
-        return float(self.energies.sum())
+        return float(self.v.ravel() @ (self.stiffness @ self.v.ravel()))
 
     @cached_property
     def stiffness(self) -> csr_array:
         """K, shape (n d, n d)."""
-        return sum(self._plain[1:], self._plain[0])
+        return sum((*self._plain[1:], *self._springs), self._plain[0])
 
     @cached_property
     def _factor(self) -> splu:
@@ -166,13 +174,23 @@ class Equilibrium:
     def forces(self, formulation: Formulation) -> Forces:
         """The internal forces in a formulation."""
         matrices = self._plain if formulation == FULL else stiffness_by_material(self.problem, formulation)
+        strained = forces_of_strains(self.problem, formulation)
+        of_springs = np.array([matrix @ self.v.ravel() for matrix in self._springs]).reshape(-1, self.v.size)
         if not formulation.layer:
-            by_material = np.array([matrix @ self.v.ravel() for matrix in matrices])
-            return Forces(formulation, by_material, np.zeros((self.v.size, 0)))
-        return self._forces_of_layer(formulation, matrices)
+            by_material = np.array([matrix @ self.v.ravel() for matrix in matrices]) - strained.sum(axis=0)
+            columns = np.zeros((self.v.size, 0))
+            return Forces(formulation, np.vstack((by_material, of_springs)), strained.sum(axis=1), columns)
+        in_layer = self._forces_of_layer(formulation, matrices, strained)
+        return replace(in_layer, by_material=np.vstack((in_layer.by_material, of_springs)))
 
-    def _forces_of_layer(self, formulation: Formulation, matrices: list[csr_array]) -> Forces:
-        """Of a layer of bricks, whose displacement out of the plane is free but where friction holds it."""
+    def _forces_of_layer(self, formulation: Formulation, matrices: list[csr_array], strained: Floats) -> Forces:
+        """Of a layer of bricks, whose displacement out of the plane is free but where friction holds it.
+
+        Args:
+            formulation: it.
+            matrices: the stiffness of each material, shape (3 n, 3 n).
+            strained: forces of initial strains, shape (strains, materials, 3 n).
+        """
         count = len(self.v)
         total = sum(matrices[1:], matrices[0])
         rubbing = np.zeros(count, dtype=bool)
@@ -188,8 +206,12 @@ class Equilibrium:
         unknown[in_plane, 0] = self.v.ravel()
         unknown[held, 1:] = np.eye(held.size)
         unknown[loose] = -factor.solve(np.ascontiguousarray(total[loose] @ unknown))
-        parts = np.array([matrix[in_plane] @ unknown[:, 0] for matrix in matrices])
-        return Forces(formulation, parts, np.asarray(total[in_plane] @ unknown[:, 1:]))
+        swollen = np.zeros((3 * count, len(strained)))
+        swollen[loose] = factor.solve(np.ascontiguousarray(strained.sum(axis=1)[:, loose].T))
+        moved = unknown[:, 0] + swollen.sum(axis=1)
+        parts = np.array([matrix[in_plane] @ moved for matrix in matrices]) - strained.sum(axis=0)[:, in_plane]
+        expanding = strained.sum(axis=1)[:, in_plane] - (total[in_plane] @ swollen).T
+        return Forces(formulation, parts, expanding, np.asarray(total[in_plane] @ unknown[:, 1:]))
 
     def fit(self, formulation: Formulation) -> Fit:
         """The equilibrium in a formulation."""
@@ -202,6 +224,11 @@ class Equilibrium:
         worst = int(np.argmax(by_node))
         share = float(by_node[worst] / by_node.sum()) if by_node.any() else 0.0
         return Fit(forces, self.size(residual), residual.reshape(self.v.shape), worst, share)
+
+    def doubt(self, fit: Fit) -> float:
+        """How large a force may be that is left where forces of expansion cancel, in a displacement in equilibrium."""
+        expansion = fit.forces.strains.sum(axis=0).reshape(self.v.shape)
+        return self.threshold * float(np.linalg.norm(expansion, axis=1).sum())
 
     def moved_by(self, fit: Fit) -> Floats:
         """By how much the free components must move to be in equilibrium, length, shape (n, d)."""

@@ -25,12 +25,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from signorini_fx.addons.judging.problem_data import JudgedProblem
+from signorini_fx.addons.judging.problem_data import JudgedMaterial, JudgedProblem
 from signorini_fx.addons.judging.reference_elements import stiffness_rule
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import HALF_SECTOR_OF_CALCULIX, HOURGLASS_OF_CALCULIX
@@ -106,13 +107,40 @@ def stiffness_by_material(problem: JudgedProblem, formulation: Formulation) -> l
     count = len(problem.mesh.points) * components(problem, formulation)
     matrices = []
     for material in problem.materials:
-        parts = list(_element_matrices(problem, formulation, material.cells, material.stiffness))
-        rows = [np.repeat(numbers, numbers.shape[1], axis=1).ravel() for numbers, _ in parts]
-        columns = [np.tile(numbers, numbers.shape[1]).ravel() for numbers, _ in parts]
-        values = [matrix.ravel() for _, matrix in parts]
+        blocks = [
+            (numbers, _stiffness_of_cells(parts))
+            for _, numbers, parts in _strains_in_blocks(problem, formulation, material)
+        ]
+        rows = [np.repeat(numbers, numbers.shape[1], axis=1).ravel() for numbers, _ in blocks]
+        columns = [np.tile(numbers, numbers.shape[1]).ravel() for numbers, _ in blocks]
+        values = [matrix.ravel() for _, matrix in blocks]
         entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
         matrices.append(coo_array(entries, shape=(count, count)).tocsr())
     return matrices
+
+
+def forces_of_strains(problem: JudgedProblem, formulation: Formulation) -> Floats:
+    """The forces by which each material expands with each initial strain, shape (strains, materials, n c)."""
+    count = len(problem.mesh.points) * components(problem, formulation)
+    forces = np.zeros((len(problem.strains), len(problem.materials), count))
+    for number, material in enumerate(problem.materials if problem.strains else ()):
+        for cells, numbers, parts in _strains_in_blocks(problem, formulation, material):
+            for row, strain in enumerate(problem.strains):
+                for part in parts:
+                    values = strain.values(cells, part.shape, part.x)
+                    np.add.at(forces[row, number], numbers, _expansion(part, values))
+    return forces
+
+
+def _expansion(part: _StrainsOfCells, values: Floats) -> Floats:
+    """The forces of an initial strain in cells: of its values at points, shape (m, q) -> (m, a)."""
+    stress = part.stiffness @ np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    weighted = part.measure * np.tile(values, (1, part.measure.shape[1] // values.shape[1]))
+    forces = np.einsum("mqia,mqi->ma", part.strains, weighted[..., None] * stress)
+    if part.inner == forces.shape[1]:
+        return np.asarray(forces)
+    within = np.linalg.solve(part.product[:, part.inner :, part.inner :], forces[:, part.inner :, None])
+    return np.asarray(forces[:, : part.inner] - (part.product[:, : part.inner, part.inner :] @ within)[..., 0])
 
 
 def components(problem: JudgedProblem, formulation: Formulation) -> int:
@@ -120,41 +148,91 @@ def components(problem: JudgedProblem, formulation: Formulation) -> int:
     return problem.mesh.dim + formulation.layer
 
 
-def _element_matrices(
-    problem: JudgedProblem, formulation: Formulation, cells: Ints, stiffness: Floats
-) -> Iterator[tuple[Ints, Floats]]:
-    """Numbers of the unknowns of some cells after others, and their stiffness, shapes (m, a) and (m, a, a)."""
+@dataclass(frozen=True)
+class _StrainsOfCells:
+    """What gives the stiffness of cells, or a part of it.
+
+    Attributes:
+        strains: of unit displacements at points, and of modes within the cells, shape (m, r, 6, a).
+        measure: weights of the points, shape (m, r).
+        stiffness: stresses from strains, shape (6, 6), or of each cell, shape (m, 1, 6, 6).
+        shape: of the nodes at the points in the plane or in space, shape (q, k); r is q, of a layer 2 q.
+        x: these points, length, shape (m, q, d).
+        inner: how many of the unknowns are displacements; the others are condensed.
+        further: stiffness that no strain has, shape (m, a, a) or 0.
+    """
+
+    strains: Floats
+    measure: Floats
+    stiffness: Floats
+    shape: Floats
+    x: Floats
+    inner: int
+    further: Floats | float = 0.0
+
+    @cached_property
+    def product(self) -> Floats:
+        """The stiffness before modes are condensed, shape (m, a, a)."""
+        rows = self.strains.reshape(len(self.x), -1, self.strains.shape[3])
+        stresses = (self.measure[..., None, None] * (self.stiffness @ self.strains)).reshape(rows.shape)
+        return np.asarray(rows.transpose(0, 2, 1) @ stresses)
+
+
+def _stiffness_of_cells(parts: list[_StrainsOfCells]) -> Floats:
+    """Shape (m, a, a)."""
+    return np.sum([_condensed(part.product, part.inner) + part.further for part in parts], axis=0)
+
+
+def _condensed(matrix: Floats, inner: int) -> Floats:
+    """Matrices without unknowns behind the first ones, shape (m, a, a) -> (m, inner, inner)."""
+    if inner == matrix.shape[1]:
+        return matrix
+    coupling = matrix[:, :inner, inner:]
+    return np.asarray(
+        matrix[:, :inner, :inner] - coupling @ np.linalg.solve(matrix[:, inner:, inner:], matrix[:, inner:, :inner])
+    )
+
+
+def _strains_in_blocks(
+    problem: JudgedProblem, formulation: Formulation, material: JudgedMaterial
+) -> Iterator[tuple[Ints, Ints, list[_StrainsOfCells]]]:
+    """Some cells of a material after others, the numbers of their unknowns, shape (m, a), and their strains."""
     mesh, c = problem.mesh, components(problem, formulation)
     width = mesh.cells.shape[1] * c
     places, _ = stiffness_rule(mesh.element, formulation.further_points)
     at_once = max(1, _AT_ONCE // (len(places) * 6 * width))
-    if not formulation.layer:
-        stiffness = elastic_stiffness(problem, stiffness)
-    for start in range(0, len(cells), at_once):
-        nodes = mesh.cells[cells[start : start + at_once]]
+    everywhere = material.stiffness if formulation.layer else elastic_stiffness(problem, material.stiffness)
+    for start in range(0, len(material.cells), at_once):
+        cells = material.cells[start : start + at_once]
+        stiffness = everywhere[start : start + at_once, None] if material.varies else everywhere
+        nodes = mesh.cells[cells]
         numbers = (nodes[:, :, None] * c + np.arange(c)).reshape(len(nodes), -1)
-        yield numbers, _stiffness_of_cells(problem, formulation, mesh.points[nodes], stiffness)
+        yield cells, numbers, _strains_of_cells(problem, formulation, mesh.points[nodes], stiffness)
 
 
 def elastic_stiffness(problem: JudgedProblem, stiffness: Floats) -> Floats:
-    """That of a material in a problem, shape (6, 6): in plane stress there is no stress across the plane."""
+    """That of a material in a problem, shape (..., 6, 6): in plane stress there is no stress across the plane."""
     if problem.hypothesis != "plane stress":
         return stiffness
     plane = np.zeros_like(stiffness)
-    plane[np.ix_(_IN_PLANE, _IN_PLANE)] = np.linalg.inv(np.linalg.inv(stiffness)[np.ix_(_IN_PLANE, _IN_PLANE)])
+    rows, columns = np.ix_(_IN_PLANE, _IN_PLANE)
+    compliance = np.linalg.inv(stiffness)
+    plane[..., rows, columns] = np.linalg.inv(compliance[..., rows, columns])
     return plane
 
 
-def _stiffness_of_cells(problem: JudgedProblem, formulation: Formulation, x: Floats, stiffness: Floats) -> Floats:
-    """The stiffness of cells with the nodes x, shape (m, k, d) -> (m, a, a)."""
+def _strains_of_cells(
+    problem: JudgedProblem, formulation: Formulation, x: Floats, stiffness: Floats
+) -> list[_StrainsOfCells]:
+    """The parts of the stiffness of cells with the nodes x, shape (m, k, d)."""
     if formulation.name == UNIFORM:
-        return _uniform_strain(problem, formulation, x, stiffness)
+        return [_uniform_strain(problem, formulation, x, stiffness)]
     if formulation.name in (SELECTIVE, SELECTIVE_EXACT):
         dilatation = np.zeros_like(stiffness)
-        dilatation[:3, :3] = stiffness[0, 1]
+        dilatation[..., :3, :3] = stiffness[..., 0, 1][..., None, None]
         plain_rule = FULL if formulation.name == SELECTIVE else EXACT
         parts = (plain_rule, stiffness - dilatation), (REDUCED, dilatation)
-        return np.sum([_stiffness_of_cells(problem, rule, x, share) for rule, share in parts], axis=0)
+        return [part for rule, share in parts for part in _strains_of_cells(problem, rule, x, share)]
     element = problem.mesh.element
     places, weights = stiffness_rule(element, formulation.further_points)
     shape, reference = element.shape(places), element.gradient(places)
@@ -168,40 +246,36 @@ def _stiffness_of_cells(problem: JudgedProblem, formulation: Formulation, x: Flo
         strains, measure = _in_a_layer(strains, gradient, shape, measure, problem.thickness)
     if formulation.name == "B-bar":
         strains = _mean_dilatation(strains, measure)
+    inner = strains.shape[3]
     if formulation.name in (INCOMPATIBLE, SCALED):
         centre = np.einsum("qkj,mkd->mqdj", element.gradient(np.full((1, element.dim), 0.5)), x)[:, 0]
         further = _incompatible_modes(places, jacobian, centre, scaled=formulation.name == SCALED)
         strains = np.concatenate((strains, _strains(further, shape, None)), axis=3)
-    rows = strains.reshape(len(x), -1, strains.shape[3])
-    stresses = (measure[..., None, None] * (stiffness @ strains)).reshape(rows.shape)
-    matrix = np.asarray(rows.transpose(0, 2, 1) @ stresses)
-    if formulation.name not in (INCOMPATIBLE, SCALED):
-        return matrix
-    inner = x.shape[1] * x.shape[2]
-    coupling = matrix[:, :inner, inner:]
-    return np.asarray(
-        matrix[:, :inner, :inner] - coupling @ np.linalg.solve(matrix[:, inner:, inner:], matrix[:, inner:, :inner])
-    )
+    return [_StrainsOfCells(strains, measure, stiffness, shape, np.einsum("qk,mkd->mqd", shape, x), inner)]
 
 
-def _uniform_strain(problem: JudgedProblem, formulation: Formulation, x: Floats, stiffness: Floats) -> Floats:
-    """The stiffness of bricks with uniform strain, and of plane cells that are such bricks: ``_stiffness_of_cells``."""
-    corners = 2 * problem.mesh.element.nodes - 1.0
+def _uniform_strain(problem: JudgedProblem, formulation: Formulation, x: Floats, stiffness: Floats) -> _StrainsOfCells:
+    """Those of bricks with uniform strain, and of plane cells that are such bricks: ``_strains_of_cells``."""
+    element = problem.mesh.element
+    centre = element.shape(np.full((1, element.dim), 0.5))
+    at_centre = np.einsum("qk,mkd->mqd", centre, x)
+    corners = 2 * element.nodes - 1.0
     thickness, moves = 1.0, np.eye(24)
     if problem.mesh.dim == 2:
         corners, x, moves, thickness = _as_bricks(problem, formulation, corners, x)
     gradient, volume = _mean_gradient(corners, x)
-    strains = _strains(gradient[:, None], np.zeros((1, 8)), None)[:, 0]
-    matrix = volume[:, None, None] * (strains.transpose(0, 2, 1) @ stiffness @ strains)
+    strains = np.asarray(_strains(gradient[:, None], np.zeros((1, 8)), None) @ moves, dtype=np.float64)
     xi, eta, zeta = corners.T
     # Their linear part along the third axis is taken away, as by CalculiX, and not those along the others.
     modes = np.stack((eta * zeta, xi * zeta, xi * eta, xi * eta * zeta), axis=1)
     modes = modes - gradient[..., 2:] @ (x[..., 2:].transpose(0, 2, 1) @ modes)
-    young = 1 / np.linalg.inv(stiffness)[0, 0]
+    young = (1 / np.linalg.inv(stiffness)[..., 0, 0]).reshape(-1)
     factor = HOURGLASS_OF_CALCULIX * young * volume * (gradient**2).sum(axis=(1, 2))
     against = factor[:, None, None] * (modes @ modes.transpose(0, 2, 1))
-    matrix += np.einsum("mab,ij->maibj", against, np.eye(3)).reshape(matrix.shape)
-    return np.asarray(moves.T @ matrix @ moves / thickness)
+    hourglass = np.einsum("mab,ij->maibj", against, np.eye(3)).reshape(len(x), 24, 24)
+    further = np.asarray(moves.T @ hourglass @ moves / thickness, dtype=np.float64)
+    measure = np.asarray(volume[:, None] / thickness, dtype=np.float64)
+    return _StrainsOfCells(strains, measure, stiffness, centre, at_centre, strains.shape[3], further)
 
 
 def _as_bricks(

@@ -27,6 +27,7 @@ from signorini_fx.addons.judging.touching_surface import bond_jumps, touching_su
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import (
     JUDGED_BOND,
+    JUDGED_CARRIES,
     JUDGED_DIGITS,
     JUDGED_FACTOR_LEFT,
     JUDGED_FORCES,
@@ -99,7 +100,7 @@ class _Judging:
         theirs: the result.
         about: what is known of it.
         begun: when it began, seconds.
-        integrated: how loads are integrated, in words, if not on the parts between their jumps.
+        integrated: how loads are integrated or initial strains taken, in words, if not as they are stated.
     """
 
     problem: JudgedProblem
@@ -121,12 +122,17 @@ class _Judging:
             candidate = self._equilibrium(unprinted)
             if (fits := best_fit(candidate[2])).fit.rho < best.fit.rho:  # it is no file of ours, which has what moves
                 self.theirs, (v, largest, equilibrium), best = unprinted, candidate, fits
-        for words, loads in {} if best.exact else self.problem.other_loads().items():
-            with_them = Equilibrium(replace(equilibrium.problem, loads=loads), v, self.theirs.half_units)
-            fits = best_fit(with_them, of_calculix=of_calculix)
-            if fits.exact:
-                equilibrium, best, self.integrated = with_them, fits, words
+        readings = [("", equilibrium, best)]
+        for words, fields in {} if best.exact else self.problem.other_readings().items():
+            with_them = Equilibrium(replace(equilibrium.problem, **fields), v, self.theirs.half_units)
+            readings.append((words, with_them, best_fit(with_them, of_calculix=of_calculix)))
+            if readings[-1][-1].exact:
                 break
+        # One that is exact, else one in which another factor of a load or a modulus is, else as it is stated.
+        self.integrated, equilibrium, best = next(
+            (reading for reading in readings if reading[2].exact),
+            next((reading for reading in readings if _explains(*reading[1:])), readings[0]),
+        )
         problem = self.problem = equilibrium.problem
         findings: list[JudgedFinding] = []
         lines: dict[str, str] = {}
@@ -143,6 +149,9 @@ class _Judging:
         self.about["formulation"] = best.fit.formulation.words
         unit = self._unit_factor(equilibrium, best, v)
         explained = None if best.exact or unit is not None else found_factors(equilibrium, best)
+        if explained is not None:
+            best = replace(best, fit=explained.fit)
+            self.about["formulation"] = best.fit.formulation.words
         if unit is not None:
             text = f"it is {unit:.4g} times what the problem has in its units"
             findings.append(JudgedFinding("units", text, unit))
@@ -161,8 +170,8 @@ class _Judging:
         figures["equilibrium"] = {"value": best.fit.rho, "threshold": best.resolution}
         figures["printed"] = {"value": equilibrium.printed, "threshold": None}
         unknown = not best.exact and explained is None
-        contacts = self._contacts(v, residual, equilibrium.energy, largest)
-        named = reactions(problem, residual)
+        contacts = self._contacts(v, residual, equilibrium, best)
+        named = reactions(problem, residual, equilibrium.doubt(best.fit))
         if unit is None:
             for figure in contacts:
                 findings += contact_findings(problem, figure, unknown=unknown)
@@ -252,9 +261,9 @@ class _Judging:
         meant = np.nan_to_num(self.problem.prescribed)
         square = float((meant**2).sum())
         factors = [float((v * meant).sum()) / square] if square > 0 else []
-        loads = -equilibrium.loads.sum(axis=0)
+        loads = -equilibrium.loads.sum(axis=0) - best.fit.forces.strains.sum(axis=0)
         if not best.exact and loads.any():
-            internal = best.fit.forces.total
+            internal = best.fit.forces.of_displacement
             (value, *_), residual = equilibrium.least(internal, np.column_stack((loads, best.fit.forces.columns)))
             if equilibrium.size(residual) <= max(equilibrium.threshold, JUDGED_FACTOR_LEFT * best.fit.rho):
                 factors.append(float(value))
@@ -263,13 +272,15 @@ class _Judging:
     def _of_factors(self, explained: FoundFactors) -> str:
         """In words whose problem it is."""
         if explained.kind == "moduli":
-            named = ", ".join(
-                f"its moduli{' of ' + name if name else ''} are {value:.4g} times the problem's"
+            verbs = {name: "is" if name in self.problem.springs else "are" for name in explained.changed}
+            return ", ".join(
+                f"its {explained.called(name)} {verbs[name]} {value:.4g} times the problem's"
                 for name, value in explained.changed.items()
             )
-            return named
         named = ", ".join(f"its {name} is {value:.4g} times the problem's" for name, value in explained.changed.items())
-        alike = np.ptp(list(explained.factors.values())) <= 1e-3 * max(explained.factors.values())
+        # Initial strains and springs load a body the more the stiffer it is, or the softer.
+        alone = not self.problem.strains and not self.problem.springs
+        alike = alone and np.ptp(list(explained.factors.values())) <= 1e-3 * max(explained.factors.values())
         return f"{named}, or its moduli are {1 / max(explained.factors.values()):.4g} times" if alike else named
 
     def _unbalanced(self, equilibrium: Equilibrium, best: BestFit) -> JudgedFinding:
@@ -298,21 +309,30 @@ class _Judging:
         text = f"its reactions are {factor:.4g} times those of its displacement with the problem's moduli"
         return [JudgedFinding("factors", text, factor, JUDGED_FORCES)]
 
-    def _contacts(self, v: Floats, residual: Floats, energy: float, largest: float) -> list[JudgedContactFigures]:
+    def _contacts(
+        self, v: Floats, residual: Floats, equilibrium: Equilibrium, best: BestFit
+    ) -> list[JudgedContactFigures]:
         size = float(np.linalg.norm(residual, axis=1).sum())
+        size += equilibrium.doubt(best.fit) / JUDGED_CARRIES
+        largest = float(np.linalg.norm(v[self.problem.deformable], axis=1).max())
         surfaces = (
             touching_surface(self.problem, contact, v, residual, self.theirs.step_start)
             for contact in self.problem.contacts
             if not contact.bonded
         )
-        return [contact_figures(self.problem, surface, energy, largest, size) for surface in surfaces]
+        return [contact_figures(self.problem, surface, equilibrium.energy, largest, size) for surface in surfaces]
 
     def _own_contacts(self, u: Floats) -> list[JudgedContactFigures] | None:
         """The figures of our displacement; None: it is in equilibrium in no formulation."""
         equilibrium = Equilibrium(self.problem, u, np.zeros_like(u))
         best = best_fit(equilibrium)
-        largest = float(np.linalg.norm(u, axis=1).max())
-        return self._contacts(u, best.fit.residual, equilibrium.energy, largest) if best.exact else None
+        return self._contacts(u, best.fit.residual, equilibrium, best) if best.exact else None
+
+
+def _explains(equilibrium: Equilibrium, best: BestFit) -> bool:
+    """Whether other factors leave nothing."""
+    explained = found_factors(equilibrium, best)
+    return explained is not None and explained.remainder <= equilibrium.threshold
 
 
 def _balance(equilibrium: Equilibrium, best: BestFit, explained: FoundFactors | None) -> str:

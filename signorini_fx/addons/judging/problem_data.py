@@ -97,9 +97,11 @@ class JudgedMaterial:
     Attributes:
         name: its region; "": the whole body.
         cells: that consist of it.
-        stiffness: stresses from strains, xx, yy, zz, xy, xz, yz, of shear twice the tensor's, stress, shape (6, 6).
+        stiffness: stresses from strains, xx, yy, zz, xy, xz, yz, of shear twice the tensor's, stress, shape (6, 6), or
+            where it varies of each of its cells, shape (m, 6, 6).
         young: its natural modulus, stress.
         density: mass per volume; None: not known.
+        expansion: coefficient of thermal expansion, 1 / temperature; None: not known.
     """
 
     name: str
@@ -107,6 +109,38 @@ class JudgedMaterial:
     stiffness: Floats
     young: float
     density: float | None
+    expansion: float | None = None
+
+    @property
+    def varies(self) -> bool:
+        """Whether the stiffness is another one in each cell."""
+        return self.stiffness.ndim > 2
+
+
+@dataclass(frozen=True)
+class JudgedStrain:
+    """A strain without stress, the same in all directions.
+
+    Attributes:
+        name: of the effect that has it.
+        at_nodes: of each cell at its nodes, without unit, shape (m, k).
+        between: (cells, points of each, length, shape (c, q, d)) -> its values there, shape (c, q); None: those of the
+            shape functions.
+    """
+
+    name: str
+    at_nodes: Floats
+    between: Callable[[Ints, Floats], Floats] | None = None
+
+    def values(self, cells: Ints, shape: Floats, x: Floats) -> Floats:
+        """At points of cells, shape (c, q).
+
+        Args:
+            cells: which.
+            shape: of the nodes there, shape (q, k).
+            x: the points, length, shape (c, q, d).
+        """
+        return np.asarray(self.at_nodes[cells] @ shape.T) if self.between is None else self.between(cells, x)
 
 
 @dataclass(frozen=True)
@@ -175,7 +209,10 @@ class JudgedProblem:
         lost: what the problem lacks of the deck.
         links: C of the relations C v = 0 of equations and of ties that are no bonds, without unit, shape (links, n d).
         bonds: the same of ties that are bonds of ``contacts``, too.
-        other_loads: makes ``loads`` as programs may integrate them instead, by what is to be said of it.
+        strains: initial strains, such as thermal ones.
+        springs: name -> stiffness of springs on a boundary, force per length, shape (n d, n d).
+        other_readings: makes the fields that differ where a program integrates loads or strains otherwise, by what is
+            to be said of it.
         rigid_bodies: numbers of bodies all of whose nodes are held.
     """
 
@@ -199,7 +236,9 @@ class JudgedProblem:
     bonds: csr_array = field(default_factory=lambda: csr_array((0, 0)))
     begun: float | None = None
     prescribed_before: Floats | None = None
-    other_loads: Callable[[], Mapping[str, Mapping[str, Floats]]] = dict
+    strains: tuple[JudgedStrain, ...] = ()
+    springs: Mapping[str, csr_array] = field(default_factory=dict)
+    other_readings: Callable[[], Mapping[str, Mapping[str, Any]]] = dict
 
     def linked_in(self, v: Floats, allowed: float) -> Self:
         """The problem whose ties are links of nodes if a displacement keeps to these, else are bonds.

@@ -30,10 +30,12 @@ from signorini_fx.addons.judging.problem_data import (
     JudgedMaterial,
     JudgedMesh,
     JudgedProblem,
+    JudgedStrain,
     facet_points,
 )
 from signorini_fx.addons.judging.soft_contact import law_of_deck, law_of_scene
-from signorini_fx.addons.judging.stated_loads import loads_by_degree, loads_of, prescribed_of
+from signorini_fx.addons.judging.stated_loads import loads_by_degree, loads_of, prescribed_of, springs_of
+from signorini_fx.addons.judging.stated_strains import strains_by_reading, strains_of
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.materials.protocol import PAIRS
@@ -43,7 +45,7 @@ from signorini_fx.mechanics.mesh.files.cutting import shape_of
 from signorini_fx.mechanics.mesh.files.raw import row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
-from signorini_fx.mechanics.statement.expressions import in_space
+from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.solution import Solution
@@ -210,7 +212,10 @@ def _problem(
     loads, misfits = loads_of(*stated, revolved=revolved)
     reasons += misfits
     linked = deck is not None and not deck.grounded
-    unjudged = {"springs", "preload", "fluid", "links"} - ({"links"} if linked else set())
+    springs, misfits = springs_of(statement, position, mesh, revolved=revolved)
+    reasons += misfits
+    strains = strains_of(statement, position, mesh, materials)
+    unjudged = {"preload", "fluid", "links"} - ({"links"} if linked else set())
     reasons += [
         f"{entry.name} is not judged yet"
         for _, entry in statement.listed()
@@ -252,9 +257,32 @@ def _problem(
         bonds=bonds,
         # Where friction changes before the loads of the step, its slip is not that between its beginning and its end.
         begun=None if deck is None or deck.taken[-2:-1] == [None] else deck.ends.get(len(deck.steps) - 2),
-        other_loads=dict if deck is not None else lambda: loads_by_degree(*stated, revolved=revolved),
+        strains=strains,
+        springs=springs,
+        other_readings=lambda: _other_readings(stated, strains, revolved=revolved, loads=deck is None),
         prescribed_before=prescribed_of(statement, position - 1, mesh)[0] if position > 0 else None,
     ), reasons
+
+
+def _other_readings(
+    stated: tuple[Any, float, JudgedMesh, tuple[JudgedMaterial, ...]],
+    strains: tuple[JudgedStrain, ...],
+    *,
+    revolved: bool,
+    loads: bool,
+) -> dict[str, dict[str, Any]]:
+    """See ``JudgedProblem.other_readings``; ``stated`` is as for ``loads_of``.
+
+    Args:
+        stated: statement, position, mesh and materials.
+        strains: initial strains as they are stated.
+        revolved: whether the mesh is a section of a body of revolution.
+        loads: whether loads may be integrated otherwise.
+    """
+    integrated = loads_by_degree(*stated, revolved=revolved) if loads else {}
+    return {words: {"loads": forces} for words, forces in integrated.items()} | {
+        words: {"strains": read} for words, read in strains_by_reading(stated[2].element, strains).items()
+    }
 
 
 def _linked_ties(deck: Deck, contacts: Sequence[Any]) -> set[tuple[str | None, str | None]]:
@@ -288,20 +316,31 @@ def _materials(statement: Any, mesh: JudgedMesh) -> tuple[tuple[JudgedMaterial, 
         if not entry.linear:
             reasons.append(f"the material {name or 'of the body'} is not linear, which is not judged yet")
             continue
-        if entry.varies:
-            reasons.append(f"the material {name or 'of the body'} varies, which is not judged yet")
-        axes = np.eye(3) if entry.isotropic else entry.axes(in_space(mesh.points[:1]))[0]
-        stiffness = isotropic_stiffness(entry.young, entry.poisson) if entry.isotropic else turned(entry, axes)
         cells = np.flatnonzero(owner == number)
-        materials.append(JudgedMaterial(name, cells, stiffness, entry.natural_modulus, entry.density))
+        stiffness = _stiffness(entry, mesh, cells)
+        if not entry.varies:
+            stiffness = stiffness[0]
+        materials.append(JudgedMaterial(name, cells, stiffness, entry.natural_modulus, entry.density, entry.expansion))
     return tuple(materials), reasons
 
 
-def isotropic_stiffness(young: float, poisson: float) -> Floats:
-    """Stresses from strains, xx, yy, zz, xy, xz, yz, of shear twice the tensor's, stress, shape (6, 6)."""
-    shear = young / (2 * (1 + poisson))
-    stiffness = np.diag([2 * shear] * 3 + [shear] * 3)
-    stiffness[:3, :3] += young * poisson / ((1 + poisson) * (1 - 2 * poisson))
+def _stiffness(entry: Any, mesh: JudgedMesh, cells: Ints) -> Floats:
+    """Of a material in cells, in the middle of the corners of each if it varies, else of any one, shape (m, 6, 6)."""
+    cells = cells if entry.varies else np.zeros(1, dtype=np.int64)
+    middles = in_space(mesh.points[mesh.cells[cells, : mesh.element.corner_count]].mean(axis=1))
+    share = np.ones(len(cells)) if entry.grading is None else sample(entry.grading, middles)
+    if not entry.isotropic:
+        return np.array([share[row] * turned(entry, axes) for row, axes in enumerate(entry.axes(middles))])
+    of_poisson = np.ones(len(cells)) if entry.poisson_grading is None else sample(entry.poisson_grading, middles)
+    return isotropic_stiffness(entry.young * share, entry.poisson * of_poisson)
+
+
+def isotropic_stiffness(young: float | Floats, poisson: float | Floats) -> Floats:
+    """Stresses from strains, xx, yy, zz, xy, xz, yz, of shear twice the tensor's, stress, shape (..., 6, 6)."""
+    shear = np.asarray(young / (2 * (1 + poisson)))
+    dilatation = np.asarray(young * poisson / ((1 + poisson) * (1 - 2 * poisson)))
+    stiffness = shear[..., None, None] * np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
+    stiffness[..., :3, :3] += dilatation[..., None, None]
     return stiffness
 
 

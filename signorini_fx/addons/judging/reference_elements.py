@@ -49,6 +49,16 @@ class ReferenceElement:
         """1: all nodes are corners; 2: there are others."""
         return 1 if len(self.nodes) == self.corner_count else 2
 
+    @property
+    def linear(self) -> ReferenceElement:
+        """That of degree 1 on the same corners."""
+        degree_one = next(
+            cell
+            for cell in CELLS.values()
+            if cell.degree == 1 and cell.dim == self.dim and len(cell.corners) == self.corner_count
+        )
+        return reference_element(degree_one.kind)
+
     def shape(self, x: Floats) -> Floats:
         """Shape functions at places of the reference cell, shape (q, dim) -> (q, k)."""
         return _monomials(x, self.exponents) @ self.coefficients

@@ -1,4 +1,4 @@
-"""Forces at the nodes of a mesh that are equivalent to the loads of a scene, by quadrature in NumPy."""
+"""Forces at the nodes of a mesh that are equivalent to the loads of a scene, supports and springs, in NumPy."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Any
 
 import basix
 import numpy as np
+from scipy.sparse import coo_array, csr_array
 
 from signorini_fx.addons.judging.problem_data import JudgedMaterial, JudgedMesh, facet_points
 from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.cut_simplices import cut
-from signorini_fx.mechanics.statement.effect import Effect, Force, Load
+from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Load, Resistance
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import JUDGED_DEGREES, JUDGED_LOAD_POINTS
@@ -91,7 +92,7 @@ def loads_of(
             continue
         factor, load = statement.now(entry, position)
         if not isinstance(load, Force):
-            if load.label != "displacement":
+            if load.label != "displacement" and not isinstance(load, InitialStrain):
                 reasons.append(f"{load.name} is not judged yet")
             continue
         if getattr(load, "enters", ()):
@@ -128,6 +129,57 @@ def loads_by_degree(
         )[0]
         for degree in sorted(degrees)
     }
+
+
+@dataclass(frozen=True)
+class _MovedPoints(LoadPoints):
+    """Points of a boundary that moves by the same everywhere.
+
+    Attributes:
+        moved: by what, length, shape (d,).
+    """
+
+    moved: Floats
+
+    @property
+    def displacement(self) -> Floats:
+        """At the points, length, shape (f, q, d)."""
+        return np.broadcast_to(self.moved, self.x.shape)
+
+
+def springs_of(
+    statement: Statement, position: float, mesh: JudgedMesh, *, revolved: bool
+) -> tuple[dict[str, csr_array], Reasons]:
+    """The stiffness of springs on boundaries by their names, force per length, shape (n d, n d), and what is not known.
+
+    Args:
+        statement: what is stated.
+        position: in the lists of factors.
+        mesh: the mesh.
+        revolved: whether the mesh is a section of a body of revolution; then forces are per radian.
+    """
+    springs: dict[str, csr_array] = {}
+    reasons: Reasons = []
+    for _, entry in statement.listed():
+        if not entry.acts or not isinstance(entry, Resistance) or entry.nodal:  # those between nodes are links
+            continue
+        if entry.where is None or entry.timed:
+            reasons.append(f"{entry.name} is not judged yet")
+            continue
+        facets = mesh.boundaries[entry.where]
+        at = facet_points(mesh, facets, JUDGED_LOAD_POINTS, revolved=revolved)
+        axes = [
+            entry.reaction_at(_MovedPoints(at.x, at.normal, at.weight, np.zeros(at.weight.shape), axis))
+            for axis in np.eye(mesh.dim)
+        ]
+        blocks = np.einsum("fq,qk,ql,jfqi->fkilj", at.weight, at.shape, at.shape, np.array(axes), optimize=True)
+        numbers = (facets[:, :, None] * mesh.dim + np.arange(mesh.dim)).reshape(len(facets), -1)
+        rows, columns = np.repeat(numbers, numbers.shape[1], axis=1), np.tile(numbers, numbers.shape[1])
+        entries = (blocks.ravel(), (rows.ravel(), columns.ravel()))
+        name = f"springs on {entry.where}"
+        stiffness = csr_array(coo_array(entries, shape=(mesh.points.size,) * 2))
+        springs[name] = springs[name] + stiffness if name in springs else stiffness
+    return springs, reasons
 
 
 def _forces(
