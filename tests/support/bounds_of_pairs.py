@@ -37,7 +37,8 @@ def _strained(solution):
     t = case._undivided
     strain = t.strain_at_corners(*case._on_cells(solution.displacement))
     for section in preloaded_sections(solution.model, space, solution._position):
-        strain[section.beyond] += t.strain_at_corners(*case._on_cells(section.moved))[section.beyond]
+        of_section = t.strain_at_corners(*case._on_cells(section.moved))
+        strain[section.beyond] += section.amount * of_section[section.beyond]
     return t, strain
 
 

@@ -78,6 +78,9 @@ def loaded(scene, seed, kind):
     elif kind == "preload":  # a section across the body, or the upper one of two, which is shortened or lengthened
         long = float(scene.body[0].mesh.parameters["length"]) if scene.body else length
         axis, point = [1.0, 0.0, 0.0], [float(long * chance.uniform(0.2, 0.8)), 0.0, 0.0]
+        # The support that presses a block holds all of its top, so that a section across it would have one side held.
+        if plane and not scene.body and any(str(one.boundary) == top for one in scene.displacement):
+            axis, point = [0.0, 1.0, 0.0], [0.0, float(high * chance.uniform(0.2, 0.8)), 0.0]
         shortening = size / young * high * float(chance.choice([1, 2, -1]))
         section = {"point": point[: 2 if plane else 3], "axis": axis[: 2 if plane else 3], "shortening": shortening}
         # Friction would see one side of the section.

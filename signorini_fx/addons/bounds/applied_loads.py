@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints, DensityPoints, profile_of
@@ -32,6 +33,9 @@ from signorini_fx.addons.bounds.varying_springs import SpringReaction
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.proved_statements import Refused
 
+# Which of the cells, or all of them.
+Cells = npt.NDArray[np.bool_] | slice
+EVERYWHERE = slice(None)
 # Sizes of the rules in the plane: of the one that counts, and of the one that it is compared with.
 _SIZES_IN_PLANE = (8, 5)
 
@@ -89,6 +93,13 @@ class Acting:
 
 
 Load = Acting | SpringReaction
+
+
+def beside(t: Simplices, cells: Cells) -> npt.NDArray[np.bool_]:
+    """Which facets of the boundary are those of some cells, shape (f,)."""
+    selected = np.zeros(len(t.corners), dtype=bool)
+    selected[cells] = True
+    return np.asarray(selected[t.sides[:, 0]])
 
 
 @dataclass(frozen=True)
@@ -156,17 +167,17 @@ class BodyLoads:
         beyond = beyond + differing(np.einsum("pkc,ncd->npkd", CORNERS_OF_PARTS[d], linear))
         return cls(t, moments, bubbles, missed, beyond, unknown, unknown_bubbles)
 
-    def work(self, y: Array, middle: Array) -> float:
-        """On a displacement of degree 2, an energy."""
-        above = self._above(y, middle)
-        inside = np.einsum("ncd,ncd->", self.moments, y[self.t.corners])
-        return float(inside + np.einsum("ncd,ncd->", self.bubbles, above))
+    def work(self, y: Array, middle: Array, cells: Cells = EVERYWHERE) -> float:
+        """On a displacement of degree 2, an energy; ``cells``: in which it is not zero."""
+        above = self._above(y, middle)[cells]
+        inside = np.einsum("ncd,ncd->", self.moments[cells], y[self.t.corners[cells]])
+        return float(inside + np.einsum("ncd,ncd->", self.bubbles[cells], above))
 
-    def unknown_work(self, y: Array, middle: Array) -> float:
+    def unknown_work(self, y: Array, middle: Array, cells: Cells = EVERYWHERE) -> float:
         """How far that work is not known by quadrature, an energy."""
-        largest = np.abs(y[self.t.corners]).max(axis=(1, 2))
-        inside = self.unknown @ largest + np.einsum("ncd,ncd->", self.unknown_bubbles, np.abs(self._above(y, middle)))
-        return float(inside)
+        largest = np.abs(y[self.t.corners[cells]]).max(axis=(1, 2), initial=0.0)
+        above = np.abs(self._above(y, middle)[cells])
+        return float(self.unknown[cells] @ largest + np.einsum("ncd,ncd->", self.unknown_bubbles[cells], above))
 
     def _above(self, y: Array, middle: Array) -> Array:
         """What a displacement is at the middles of edges above the linear one, length, shape (n, 3 or 6, d)."""
@@ -271,11 +282,17 @@ class PlaneLoads:
         missed = np.sqrt(integrated.missed)
         return linear + missed, missed
 
-    def work(self, y: Array, middle: Array) -> float:
-        """Of the loads on a displacement of degree 2, without what supports take of them, energy per thickness."""
+    def work(self, y: Array, middle: Array, cells: Cells = EVERYWHERE) -> float:
+        """Of the loads on a displacement of degree 2, without what supports take of them, energy per thickness.
+
+        Args:
+            y: at the vertices, length, shape (v, 2).
+            middle: at the middles of the edges, shape (e, 2).
+            cells: in which the displacement is not zero.
+        """
         along = self._along(y, middle)
-        on_edges = self._t.area @ np.einsum("ebd,ebd->e", self._on_edges, along)
-        return float(on_edges) + self._inside.work(y, middle)
+        on_edges = self._t.area * np.einsum("ebd,ebd->e", self._on_edges, along)
+        return float(on_edges[beside(self._t, cells)].sum()) + self._inside.work(y, middle, cells)
 
     def size_of_work(self, y: Array, middle: Array) -> float:
         """The sizes of what is summed up to that work, energy per thickness.
@@ -288,11 +305,11 @@ class PlaneLoads:
         largest = np.abs(along).max(axis=(1, 2))
         return float(on_edges @ largest + inside @ largest[t.facets_of].max(axis=1))
 
-    def unknown_work(self, y: Array, middle: Array) -> float:
+    def unknown_work(self, y: Array, middle: Array, cells: Cells = EVERYWHERE) -> float:
         """How far that work is not known by quadrature, energy per thickness."""
         along = np.abs(self._along(y, middle))
-        on_edges = self._t.area @ np.einsum("ebd,ebd->e", self._unknown_on_edges, along)
-        return float(on_edges) + self._inside.unknown_work(y, middle)
+        on_edges = self._t.area * np.einsum("ebd,ebd->e", self._unknown_on_edges, along)
+        return float(on_edges[beside(self._t, cells)].sum()) + self._inside.unknown_work(y, middle, cells)
 
     def _along(self, y: Array, middle: Array) -> Array:
         """A displacement along the edges, coefficients of Bernstein, shape (e, 3, 2)."""
@@ -383,15 +400,16 @@ class SpatialLoads:
                 self._missed = (1 + share) * (self._missed + share * alone.missed)
         np.add.at(self._unknown, t.sides[faces, 0], t.area[faces] * self._unknown_moments.sum(axis=(1, 2)))
 
-    def work(self, y: Array, middle: Array) -> float:
+    def work(self, y: Array, middle: Array, cells: Cells = EVERYWHERE) -> float:
         """See ``PlaneLoads``, an energy."""
-        on_faces = np.einsum("fbd,fbd->f", self._moments, self._on_faces(y, middle))
-        return float(self._t.area[self._faces] @ on_faces) + self._inside.work(y, middle)
+        on_faces = self._t.area[self._faces] * np.einsum("fbd,fbd->f", self._moments, self._on_faces(y, middle))
+        return float(on_faces[beside(self._t, cells)[self._faces]].sum()) + self._inside.work(y, middle, cells)
 
-    def unknown_work(self, y: Array, middle: Array) -> float:
+    def unknown_work(self, y: Array, middle: Array, cells: Cells = EVERYWHERE) -> float:
         """See ``PlaneLoads``, an energy."""
-        on_faces = np.einsum("fbd,fbd->f", self._unknown_moments, np.abs(self._on_faces(y, middle)))
-        return float(self._t.area[self._faces] @ on_faces) + self._inside.unknown_work(y, middle)
+        along = np.abs(self._on_faces(y, middle))
+        on_faces = self._t.area[self._faces] * np.einsum("fbd,fbd->f", self._unknown_moments, along)
+        return float(on_faces[beside(self._t, cells)[self._faces]].sum()) + self._inside.unknown_work(y, middle, cells)
 
     def _on_faces(self, y: Array, middle: Array) -> Array:
         """A displacement on the faces that are loaded, coefficients of Bernstein, shape (m, 6, 3)."""

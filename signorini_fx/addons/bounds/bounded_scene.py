@@ -394,9 +394,12 @@ def grounds(model: Model, place: float, *, coulomb: bool, later: bool, unknown: 
         if unknown > SAME_ENTRY
         else "",
         model.statement.body_of_proofs,
-        "of the problem with the computed shortenings of sections that a force tightens: that these are the exact ones "
-        "is assumed"
-        if any(entry.force is not None for entry in model.statement.of(Preload))
+        "of the problem with the computed shortenings of sections that a force has tightened before: that these are "
+        "the exact ones is assumed"
+        if any(
+            entry.force is not None and entry.force_at(model.statement, place) is None
+            for entry in model.statement.of(Preload)
+        )
         else "",
         "in the energy norm of body and springs" if model.statement.of(Springs) else "",
         "of the displacement alone, whose volume changes more than the pressure of the mixed element says"

@@ -51,12 +51,14 @@ class EquilibratedStress:
             (n,).
         of_springs: what springs exert of the tractions at the vertices of their facets, stress, shape (m, d, d); None:
             nothing.
+        lost: a bound of the force that all cells together miss by round-off, force.
     """
 
     stress: Array
     tractions: Array
     squares: Array
     of_springs: Array | None = None
+    lost: float = 0.0
 
     @property
     def missing(self) -> float:
@@ -110,10 +112,12 @@ class Equilibration:
             tractions = balanced(t, loads.body, self._stopped, tractions)
         stress, missed = self._local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, d)[places], loads.body)
         of_springs = None if self._springs is None else self._springs.traction(tractions, loads.traction)
-        return EquilibratedStress(stress, tractions, self._round_off(loads, tractions, missed), of_springs)
+        squares, lost = self._round_off(loads, tractions, missed)
+        return EquilibratedStress(stress, tractions, squares, of_springs, lost)
 
-    def _round_off(self, loads: Loads, tractions: Array, missed_share: Array) -> Array:
-        """Squares of bounds of the work of what is not in equilibrium, per unit of the energy norm, shape (n,).
+    def _round_off(self, loads: Loads, tractions: Array, missed_share: Array) -> tuple[Array, float]:
+        """Squares of bounds of the work of what is not in equilibrium, per unit of the energy norm, shape (n,), and of
+        the force that all cells miss.
 
         The forces and couples that a cell misses are carried from one to the next to a facet with a support or springs,
         or to a cell of a piece without one, by linear tractions: those with a resultant R and a couple M about the
@@ -135,4 +139,5 @@ class Equilibration:
         else:
             shape = np.linalg.norm(t.jacobian, axis=(1, 2)) ** 2 / (2 * t.volume)
             squares = np.asarray((np.linalg.norm(reference(2)[0], 2) * shape**2 * forces) ** 2 / t.moduli.softest)
-        return squares if self._springs is None else squares + self._springs.carried(forces)
+        squares = squares if self._springs is None else squares + self._springs.carried(forces)
+        return squares, float(missed.sum())

@@ -54,11 +54,13 @@ from signorini_fx.addons.bounds.lifted_tractions import Liftings, finest
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE
 from signorini_fx.addons.bounds.plain_scene import FacetsInContact, PlainProblem, turn
+from signorini_fx.addons.bounds.preloaded_sections import LooseMotions, TightenedSection, loose_motions
 from signorini_fx.addons.bounds.round_foundations import RoundFacets
 from signorini_fx.addons.bounds.round_off import of_strains
 from signorini_fx.addons.bounds.separated_bodies import Shut, separate, separate_unmatched
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
+from signorini_fx.addons.bounds.tightened_stress import TightenedStress
 from signorini_fx.addons.bounds.whole_problem import WholeProblem, of_rank, of_whole
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
@@ -243,6 +245,22 @@ class Bounded(PlainProblem):
         """The system of its stresses."""
         return Equilibration(self.t, self.held, self.springs)
 
+    @property
+    def tightened(self) -> list[TightenedSection]:
+        """The sections that forces tighten."""
+        return [] if self.jump is None else self.jump.tightened
+
+    @cached_property
+    def loose(self) -> LooseMotions:
+        """What these let move."""
+        return loose_motions(self.t, self.tightened, self.stopped)
+
+    @cached_property
+    def tensions(self) -> TightenedStress:
+        """What changes the resultants of a stress on these."""
+        least = 1.0 if self.grading is None else float(self.grading.least.min())
+        return TightenedStress.of(self.t, self.tightened, self.loose, self.equilibration, least)
+
     @cached_property
     def _reaction(self) -> PlaneLoads | SpatialLoads | None:
         """What the stress holds of springs whose stiffness varies, under the computed displacement."""
@@ -386,7 +404,8 @@ class Bounded(PlainProblem):
     @property
     def _may_press_less(self) -> bool:
         """Whether the body is in equilibrium with any share of its contact tractions, and these act on nothing else."""
-        return not (self._pairs or self.tools or self.sprung or free_motions(self.t, self.held).size)
+        free = free_motions(self.t, self.held).size + self.loose.piece.size
+        return not (self._pairs or self.tools or self.sprung or free)
 
     def _pressing_less(
         self, computed: Array, stress: EquilibratedStress, v: Admissible
@@ -428,13 +447,17 @@ class Bounded(PlainProblem):
         squares: Array = np.zeros(self.cells)
         np.add.at(squares, self.owner, enclosure.duality + data + v.moved)
         work = None
-        if not (self.tools or self.jump or any(surface.bound.any() for surface in self.contacts)):
+        if not (self.tools or self.tightened or any(surface.bound.any() for surface in self.contacts)):
             above = (float(np.sqrt(enclosure.gap)) + 2 * enclosure.missed) ** 2 / 2
             strained, strain_unknown = self._energy(v.strain, None)
             stored, stored_unknown = self._stored(v.y, v.middle)
-            functional = (strained + stored).sum() / 2 - self.loads.work(v.y, v.middle)
+            worked, unknown = self.loads.work(v.y, v.middle), self.loads.unknown_work(v.y, v.middle)
+            for section in [] if self.jump is None else self.jump.moved:
+                worked += self.loads.work(section.y, section.middle, section.cells)
+                unknown += self.loads.unknown_work(section.y, section.middle, section.cells)
+            functional = (strained + stored).sum() / 2 - worked
             least, greatest = work_of_loads(functional, above, enclosure.size, total, len(t.corners))
-            unknown = self.loads.unknown_work(v.y, v.middle) + float((strain_unknown + stored_unknown).sum()) / 2
+            unknown += float((strain_unknown + stored_unknown).sum()) / 2
             work = least - unknown, greatest + unknown
         round_off, size = enclosure.round_off, enclosure.size
         in_springs = float(self._stored(self.y, self.middle)[0].sum())
@@ -514,7 +537,12 @@ class Bounded(PlainProblem):
         if self.jump is not None:  # the stress is to be near that of the displacement with its jumps
             of_jump = from_strain(t, self.jump.strain)
             initial = -of_jump if initial is None else initial - of_jump
-        return self.equilibrated(Loads(acting.body, traction, not_known, initial), start)
+        loads = Loads(acting.body, traction, not_known, initial)
+        stress = self.equilibrated(loads, start)
+        if not self.tightened:
+            return stress
+        forces = np.array([section.force for section in self.tightened])
+        return self.tensions.with_tensions(stress, forces + self.tensions.work(loads))
 
     def equilibrated(self, loads: Loads, prescribed: Array) -> EquilibratedStress:
         """A stress in equilibrium, see ``Equilibration.stress``, with work per unit of the energy norm of the body."""
@@ -575,30 +603,36 @@ class Bounded(PlainProblem):
         """
         t = self.t
         modes = free_motions(t, self.stopped).reshape(len(t.x), t.dimension, -1)
-        of_bodies, of_tools = modes.shape[2], sum(len(tool.free) for tool in self.tools)
-        if not of_bodies + of_tools:
+        of_bodies, of_tools, loose = modes.shape[2], sum(len(tool.free) for tool in self.tools), self.loose
+        if not of_bodies + of_tools + loose.piece.size:
             return
         if not self.contacts:
             raise Refused("the body is not held" if self.varying is None else HELD_BY_VARYING_SPRINGS)
 
-        moments = moments_of(t, modes[t.facets])
-        loads = np.einsum("ncd,ncdk->k", self.loads.body, modes[t.corners])
+        def on(facets: Ints) -> Array:
+            """Free motions at the vertices of facets of the boundary, shape (m, d, d, k)."""
+            return np.concatenate((modes[t.facets[facets]], loose.on_facets(t, facets)), axis=3)
+
+        motions_of_facets = np.zeros((len(t.facets), t.dimension, t.dimension, of_bodies + loose.piece.size))
+        motions_of_facets[t.outer] = on(t.outer)
+        moments = moments_of(t, motions_of_facets)
+        corners = np.concatenate((modes[t.corners], loose.corners), axis=3)
+        loads = np.einsum("ncd,ncdk->k", self.loads.body, corners)
         loads = loads + np.einsum("fad,fadk->k", self.loads.traction, moments)
         if self._reaction is not None:
             loads = loads + np.einsum("fad,fadk->k", self._reaction.traction, moments)
+        loads[of_bodies:] += np.array([section.force for section in self.tightened]) @ loose.closing
         loads = np.concatenate((loads, *(tool.force for tool in self.tools)))
         contacts = []
         for number, surface in enumerate(self.contacts):
             refined, opposite = surface.refined, surface.opposite
             if refined is not None:
-                of_slave, of_master = (
-                    refined.on_triangles(modes[t.facets[refined.facets[side]]], side) for side in (SLAVE, MASTER)
-                )
+                of_slave, of_master = (refined.on_triangles(on(refined.facets[side]), side) for side in (SLAVE, MASTER))
                 motions = of_slave - of_master
             else:
-                motions = modes[t.facets[surface.facets]]
+                motions = on(surface.facets)
                 if opposite is not None:
-                    motions = motions - opposite.over(modes[t.facets[opposite.facets]])
+                    motions = motions - opposite.over(on(opposite.facets))
             x = t.x[t.facets[surface.facets]]  # what it has of a tool's motion, it has not of the body's
             of_each = (-float(number in tool.parts) * tool.modes(x)[..., tool.free] for tool in self.tools)
             normal, across = surface.work(t.area, np.concatenate((motions, *of_each), axis=3))
@@ -617,7 +651,8 @@ class Bounded(PlainProblem):
                     area,
                 )
             )
-        pieces, first = of_each_piece(t, modes.reshape(t.x.size, -1)), of_bodies
+        pieces, first = of_each_piece(t, modes.reshape(t.x.size, -1)), of_bodies + loose.piece.size
+        pieces += [(int(piece), np.array([of_bodies + k])) for k, piece in enumerate(loose.piece)]
         for tool in self.tools:
             pieces.append((-1, np.arange(first, first := first + len(tool.free))))
         sizes = (

@@ -45,7 +45,13 @@ from signorini_fx.addons.bounds.initial_stress import free_strain, initial_stres
 from signorini_fx.addons.bounds.matching_facets import MatchingFacets
 from signorini_fx.addons.bounds.moving_tools import MovingTool, tools_of
 from signorini_fx.addons.bounds.paired_parts import MASTER, SLAVE, PairedParts, pieces_of
-from signorini_fx.addons.bounds.preloaded_sections import JumpStrain, SectionJump, preloaded_sections
+from signorini_fx.addons.bounds.preloaded_sections import (
+    JumpStrain,
+    MovedCells,
+    SectionJump,
+    TightenedSection,
+    preloaded_sections,
+)
 from signorini_fx.addons.bounds.round_foundations import RoundFacets, is_round
 from signorini_fx.addons.bounds.round_off import of_strains
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, divide
@@ -571,6 +577,7 @@ class PlainProblem:
         t = self.t
         strain: Array = np.zeros_like(t.strain_at_corners(self.y, self.middle))
         rounded: Array = np.zeros(len(t.corners))
+        moved, tightened = list[MovedCells](), list[TightenedSection]()
         for section in sections:
             y, middle = self._carried(
                 section.moved,
@@ -581,10 +588,13 @@ class PlainProblem:
                     "a preloaded section has a guaranteed bound where neither springs nor friction are at it, and "
                     "contact is along it"
                 )
-            beyond = section.beyond[self.owner]
-            strain[beyond] += t.strain_at_corners(y, middle)[beyond]
-            rounded[beyond] = (np.sqrt(rounded) + np.sqrt(of_strains(t, y, middle)))[beyond] ** 2
-        return JumpStrain(strain, rounded)
+            beyond, size = section.beyond[self.owner], section.amount
+            strain[beyond] += size * t.strain_at_corners(y, middle)[beyond]
+            rounded[beyond] = (np.sqrt(rounded) + abs(size) * np.sqrt(of_strains(t, y, middle)))[beyond] ** 2
+            moved.append(MovedCells(size * y, size * middle, beyond))
+            if section.force is not None:
+                tightened.append(TightenedSection.of(t, section, y, beyond))
+        return JumpStrain(strain, rounded, moved, tightened)
 
     def _sees_one_side(self, moved: Array) -> bool:
         """Whether springs or contact may see on which side of a section they are, which moves nodes on it so, length,

@@ -20,7 +20,7 @@ instead of tau' both are the same but for Q(v).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -35,14 +35,14 @@ from signorini_fx.addons.bounds.error_bound import Bounded, Enclosure
 from signorini_fx.addons.bounds.initial_stress import elastic_stress
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.addons.bounds.round_off import of_boundary_values, of_strains, of_sum
-from signorini_fx.addons.bounds.simplices import TWICE
+from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
 from signorini_fx.addons.bounds.whole_problem import WholeProblem, of_whole
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.proved_statements import Interval, Refused
-from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
+from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER, SINGULAR
 
 # Products that a cell adds to a sum, at most: those of three components on the thirds at their corners.
 _TERMS = 27
@@ -126,6 +126,7 @@ class _Dual:
         pieces: whose quantity it is.
         sprung: whether the stress holds what springs whose stiffness varies exert under w.
         prescribed: size of what is prescribed in directions that are known up to round-off, length.
+        shortened: by how much w shortens the sections that forces tighten, length, shape (m,).
     """
 
     w: Array
@@ -135,6 +136,7 @@ class _Dual:
     pieces: Ints
     sprung: bool = True
     prescribed: float = 0.0
+    shortened: Array = field(default_factory=lambda: np.zeros(0))
 
 
 class _Quantity(Bounded):
@@ -155,10 +157,11 @@ class _Quantity(Bounded):
     def mean(self, boundary: str, direction: Array) -> Interval:
         """See ``mean_displacement``."""
         t, edges = self.t, self._facets(boundary)
-        if self.jump is not None and self.jump.strain[t.sides[edges, 0]].any():
+        if self.jump is not None and any(moved.cells[t.sides[edges, 0]].any() for moved in self.jump.moved):
             raise Refused(f"a preloaded section is at {boundary!r}: its displacement jumps there")
         pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
-        if np.isin([piece for piece, _ in of_each_piece(t, free_motions(t, self.stopped))], pieces).any():
+        free = [piece for piece, _ in of_each_piece(t, free_motions(t, self.stopped))]
+        if np.isin([*free, *self.loose.piece], pieces).any():
             raise Refused("a mean displacement has bounds where supports hold the body without its contact")
         unit = np.zeros((len(t.edges), 2, 2))
         unit[edges] = direction / t.area[edges].sum()  # what supports take of it neither stress nor w know
@@ -167,12 +170,13 @@ class _Quantity(Bounded):
             np.add.at(load, t.edges[:, k], t.area[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
         constraints = self._closed(np.zeros((len(t.edges), 2)), pieces)
         w, missed = smallest_energy(t, constraints, load, self.sprung)
+        w, shortened = self._shortening(w, constraints)
         stress = self._dual_stress(unit, w, np.zeros_like(unit))
         y, middle = self.enclosure.v.y, self.enclosure.v.middle
         share = t.area[edges] / t.area[edges].sum()
         mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
         tiny = of_sum(2 * edges.size) * float(np.abs(direction).sum()) * self._far
-        return self._interval(_Dual(w, stress, constraints, missed, pieces), mean, tiny)
+        return self._interval(_Dual(w, stress, constraints, missed, pieces, shortened=shortened), mean, tiny)
 
     def force(self, boundary: str, direction: Array) -> Interval:
         """See ``force``."""
@@ -207,23 +211,52 @@ class _Quantity(Bounded):
             raise Refused(
                 f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact"
             )
+        w, shortened = self._shortening(w, constraints)
         no_traction = np.zeros((len(t.edges), 2, 2))
         stress = EquilibratedStress(np.zeros((len(t.corners), 3, 3, 3)), no_traction, np.zeros(len(t.corners)))
         if support:
             stress = self._dual_stress(no_traction, w, np.stack((value, value), axis=1))
         exact = not constraints.value.any() and (np.count_nonzero(constraints.direction, axis=1) == 1).all()
         prescribed = 0.0 if exact else float(np.abs(direction).max())
-        return self._interval(_Dual(w, stress, constraints, missed, pieces, support, prescribed))
+        return self._interval(_Dual(w, stress, constraints, missed, pieces, support, prescribed, shortened))
+
+    def _shortening(self, w: Array, constraints: PrescribedComponents) -> tuple[Array, Array]:
+        """The displacement of least energy of those that shorten the sections which forces tighten, too, from the one
+        that does not: it without its jumps, and the shortenings, lengths.
+        """
+        t, sections = self.t, self.tightened
+        if not sections:
+            return w, np.zeros(0)
+        at_rest, fields = replace(constraints, value=np.zeros_like(constraints.value)), []
+        for strain in self.tensions.strains:
+            forces, of_cells = np.zeros((len(t.x), 2)), np.zeros((len(t.corners), 2, 2))
+            of_cells[:, ROWS[2], COLUMNS[2]] = of_cells[:, COLUMNS[2], ROWS[2]] = t.stress(strain)
+            np.subtract.at(forces, t.corners, np.einsum("n,nij,ncj->nci", t.volume, of_cells, t.gradients))
+            fields.append(smallest_energy(t, at_rest, forces, self.sprung)[0])
+        strains = [self._strain(v)[:, 0] + strain for v, strain in zip(fields, self.tensions.strains, strict=True)]
+
+        def works(strain: Array) -> Array:
+            """Of the stress of a strain on those of J_k, energies per length, shape (m,)."""
+            stress = t.stress(strain) * TWICE[2] * t.volume[:, None]
+            return np.array([(stress * other).sum() for other in self.tensions.strains])
+
+        matrix = np.stack([works(strain) for strain in strains])
+        shortened = np.linalg.lstsq(matrix, -works(self._strain(w)[:, 0]), rcond=SINGULAR)[0]
+        return w + np.einsum("m,mvd->vd", shortened, np.stack(fields)), np.asarray(shortened, dtype=np.float64)
 
     def _dual_stress(self, traction: Array, w: Array, prescribed: Array) -> EquilibratedStress:
         """In equilibrium with tractions and what springs whose stiffness varies exert under w, with what it does not
         hold of this among the work that it misses.
         """
         body, reaction = np.zeros((len(self.t.corners), 3, 2)), self.reaction_of_springs(w, self._middles(w))
+        loads = Loads(body, traction)
+        if reaction is not None:
+            loads = Loads(body, traction + reaction.acting.traction, reaction.acting.unknown)
+        stress = self.equilibrated(loads, prescribed)
+        if self.tightened:  # the dual problem has no tensions
+            stress = self.tensions.with_tensions(stress, self.tensions.work(loads), loaded=bool(traction.any()))
         if reaction is None:
-            return self.equilibrated(Loads(body, traction), prescribed)
-        held = reaction.acting
-        stress = self.equilibrated(Loads(body, traction + held.traction, held.unknown), prescribed)
+            return stress
         missed = reaction.missed_beside(np.zeros(len(self.t.facets)))
         if self.grading is not None:
             missed = missed / self.grading.least
@@ -262,9 +295,13 @@ class _Quantity(Bounded):
         This is L(w) - a(v, w) + int (tau' - C eps(w)) : eps(u - v).
         """
         t, enclosure = self.t, self.enclosure.of(self._joined(dual.pieces))
-        elastic, missing = from_strain(t, self._strain(dual.w)), dual.stress.missing
+        strain = self._strain_of(dual)
+        elastic, missing = from_strain(t, strain), dual.stress.missing
         tau, difference = dual.stress.stress, dual.stress.stress - elastic
-        residual, unknown = self._residual(dual.w)
+        residual, unknown = self._residual(dual.w, strain)
+        if self.tightened:
+            forces = np.array([section.force for section in self.tightened])
+            residual += float(dual.shortened @ (forces + self.tensions.work(self.loads.acting)))
         if self.grading is not None:
             of_v = from_strain(t, enclosure.v.strain)
             products, around = self.grading.product((elastic, tau), (of_v, enclosure.stress.stress))
@@ -300,16 +337,28 @@ class _Quantity(Bounded):
         """A displacement that is linear on triangles at the middles of the edges, shape (e, 2)."""
         return np.asarray(w[self.t.edges].mean(axis=1))
 
-    def _residual(self, w: Array) -> tuple[float, float]:
-        """The work L(w) - a(v, w), and how far it is not known by quadrature."""
+    def _strain_of(self, dual: _Dual) -> Array:
+        """Of a dual displacement with its jumps, at corners, shape (n, 3, 3)."""
+        strain = self._strain(dual.w)
+        for size, of_jump in zip(dual.shortened, self.tensions.strains if self.tightened else (), strict=True):
+            strain = strain + size * of_jump[:, None]
+        return strain
+
+    def _residual(self, w: Array, strain: Array) -> tuple[float, float]:
+        """The work L(w) - a(v, w), and how far it is not known by quadrature.
+
+        Args:
+            w: at vertices, without its jumps.
+            strain: of it with these, at corners.
+        """
         t, middle = self.t, self._middles(w)
-        elastic, unknown = from_strain(t, self._strain(w)), self.loads.unknown_work(w, middle)
+        elastic, unknown = from_strain(t, strain), self.loads.unknown_work(w, middle)
         if self.grading is not None:
             inside, unknown_part = self.grading.work(from_strain(t, self.enclosure.v.strain), elastic)
         else:
             # The strain of w is constant: the mean of that of v is enough.
             mean_stress = elastic_stress(t, self.enclosure.v.strain, self.initial).mean(axis=(1, 2))
-            inside = float(t.volume @ (mean_stress * self._strain(w)[:, 0] * TWICE[2]).sum(axis=1))
+            inside = float(t.volume @ (mean_stress * strain[:, 0] * TWICE[2]).sum(axis=1))
             unknown_part = 0.0 if self.initial is None else float(self.initial.unknown_work(elastic).sum())
         if (springs := self.springs) is not None:
             v = self.enclosure.v
@@ -344,13 +393,18 @@ class _Quantity(Bounded):
 
         of_v, of_w = norm(of_strains(t, v.y, v.middle)), norm(of_strains(t, w, middle))
         size_v = norm(energy(t, v.strain) + self._stored(v.y, v.middle)[0])
-        size_w = norm(energy(t, self._strain(w)) + self._stored(w, middle)[0])
+        strain = self._strain_of(dual)
+        size_w = norm(energy(t, strain) + self._stored(w, middle)[0])
+        of_w += ROUND_OFF * norm(energy(t, strain - self._strain(w)))
         between = float(np.sqrt(enclosure.gap))
         strains = of_v * (size_w + of_w + size / 2) + of_w * (size_v + between / 2)
         if self.initial is not None:
             size_v += norm(square(t, self.initial.stress))
         work = size_v * size_w + size * (between + enclosure.radius)
-        sums = of_sum(_TERMS * len(t.corners)) * (loads.size_of_work(w, middle) + work)
+        loaded = loads.size_of_work(w, middle)
+        for shortened, section in zip(dual.shortened, self.tightened, strict=True):
+            loaded += abs(shortened) * (abs(section.force) + float(np.abs(loads.body).sum()))
+        sums = of_sum(_TERMS * len(t.corners)) * (loaded + work)
         if self.grading is not None:
             # Stresses at points come from those at corners, whose squares are up to d + 2 times as large; and gamma is
             # known as its bounds are.
