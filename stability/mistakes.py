@@ -3008,7 +3008,7 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/level_results",
-        "        _make_ready(newton)",
+        "        make_ready(newton)",
         "        pass",
         "restart: the regularisation error of a mesh that is not solved again is that of no matrix",
         tests=("restart::test_meshes",),

@@ -34,7 +34,9 @@ from signorini_fx.results.accuracy.price_list import (
     price_list,
     with_polygon,
 )
+from signorini_fx.results.accuracy.recovered_force import force_by_recovery
 from signorini_fx.results.deferred_quantities import failure_in_words
+from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
@@ -43,6 +45,7 @@ from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.tuned import (
     FEW_NODES,
     FEWEST_MESHES,
+    FORCE_OF_ENERGY,
     INDISTINGUISHABLE,
     LARGEST_GAMMA,
     MARGIN,
@@ -106,6 +109,8 @@ def solve_to_accuracy(
             elif late:
                 notify(f"accuracy: {ended}")
             return replace(solution, levels=tuple(levels))
+        if goal.of == "force" and meshes.adaptive:
+            level = _with_recovered_force(solved, level)
         if not levels:
             meshes.keep(solved)
         polygon = meshes.problem.polygon_error(solved, polygon)
@@ -175,6 +180,22 @@ def solve_to_accuracy(
         elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             notify("accuracy: the regularisation leaves more, and gamma is as large as double precision allows")
             return replace(solution, status=Status.OUT_OF_REACH)
+
+
+def _with_recovered_force(solved: SolvedMesh, level: LevelResult) -> LevelResult:
+    """The mesh with the error of contact forces from stress recovery, where this is known of the problem; collective.
+
+    Of meshes that are divided here and there changes of forces tell no error.
+    """
+    solution, outcome = solved.solution, solved.outcome
+    known = (level.dimension, level.degree) in FORCE_OF_ENERGY and len(solution.steps) == 1
+    contact = solution.steps[-1].contact
+    if not (known and isinstance(solution.model, StatedBody)) or outcome is None or contact is None:
+        return level
+    shares = force_by_recovery(solution.model, solved.task, outcome, contact, solution.steps[-1].place)
+    if shares is None:
+        return level
+    return replace(level, recovered_force=float(parallel.global_sum(solution.model.comm, shares.sum())))
 
 
 def _with_finer_zone(

@@ -551,14 +551,17 @@ class PlainProblem:
         """A function of the elements at vertices and middles of edges of the cells.
 
         Raises:
-            Refused: with the reason ``otherwise``, where nodes are not where they were.
+            Refused: with the reason ``otherwise``, where it does not vanish in cells whose nodes are not where they
+                were.
         """
         values = self._on_cells(f)
         if self.halved:
             values = divide(self._undivided, *values)[1:3]
         if self._split is None:
             return values
-        if self.moved_nodes > 0:
+        placed, (y, middle) = self.placed, values
+        touched = (placed.x != self.given_x).any(axis=1)[placed.corners].any(axis=1)
+        if y[placed.corners[touched]].any() or middle[placed.edges_of[touched]].any():
             raise Refused(otherwise)
         return self._split.carried(*values)
 

@@ -77,13 +77,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         system.contact.add_forces(traction[:, 0], traction[:, 1:], force)
         return force
 
-    ksp = newton.snes.getKSP()
-    # A solve on an old factor ends by the size of the forces of the problem; these right-hand sides have another size.
-    tolerances = ksp.getTolerances()
-    factor = ksp.getPC().getType() in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU)
-    ksp.setTolerances(rtol=SLOPE_TOLERANCE if factor else ROUGH_SLOPE_TOLERANCE, atol=0.0)
-    first, stretched = newton.x.duplicate(), newton.x.duplicate()
-    callbacks.solve(ksp.solve, -contact_force(newton.x, data.gap, origin), first)
+    first, stretched = solved_again(newton, -contact_force(newton.x, data.gap, origin)), newton.x.duplicate()
     system.matrix.mult(first, stretched)
     energy = stretched.dot(first)
     reach = data.gamma_n
@@ -91,12 +85,10 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     stiffness = system.contact.stiffness(system.matrix.getDiagonal())
     largest = parallel.largest(system.comm, stiffness)
     if largest > NEGLIGIBLE_POLE * data.gamma_n:
-        second = newton.x.duplicate()
         force = -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin))
-        callbacks.solve(ksp.solve, force, second)
+        second = solved_again(newton, force)
         curvature = -stretched.dot(second)
         reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
-    ksp.setTolerances(*tolerances)
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
     u_n, u_t = system.contact.traces(newton.x)
     slope_n, slope_t = system.contact.traces(first)
@@ -108,6 +100,18 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
     left_slip = points.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
     return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)
+
+
+def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
+    """The unknowns under another force, with the factor of the last linear solve; collective."""
+    ksp, x = newton.snes.getKSP(), newton.x.duplicate()
+    # A solve on an old factor ends by the size of the forces of the problem; this right-hand side has another size.
+    tolerances = ksp.getTolerances()
+    factor = ksp.getPC().getType() in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU)
+    ksp.setTolerances(rtol=SLOPE_TOLERANCE if factor else ROUGH_SLOPE_TOLERANCE, atol=0.0)
+    callbacks.solve(ksp.solve, force, x)
+    ksp.setTolerances(*tolerances)
+    return x
 
 
 def path_following(

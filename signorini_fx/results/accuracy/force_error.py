@@ -16,7 +16,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.tuned import BALANCED_BY_STATICS, CHANGES_USED, FORCE_OF_ENERGY, LARGEST_CHANGE, SLOWEST_DECREASE
+from signorini_fx.tuned import (
+    BALANCED_BY_STATICS,
+    CHANGES_USED,
+    FORCE_OF_ENERGY,
+    FORCE_OF_RECOVERY,
+    LARGEST_CHANGE,
+    SLOWEST_DECREASE,
+)
 
 
 def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float | None:
@@ -33,6 +40,8 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
     size = float(np.linalg.norm(fine.force))
     if size == 0.0:
         return None
+    if fine.recovered_force is not None:
+        return FORCE_OF_RECOVERY * fine.recovered_force + fine.data
     estimates = [fine.inside**2 if fine.paired else 0.0]
     for coarse in levels[-1 - CHANGES_USED : -1]:
         change = float(np.linalg.norm(fine.force - coarse.force)) / size

@@ -28,7 +28,7 @@ def compliance_of(outcome: Outcome, comm: MPI.Comm) -> float:
     return 0.0 if parallel.any_rank(comm, bool(data.lambda_hat.any())) else 1 / data.gamma_n
 
 
-def _make_ready(newton: SemismoothNewton) -> None:
+def make_ready(newton: SemismoothNewton) -> None:
     """Factorise the matrix of an iterate from a checkpoint, with which nothing has been solved; collective."""
     problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
     assert isinstance(problem, RegularisedProblem)
@@ -82,7 +82,7 @@ def level_result(
     if compliance_of(outcome, body.comm) > 0 and size > 0:
         iterate = task.iterate
         newton = iterate.unsymmetric_newton if data.follows is not None else iterate.newton
-        _make_ready(newton)
+        make_ready(newton)
         model = path_model(newton, data)
         pressure = contacts[-1].points.norm(contacts[-1].pressure)
         regularisation = model.distance / size
