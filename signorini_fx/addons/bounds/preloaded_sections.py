@@ -165,7 +165,9 @@ def loose_motions(t: Simplices, sections: list[TightenedSection], stopped: Array
         sides[section.facets, 1] = -1
     part = pieces_of_cells(sides, n)
     stopped_facets = np.flatnonzero(stopped.any(axis=(1, 2)))
-    at_corners, closings, pieces = [np.zeros((n, d + 1, d, 0))], [np.zeros((len(sections), 0))], list[int]()
+    at_corners: list[Array] = [np.zeros((n, d + 1, d, 0))]
+    closings: list[Array] = [np.zeros((len(sections), 0))]
+    pieces = list[int]()
     for piece in np.unique([t.piece[section.far[0]] for section in sections if len(section.far)]):
         inside = t.piece_of_vertex == piece
         modes = np.zeros((len(t.x), d, kinds))
