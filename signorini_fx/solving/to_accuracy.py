@@ -192,10 +192,8 @@ def _with_recovered_force(solved: SolvedMesh, level: LevelResult) -> LevelResult
     contact = solution.steps[-1].contact
     if not (known and isinstance(solution.model, StatedBody)) or outcome is None or contact is None:
         return level
-    shares = force_by_recovery(solution.model, solved.task, outcome, contact, solution.steps[-1].place)
-    if shares is None:
-        return level
-    return replace(level, recovered_force=float(parallel.global_sum(solution.model.comm, shares.sum())))
+    error = force_by_recovery(solution.model, solved.task, outcome, contact, solution.steps[-1].place)
+    return replace(level, recovered_force=error)
 
 
 def _with_finer_zone(

@@ -1,6 +1,7 @@
 """Bounds of bodies with preloaded sections: true errors, exact states, and what the strain of a jump is for."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from signorini_fx.addons.bounds.plain_scene import PlainProblem
 from signorini_fx.addons.bounds.stress_products import energy
 from signorini_fx.scenes.reading import parse_scene
 
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 SLOW, LONG = pytest.mark.slow, pytest.mark.long
 YOUNG, SPAN, SHORTER, TENSION = 100.0, 2.0, 0.01, 0.4
 
@@ -198,6 +200,36 @@ def test_a_tension_that_contact_balances(family):
     (section,) = case.tightened
     assert high - low < 1e-8 * section.force
     assert low - 1e-9 * section.force <= section.force - load <= high + 1e-9 * section.force
+
+
+def test_a_bolt_that_contact_alone_holds(tmp_path):
+    """Head and nut press on the plates with its tension, by statics; nodes of these contacts are moved for it."""
+    drawing = (SCENES / "bolted_joint.geo").read_text(encoding="utf-8")
+    (tmp_path / "joint.geo").write_text(drawing.replace("fine = 0.5", "fine = 2"), encoding="utf-8")
+    pairs = (("over", "head"), ("under", "nut"), ("joint above", "joint below"))
+    solution = alone(
+        parse_scene(
+            {
+                "mesh": {"file": str(tmp_path / "joint.geo")},
+                "material": {"young": 210e3, "poisson": 0.3},
+                "displacement": [
+                    {"boundary": "axis", "x": 0.0},
+                    {"boundary": "end below", "x": 0.0, "y": 0.0},
+                    {"boundary": "end above", "x": 0.0},
+                ],
+                "traction": {"boundary": "end above", "y": 0.5},
+                "contact": [{"boundary": one, "against": other} for one, other in pairs],
+                "preload": {"region": "bolt", "point": [0.0, 0.3], "axis": [0.0, 1.0], "force": 200.0},
+            }
+        )
+    )
+    case = Bounded(solution.model, solution.displacement, solution.contact, 0.0)
+    assert case.moved_nodes > 0
+    assert case.loose.piece.size == 1
+    assert solution.error_bound.relative < 1
+    for boundary, pressed in (("over", -200.0), ("under", 200.0)):
+        low, high = solution.force_bounds(boundary, (0.0, 1.0))
+        assert low < pressed < high
 
 
 def test_what_a_force_has_led_to_is_kept():

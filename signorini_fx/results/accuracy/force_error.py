@@ -20,7 +20,6 @@ from signorini_fx.tuned import (
     BALANCED_BY_STATICS,
     CHANGES_USED,
     FORCE_OF_ENERGY,
-    FORCE_OF_RECOVERY,
     LARGEST_CHANGE,
     SLOWEST_DECREASE,
 )
@@ -41,7 +40,7 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
     if size == 0.0:
         return None
     if fine.recovered_force is not None:
-        return FORCE_OF_RECOVERY * fine.recovered_force + fine.data
+        return fine.recovered_force + fine.data
     estimates = [fine.inside**2 if fine.paired else 0.0]
     for coarse in levels[-1 - CHANGES_USED : -1]:
         change = float(np.linalg.norm(fine.force - coarse.force)) / size

@@ -8,6 +8,7 @@ contact itself is not known, which is of higher order (R. Becker and R. Rannache
     |F(u) - F(u_h)| = |a(u - u_h, w - w_h)| <= sum over the cells of |int eps(u - u_h) : C eps(w - w_h)|.
 
 Both errors are those of stress recovery, and their product follows from the squares for u_h + w_h and for u_h - w_h.
+Contributions of cells may cancel, and where they do so by chance their sum says nothing: shares of both are taken.
 """
 
 from __future__ import annotations
@@ -19,17 +20,19 @@ from signorini_fx.algebra.algorithms.path_following import solved_again
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.active_sets import tangent
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.level_results import make_ready
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.tuned import FORCE_OF_CELLS, FORCE_OF_SUM
 
 Floats = npt.NDArray[np.float64]
 
 
-def force_by_recovery(model: Model, task: Task, outcome: Outcome, contact: ContactState, step: float) -> Floats | None:
-    """Shares of the owned cells in the error of the forces of contact and friction, relative, shape (cells,); one back
-    substitution with the last factor, collective.
+def force_by_recovery(model: Model, task: Task, outcome: Outcome, contact: ContactState, step: float) -> float | None:
+    """The error of the forces of contact and friction, relative; one back substitution with the last factor,
+    collective.
 
     Args:
         model: on the mesh.
@@ -63,4 +66,6 @@ def force_by_recovery(model: Model, task: Task, outcome: Outcome, contact: Conta
         moved.axpy(factor, dual)
         return recovery.squares(model.function(system.displacement(moved)), step)
 
-    return np.asarray(np.abs(squares(times) - squares(-times)) / (4 * times * size))
+    of_cells = (squares(times) - squares(-times)) / (4 * times * size)
+    together, apart = parallel.global_sum(model.comm, np.array([of_cells.sum(), np.abs(of_cells).sum()]))
+    return float(FORCE_OF_SUM * abs(together) + FORCE_OF_CELLS * apart)
