@@ -2209,6 +2209,13 @@ MUTANTS = (
         tests=("held_sides::test_last_clamped_nodes_that_pass_each_other",),
     ),
     Mutant(
+        "nonlinear/moving_pairs",
+        "coupling, fixed = self.coupling, self.sides.fixed_at(self.displacement)",
+        "coupling, fixed = self.coupling, self.fixed[1]",
+        "two bodies that slide: who meets whom as a step begins is known from where the one before had begun",
+        tests=("faults_of_sliding_pairs::test_a_step_begins_with_what_supports_fix_there",),
+    ),
+    Mutant(
         "results/certificate/paired_sides",
         "max(worst, error_of_uncounted(claim, found, tested, (loose[0], loose[1])))",
         "worst",

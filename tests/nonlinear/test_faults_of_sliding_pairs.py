@@ -393,6 +393,24 @@ def test_tips_on_an_axis_are_in_the_plane_of_symmetry(slope, slave):
     assert certificate.coupling < 1e-9
 
 
+@pytest.mark.parametrize(
+    ("dim", "kind", "upto"), [(2, "quadrilateral", 0.05), (2, "triangle", 0.05), (3, "tetrahedron", -0.1)]
+)
+def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
+    """Sides that are held over each other and slide: who meets whom as a step begins is known from where bodies are
+    then, not from where the step before had begun, so that slips are those of the certificate, and nothing slides where
+    nothing moves.
+    """
+    scene = driven(punch(dim, kind, 4 - dim, clamped=upto, slave=1), 0.02, 0.1)
+    certificate = scene.problem.certificate
+    assert max(certificate.slip_below_bound, certificate.wrong_way_slip) < 1e-9
+    (pair,) = scene.problem.linear.pairs.values()
+    pair.move(scene.u)
+    size = np.abs(scene.u.x.array).max()
+    assert np.abs(pair.coupling.slip(pair.begun)[pair.begun.partnered]).max() < 1e-14 * size
+    assert scene.problem.state.in_contact.sum() >= 2
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_faults_of_the_map_are_refused(fault, monkeypatch):
     """A solve with the fault is not certified."""

@@ -84,9 +84,14 @@ class MovingPair:
             self.coupling = self.sides.at(displacement, self.fixed[1])
 
     def settle(self) -> None:
-        """A step begins here."""
-        self.settled, self.begun, self.near = self.displacement, self.coupling.frames, False
-        self.covered = self.coupling.covered
+        """A step begins here, with what supports fix where both sides are now: until now that was known from the
+        beginning of the last step, see ``SlidingSides.carried_along``.
+        """
+        coupling, fixed = self.coupling, self.sides.fixed_at(self.displacement)
+        if fixed is not None or self.fixed[1] is not None:
+            coupling = self.sides.at(self.displacement, fixed)
+        self.settled, self.begun, self.near = self.displacement, coupling.frames, False
+        self.covered = coupling.covered
         self.changed = np.zeros((2, self.covered.size), dtype=bool)
 
     def boundary(self) -> ContactBoundary:
