@@ -2216,6 +2216,27 @@ MUTANTS = (
         tests=("faults_of_sliding_pairs::test_a_step_begins_with_what_supports_fix_there",),
     ),
     Mutant(
+        "nonlinear/newton",
+        "rests or not self._keeps_round_off()",
+        "True",
+        "nonlinear: what is left of a body without load is never at rest",
+        tests=("small_strains::test_steps_without_load",),
+    ),
+    Mutant(
+        "nonlinear/newton",
+        "(np.abs(values - old)[fixed] > rest)",
+        "(values != old)[fixed]",
+        "nonlinear: supports that move by the cosine of a right angle load a body",
+        tests=("small_strains::test_a_loop_that_begins_at_a_right_angle",),
+    ),
+    Mutant(
+        "results/certificate/equilibrium",
+        "digits * places * firmness",
+        "0.0 * places * firmness",
+        "places where contact is met have no round-off in equilibrium",
+        tests=("contact_path::test_released_where_strains_keep_their_digits",),
+    ),
+    Mutant(
         "results/certificate/paired_sides",
         "max(worst, error_of_uncounted(claim, found, tested, (loose[0], loose[1])))",
         "worst",

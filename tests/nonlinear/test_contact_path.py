@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_bodies import PLATE, held, rectangle, residual
 
-from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.tangent import round_off
 from signorini_fx.results.certificate.promised_law import Tractions
@@ -47,6 +48,50 @@ def test_pressed_and_released(algorithm, friction):
     assert not judged(lambda t: replace(t, shear=t.shear + 1e-10)).holds
     u.x.array[np.argmax(~problem.linear.prescribed[0])] += 1e-11
     assert not judged().holds
+
+
+CIRCLE = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+
+
+@pytest.mark.parametrize("away", [(0.0, 0.0), (100.0, 30.0)], ids=["here", "away"])
+@pytest.mark.parametrize(("degree", "modulus"), [(1, 100.0), (2, 1e-4)])
+@pytest.mark.parametrize("quadratic", [False, True], ids=["linear", "finite"])
+@pytest.mark.parametrize("tool", [PLATE, CIRCLE], ids=["plate", "circle"])
+def test_released_where_strains_keep_their_digits(tool, quadratic, degree, modulus, away):
+    """Strains from grad u alone have no round-off beside their own: a rough tool that comes back to where it touches
+    leaves what the digits of its place leave, also of a turned body far from the origin, and pressed again the body is
+    as before; wrong displacements are none.
+    """
+    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF, "triangle", degree)
+    top, bottom, turn = side(1, 1.0), held(space, side(1, 0.0)), turned(115.0 if any(away) else 0.0, 2)
+    space.mesh.geometry.x[:, :2] = space.mesh.geometry.x[:, :2] @ turn.T + away
+    places = {key: tuple(turn @ tool[key] + away) for key in ("point", "centre") if key in tool}
+    if "normal" in tool:
+        places["normal"] = tuple(turn @ tool["normal"])
+    u, test, one = fem.Function(space), ufl.TestFunction(space), ufl.Identity(2)
+    h = ufl.grad(u)
+    strain = (h + h.T + h.T * h) / 2 if quadratic else ufl.sym(h)
+    stress = modulus * (strain + ufl.tr(strain) * one)
+    work = ufl.inner((one + h) * stress if quadratic else stress, ufl.grad(test)) * ufl.dx
+    contact = Foundation(top, shape=tool | places, friction=Coulomb(0.3))
+    problem = NonlinearContactProblem(work, u, bcs=[bottom], contact=contact)
+    pressed, digit = [], np.finfo(float).eps * np.abs(space.mesh.geometry.x).max()
+    for depth in (0.02, 0.0, 0.02, 0.0):
+        problem.place(0, shift=tuple(turn @ [0.3 * depth, -depth]))
+        problem.solve()
+        problem.advance()
+        assert problem.status is Status.CONVERGED
+        if depth:
+            pressed.append(sum(problem.state.forces))
+        else:
+            assert np.abs(u.x.array).max() < 100 * digit
+            assert np.abs(sum(problem.state.forces)).max() < 1e4 * digit * np.abs(pressed[0]).max()
+    assert pressed[1] == pytest.approx(pressed[0], abs=1e-6 * np.abs(pressed[0]).max())
+    u.x.array[np.argmax(~problem.linear.prescribed[0])] += 1e4 * digit
+    forces = problem._solver.residual.at(u.x.array.copy())
+    mechanics = mechanics_at(u, forces, problem.linear, np.zeros_like(forces))
+    tractions, before = Tractions.of(problem.state), problem.linear.previous_step
+    assert not certified(u, mechanics, problem.shapes, tractions, problem.linear.law, before).holds
 
 
 def test_a_node_of_two_shapes():

@@ -148,6 +148,11 @@ class EquilibriumSolver:
         return Stability(self.u, self.linear, self.tangents, self.residual)
 
     @cached_property
+    def _farthest_place(self) -> float:
+        mesh = self.linear.space.mesh
+        return float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
+
+    @cached_property
     def _cells(self) -> BodyCells:
         return BodyCells.of(self.linear.space, self.linear.space.mesh.geometry.dim)
 
@@ -267,11 +272,13 @@ class EquilibriumSolver:
         It ends where increments are small and the certificate holds.  Where increments are small and it does not, as
         with a tangent that is not the derivative of F, iterations go on for as long as they make it better.  In a body
         that comes to rest without load increments are relative to nothing: with a J, which may be another tangent, the
-        residual is round-off once they are no longer halved.
+        residual is round-off once they are no longer halved.  So are forces there: the certificate is asked as soon as
+        the displacement is round-off, and of the undeformed body if it refuses, or contact of round-off has no
+        solution.
         """
         comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
         self.linear.begin_anew()
-        self.predicted = 0.0
+        self.predicted, rests = 0.0, False
         residual: Array | None = None
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
@@ -294,6 +301,9 @@ class EquilibriumSolver:
                     old, residual, keeps_stiffness=keeps, search=iteration > 1, damps=damps
                 )
             except ConvergenceError as error:
+                if error.solution.status is Status.ROUND_OFF and not rests and self._keeps_round_off():
+                    u.x.array[:], residual, keeps, rests = 0.0, None, False, True
+                    continue
                 return self._not_solved(error.solution.status)
             except MatrixError as error:
                 if error.fault is MatrixFault.NOT_FINITE:
@@ -313,13 +323,31 @@ class EquilibriumSolver:
             small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self.linear.extent
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
-            if small or (least and not (shortened and iteration < self.max_newton)):
+            if small or self._keeps_round_off() or (least and not (shortened and iteration < self.max_newton)):
                 status = self._judge(residual)
-                if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:
+                if status is not Status.NOT_CERTIFIED or self.certificate is None:
                     return status
-                worst = self.certificate.worst
+                if self.certificate.worst < worst:
+                    worst = self.certificate.worst
+                elif rests or not self._keeps_round_off():
+                    return status
+                else:
+                    u.x.array[:], residual, keeps, rests = 0.0, None, False, True
         self._detail = alternating_points(self.linear.pairs)
         return Status.MAX_ITERATIONS
+
+    def _keeps_round_off(self) -> bool:
+        """Whether the displacement is round-off of the one that the attempt began with, or of the places where contact
+        is met, and supports leave the undeformed body where it is; collective.
+        """
+        space, comm = self.linear.space, self.linear.space.mesh.comm
+        fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
+        if self.linear.moving_tools.coordinates.size or parallel.any_rank(comm, bool(values[fixed].any())):
+            return False
+        left, begun = (float(parallel.largest(comm, np.abs(part), 0.0)) for part in (self.u.x.array, self._begins[0]))
+        places = self._farthest_place if self.linear.shapes or self.linear.pairs else 0.0
+        digits = LOST_UNITS * float(np.finfo(float).eps)
+        return left <= min(SMALL_INCREMENT * begun, digits * max(begun, places))
 
     def _increment(
         self, old: Array, residual: Array, *, keeps_stiffness: bool, search: bool, damps: bool
@@ -393,13 +421,15 @@ class EquilibriumSolver:
     def _hidden(self) -> bool | None:
         """Whether the check would accept the body where the attempt began, too: no support has moved it, and all forces
         on it then and now are below what round-off of F may hide, or it has moved by less than the round-off of the
-        places where contact is met; None: nothing moves it, as forces are round-off of F; collective.
+        places where contact is met; None: nothing moves it, as forces are round-off of F, and ways of supports, such as
+        an amplitude times the cosine of a right angle, are round-off of one that is as large as the body; collective.
         """
         (old, start), (end, lost), space = self._begins, self._judged, self.linear.space
         fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
         comm, squares = space.mesh.comm, [part @ part for part in (start[~fixed[: start.size]], end, lost)]
         pushing, acting, unit = np.sqrt(parallel.global_sum(comm, np.array(squares)))
-        moved = parallel.any_rank(comm, bool((values != old)[fixed].any()))
+        rest = float(np.finfo(float).eps) / 2 * self.linear.scales.size
+        moved = parallel.any_rank(comm, bool((np.abs(values - old)[fixed] > rest).any()))
         if pushing <= UNITS_OF_NO_LOAD * unit and not moved:
             return None
         assert self.certificate is not None

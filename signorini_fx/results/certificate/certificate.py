@@ -359,14 +359,15 @@ def judged(
     points = units.between(*at)
     immovable = nodes.immovable(supports, nodal_displacements, rigid)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, immovable, points)
-    left = equilibrium(balance, pieces, y, nodes, units, reach)
+    farthest = max(parallel.largest(comm, np.linalg.norm(x, axis=1), 0.0), float(sizes.max()))
+    places = float(farthest) if balance.displaced else 0.0
+    left = equilibrium(balance, pieces, y, nodes, units, reach, places=places)
     unbalanced = left.share
     for (motion, drive), faint in zip(rigid, _faint_forces(nodes, at[0], mean, penalty, moved), strict=True):
         resultant = nodes.resultant(motion, nodal_displacements)
         unbalanced = max(unbalanced, motion.unbalanced(drive, resultant, faint))
     if balance.displaced and reach > 0:
-        farthest = parallel.largest(comm, np.linalg.norm(x, axis=1), 0.0)
-        figures["placed"] = float(np.finfo(float).eps * max(float(farthest), float(sizes.max())) / reach)
+        figures["placed"] = float(np.finfo(float).eps * places / reach)
     return Certificate(equilibrium=max(unbalanced, volume), unjudged=left.unjudged, lost=left.lost, **figures)
 
 

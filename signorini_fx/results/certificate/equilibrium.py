@@ -146,7 +146,14 @@ class ForcesLeft(NamedTuple):
 
 
 def equilibrium(
-    balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: PieceScales, reach: float
+    balance: Balance,
+    pieces: RigidPart,
+    y: Nodal,
+    nodes: ContactNodes | None,
+    units: PieceScales,
+    reach: float,
+    *,
+    places: float = 0.0,
 ) -> ForcesLeft:
     """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; collective.
 
@@ -157,7 +164,7 @@ def equilibrium(
     Four floors keep round-off from counting as a residual where hardly any force acts: ``least``, from the
     displacement and the stiffness of an element; ``slight``, from all forces, what supports take included;
     ``joint``, from the largest force on any piece, as all are solved in one system; and ``missing``, from the digits
-    that the sums themselves lose.
+    that the sums themselves lose, and at the contact nodes the coordinates at which contact is met.
 
     Args:
         balance: forces on the body without contact.
@@ -166,7 +173,7 @@ def equilibrium(
         nodes: the contact points with the tractions at them; None: there are none.
         units: what stresses and lengths are relative to, of each piece.
         reach: the largest displacement of anything, also of a rigid body, length.
-
+        places: the largest coordinate at which contact is met, length; 0: it is met at undeformed points.
     """
     comm, supports = balance.surface.space.mesh.comm, balance.supports
     _, stiffest = balance.of_pieces(pieces)
@@ -200,6 +207,8 @@ def equilibrium(
     residual = supports.left(residual)
     digits = LOST_UNITS * np.finfo(float).eps
     missing = pieces.norms(residual) - digits * least / NO_FORCE
+    if nodes is not None:
+        missing -= digits * places * firmness * pieces.norms(np.ones(len(reached)), pieces.piece[reached])
     hidden = 0.0
     if balance.lost is not None:
         lost = LOST_UNITS * pieces.norms(balance.lost)
@@ -208,11 +217,13 @@ def equilibrium(
     residual_share = max(map(ratio, missing, force))
     if nodes is None:
         return ForcesLeft(residual_share, unjudged, hidden)
-    # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.
+    # The stress at a node is known to the digits of loads, and of the displacement, or of places where contact is met,
+    # over the length of its side.
     reached_piece, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
     modulus = np.array([piece_scales.modulus for piece_scales in stiffest])
     least_stress = digits * (
-        (modulus * units.far)[reached_piece] / balance.stiffest.side(area) + load[reached_piece] / area
+        (modulus * np.maximum(units.far, places))[reached_piece] / balance.stiffest.side(area)
+        + load[reached_piece] / area
     )
     if balance.lost is not None:
         least_stress = least_stress + LOST_UNITS * np.linalg.norm(balance.lost[reached], axis=1) / area
