@@ -129,9 +129,8 @@ _ADVICE = {
         "smaller reach"
     ),
     Status.AT_END: (
-        "points of contact that cannot open have begun to see past the end of the other side, which they are to stay "
-        "on: exchange both sides, in a scene by its key points, so that the points are on the side that ends, or name "
-        "more of the other side"
+        "no point of contact that cannot open sees the other side any more, so that nothing holds both together: end "
+        "the way where they still meet, take smaller steps, or name more of the other side"
     ),
     Status.STABILITY_UNKNOWN: (
         "the result is an equilibrium, but whether it is stable cannot be told: J is not the derivative of F, loads "

@@ -2237,6 +2237,13 @@ MUTANTS = (
         tests=("contact_path::test_released_where_strains_keep_their_digits",),
     ),
     Mutant(
+        "nonlinear/moving_pairs",
+        "self.coupling.frames.partnered.any()",
+        "self.coupling.frames.partnered.all()",
+        "two bodies that are held together have parted where one point sees nothing",
+        tests=("sliding_guides::test_the_end_of_a_guide",),
+    ),
+    Mutant(
         "results/certificate/paired_sides",
         "max(worst, error_of_uncounted(claim, found, tested, (loose[0], loose[1])))",
         "worst",

@@ -41,7 +41,7 @@ _UNDECIDED = {
     Status.INSIDE: "a rigid shape is inside the body, or has passed through it",
     Status.PASSED: "a body is inside another one, or has passed through it",
     Status.FOLDED: "a body faces two sheets of another one, and contact knows one partner",
-    Status.AT_END: "the contact has reached the end of a side that it was to stay on",
+    Status.AT_END: "contact that cannot open has left the other side altogether",
     Status.TOO_LARGE: "the deformation is larger than linear elasticity can judge",
     Status.NOT_SOLVED: "Newton's method found no solution; there may be one",
     Status.NO_DIGIT: "round-off is as large as what the loads do, and the check after the solve sees nothing else",

@@ -36,7 +36,6 @@ class MovingPair:
         coupling: the map there.
         settled: the displacement at the end of the last step.
         begun: which nodes the points met there.
-        covered: share of the area of each point that saw the other side there.
         near: whether the last increment has hardly moved points along the other side.
         allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
         fixed: where supports fix the distance of both sides, and at which displacement that is so; None: nowhere.
@@ -49,7 +48,6 @@ class MovingPair:
     coupling: SlidingCoupling = field(init=False)
     settled: Array = field(init=False)
     begun: Frames = field(init=False)
-    covered: Array = field(init=False)
     near: bool = field(init=False)
     allowance: Array = field(init=False)
     fixed: tuple[Array, FixedDistances | None] = field(init=False)
@@ -91,8 +89,7 @@ class MovingPair:
         if fixed is not None or self.fixed[1] is not None:
             coupling = self.sides.at(self.displacement, fixed)
         self.settled, self.begun, self.near = self.displacement, coupling.frames, False
-        self.covered = coupling.covered
-        self.changed = np.zeros((2, self.covered.size), dtype=bool)
+        self.changed = np.zeros((2, self.begun.partnered.size), dtype=bool)
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank."""
@@ -155,11 +152,11 @@ class MovingPair:
         x = sides.slave.surface.x[coupling.helpless]
         return HeldNodes(np.full(count, sides.index, np.int32), depth, off, paired, x)
 
-    def at_end(self, state: ContactState) -> str:
-        """Where a point in contact sees less than half of the other side that it saw as the step began: "" nowhere;
-        collective.
-        """
-        return self._place_of(np.flatnonzero(self._past_end(state) & (self.covered >= LEAST_SEEN)))
+    @property
+    def parted(self) -> str:
+        """The place of a point that saw the other side as the step began, if none sees it any more; else ""."""
+        left = self.begun.partnered if not self.coupling.frames.partnered.any() else np.zeros(1, dtype=bool)
+        return self._place_of(np.flatnonzero(left))
 
     def force_past_end(self, state: ContactState) -> tuple[float, str]:
         """The share of the contact force that points have which see less than half of their area of the other side, and

@@ -466,7 +466,7 @@ class EquilibriumSolver:
             self._detail = str(error)
             return Status.FOLDED
         for number, pair in linear.pairs.items():
-            if linear.contact[number].bilateral and (reached := pair.at_end(linear.state)):
+            if linear.contact[number].bilateral and (reached := pair.parted):
                 self._detail = reached
                 return Status.AT_END
         lost = round_off(self.u, residual, self.residual.at)
