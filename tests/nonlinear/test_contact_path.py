@@ -55,7 +55,7 @@ CIRCLE = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
 
 @pytest.mark.parametrize("away", [(0.0, 0.0), (100.0, 30.0)], ids=["here", "away"])
 @pytest.mark.parametrize(("degree", "modulus"), [(1, 100.0), (2, 1e-4)])
-@pytest.mark.parametrize("quadratic", [False, True], ids=["linear", "finite"])
+@pytest.mark.parametrize("quadratic", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["linear", "finite"])
 @pytest.mark.parametrize("tool", [PLATE, CIRCLE], ids=["plate", "circle"])
 def test_released_where_strains_keep_their_digits(tool, quadratic, degree, modulus, away):
     """Strains from grad u alone have no round-off beside their own: a rough tool that comes back to where it touches

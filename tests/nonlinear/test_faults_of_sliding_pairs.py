@@ -394,7 +394,12 @@ def test_tips_on_an_axis_are_in_the_plane_of_symmetry(slope, slave):
 
 
 @pytest.mark.parametrize(
-    ("dim", "kind", "upto"), [(2, "quadrilateral", 0.05), (2, "triangle", 0.05), (3, "tetrahedron", -0.1)]
+    ("dim", "kind", "upto"),
+    [
+        (2, "quadrilateral", 0.05),
+        (2, "triangle", 0.05),
+        pytest.param(3, "tetrahedron", -0.1, marks=pytest.mark.slow),
+    ],
 )
 def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
     """Sides that are held over each other and slide: who meets whom as a step begins is known from where bodies are
