@@ -320,10 +320,11 @@ class EquilibriumSolver:
                 max(float(parallel.largest(comm, np.abs(values), 0.0)), float(np.abs(further).max(initial=0.0)))
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
-            small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self.linear.extent
+            small = change <= SMALL_INCREMENT * size
+            least = change <= LEAST_INCREMENT * self.linear.extent or self._keeps_round_off()
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
-            if small or self._keeps_round_off() or (least and not (shortened and iteration < self.max_newton)):
+            if small or (least and not (shortened and iteration < self.max_newton)):
                 status = self._judge(residual)
                 if status is not Status.NOT_CERTIFIED or self.certificate is None:
                     return status
