@@ -194,13 +194,14 @@ class EvenCarriers:
         nodes, shares = carried(side, covered, weight, unable | (movable < 1.0 - MOSTLY_HELD - SAME_NUMBER))
         return cls(nodes, shares, np.ones(nodes.size), shares, ~np.isin(np.arange(weight.size), nodes))
 
-    def directions(self, side: PairSurface, of_slave: Array, of_master: Array) -> Array:
+    def directions(self, side: PairSurface, of_slave: Array, of_master: Array, needed: Flags | None) -> Array:
         """N at the nodes of a side, half-way between both, shape (N, d).
 
         Args:
             side: the slave.
             of_slave: mean normals of it at the points, shape (n, d).
             of_master: those of the other side.
+            needed: see ``extended``.
         """
         portion = self.portion[:, None]
         nodal = np.array(side.nodal_normals)
@@ -209,7 +210,7 @@ class EvenCarriers:
         seen = np.concatenate((self.nodes, beyond))
         order = np.argsort(seen)
         values = np.concatenate((of_master, (passed @ of_master)[beyond]))
-        directions = nodal - extended(side, seen[order], values[order])
+        directions = nodal - extended(side, seen[order], values[order], needed)
         directions[self.nodes] = portion * of_slave + (1.0 - portion) * nodal[self.nodes] - of_master
         return side.in_planes(directions, np.arange(len(directions)))
 
@@ -303,15 +304,23 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     return sp.csr_array(sp.csr_array((entries, places), shape=(nodes.size, nodes.size)) @ shares)
 
 
-def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
+def extended(side: PairSurface, nodes: Indices, values: Array, needed: Flags | None = None) -> Array:
     """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
     them, ring by ring, shape (N, k); zero where no ring arrives.
+
+    Args:
+        side: with the nodes.
+        nodes: some of them.
+        values: of these.
+        needed: nodes without which the last rings are left out, shape (N,); None: none are.
     """
     beside, listed = side.tested_together
     done, extension = np.zeros(len(beside), dtype=bool), np.zeros((len(beside), values.shape[1]))
     done[nodes], extension[nodes] = True, values
     ring = nodes
     while True:
+        if needed is not None and done[needed].all():
+            return extension
         reached = np.zeros_like(done)
         reached[beside[ring][listed[ring]]] = True
         ring = np.flatnonzero(reached & ~done)

@@ -406,15 +406,19 @@ def projected(
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     facets = np.arange(*ends)
     project, turned = space_overlap, turned_in_space
+    needed: npt.NDArray[np.bool_] | None = None
     if slave.dimension == 2:  # which facets may meet does not depend on directions
         pairs = facing_facets(slave, master, reach, facets)
         project, turned = partial(plane_overlap, pairs=pairs), turned_in_plane
+        if apart:
+            needed = np.zeros(len(slave.x), dtype=bool)
+            needed[slave.points[pairs[0]]] = True
     overlap = project(slave, master, reach, facets, None).measured(slave).within(reach, slave, master)
     tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
     if apart and not tested.area.any():
         return tested, slave.nodal_normals
     _check(slave, master, tested.area, reach)
-    directions = None if nominal else _mean_normals(slave, master, tested, comm, slides=apart)
+    directions = None if nominal else _mean_normals(slave, master, tested, comm, slides=apart, needed=needed)
     if directions is not None and turned(slave, directions) > PARALLEL:
         overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
         tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
@@ -423,11 +427,25 @@ def projected(
 
 
 def _mean_normals(
-    slave: PairSurface, master: PairSurface, tested: Tested, comm: MPI.Comm, *, slides: bool = False
+    slave: PairSurface,
+    master: PairSurface,
+    tested: Tested,
+    comm: MPI.Comm,
+    *,
+    slides: bool = False,
+    needed: npt.NDArray[np.bool_] | None = None,
 ) -> Array:
     """N_i of the nodes of the slave, as if each could carry a point, shape (N, d); collective.
 
     Where a node has no point, the normal of the master is the mean of those beside it.
+
+    Args:
+        slave: the side with the points.
+        master: the other one.
+        tested: what was found along the normals of the slave.
+        comm: the ranks that share the work.
+        slides: whether functions are taken over evenly, see ``EvenCarriers``.
+        needed: nodes of facets that may meet the other side, shape (N,); None: all.
     """
     overlap = tested.overlap
     ones = np.ones((*overlap.weight.shape, 1))
@@ -439,7 +457,7 @@ def _mean_normals(
         carriers = EvenCarriers.of(slave, tested.covered, moments[:, 0], unable)
         means = carriers.shares @ moments
         means = means[:, 1:] / means[:, :1]
-        return carriers.directions(slave, means[:, :dim], means[:, dim:])
+        return carriers.directions(slave, means[:, :dim], means[:, dim:], needed)
     nodes, shares = carried(slave, tested.covered, moments[:, 0], unable)
     means = shares @ moments
     means = means[:, 1:] / means[:, :1]

@@ -125,18 +125,33 @@ def _under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array
     for power in range(places.shape[1]):
         factors[power : power + ways.shape[1]] -= _cross(places[:, power, None], ways).T
     rates = factors[1:] * np.arange(1, len(factors))[:, None]
-    low: Array = np.zeros(len(x))
-    rising, width = way * factors, 1.0
-    for _ in range(_BISECTIONS):
-        width /= 2
-        middle = low + width
-        low = np.where(_powers(rising, middle) > 0, middle, low)
-    root: Array = low + width / 2
+    root = _crossing(way * factors)
     for _ in range(_STEPS):
         gradient = _powers(rates, root)
         step = np.divide(_powers(factors, root), gradient, out=np.zeros(len(x)), where=gradient != 0)
         root = np.clip(root - step, 0.0, 1.0)
     return np.where(above_low & below_high, root, np.where(above_low, 1.0, 0.0))
+
+
+def _crossing(factors: Array) -> Array:
+    """Where polynomials, with factors as in ``_powers``, fall from a positive value at 0 to a negative one at 1, up to
+    a share of 1e-9; any place in [0, 1] where they do not.
+    """
+    if len(factors) == 3:  # of straight facets
+        constant, linear, square = factors
+        root_of_discriminant = np.sqrt(np.maximum(linear**2 - 4.0 * square * constant, 0.0))
+        # The root at which they fall, in the form that has no difference of equal numbers.
+        twice = root_of_discriminant - linear
+        away = np.divide(2.0 * constant, twice, out=np.zeros_like(constant), where=twice != 0.0)
+        back = np.divide(-linear - root_of_discriminant, 2.0 * square, out=np.zeros_like(constant), where=square != 0.0)
+        return np.asarray(np.clip(np.where(linear <= 0.0, away, back), 0.0, 1.0))
+    low: Array = np.zeros(factors.shape[1])
+    width = 1.0
+    for _ in range(_BISECTIONS):
+        width /= 2
+        middle = low + width
+        low = np.where(_powers(factors, middle) > 0, middle, low)
+    return np.asarray(low + width / 2)
 
 
 def _powers(factors: Array, s: Array) -> Array:

@@ -65,12 +65,21 @@ class Lagrange:
             product = product * np.concatenate(powers, axis=-1)[..., power]
         return np.asarray(product)
 
+    @cached_property
+    def _is_straight(self) -> bool:
+        """Whether they are linear in an interval, in which sides of two bodies ask for them most often."""
+        return self.places.shape[1] == 1 and self.degree == 1
+
     def values(self, at: Array) -> Array:
         """At points of shape (..., d - 1), shape (..., k)."""
+        if self._is_straight:
+            return np.asarray(self._coefficients[0] + at * self._coefficients[1])
         return np.asarray(self._monomials(at) @ self._coefficients)
 
     def slopes(self, at: Array) -> Array:
         """Their derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
+        if self._is_straight:
+            return np.tile(self._coefficients[1], (1, *at.shape[:-1], 1))
         return np.array([self._monomials(at, axis) @ self._coefficients for axis in range(self.places.shape[1])])
 
     def polynomials(self, values: Array) -> Array:
@@ -211,7 +220,7 @@ class PairSurface:
 
     def _crossed(self, corners: Array, facets: Indices, at: Array) -> Array:
         """Normals up to their signs, of facets with these corners, see ``normals``."""
-        along = np.einsum("smqk,mkd->smqd", self.functions.slopes(at), corners[facets])
+        along = self.functions.slopes(at) @ corners[facets]
         if self.dimension == 2:
             return np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
         return np.cross(along[0], along[1])
