@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.nonlinear.inversion import turned_inside_out
+from signorini_fx.forms.nonlinear.inversion import InsideOut
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.assembly import assemble
 
@@ -33,6 +34,10 @@ class Residual:
     update: Callable[[], object]
     loads: Array | float = 0.0
 
+    @cached_property
+    def _inside_out(self) -> InsideOut:
+        return InsideOut(self.u)
+
     def assembled(self) -> Array:
         """F less the loads at ``u`` as it is, at the owned unknowns; collective."""
         return np.asarray(assemble(self.form) - self.loads)
@@ -50,7 +55,7 @@ class Residual:
         self.go_to(values)
         forces = self.assembled()
         comm = self.u.function_space.mesh.comm
-        if parallel.any_rank(comm, not np.isfinite(forces).all()) or turned_inside_out(self.u):
+        if parallel.any_rank(comm, not np.isfinite(forces).all()) or self._inside_out.found():
             return None
         return forces
 

@@ -189,7 +189,16 @@ class RigidMotions:
 
 def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDArray[np.int64]:
     """The number of the component that each of so many things is in, linked in pairs of all ranks; collective."""
-    pairs = tuple(parallel.gather_rows(comm, np.unique(links, axis=0)).T)
+    keys = parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1]))
+    return _components_of(np.unique(keys).tobytes(), count).copy()
+
+
+@lru_cache(maxsize=8)
+def _components_of(keys: bytes, count: int) -> npt.NDArray[np.int64]:
+    """The component that each of so many things is in: in each iteration those of the same links are asked for; keys:
+    of links, their first number times the count plus the second one.
+    """
+    pairs = np.divmod(np.frombuffer(keys, dtype=np.int64), count)
     graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int64)
 

@@ -164,6 +164,11 @@ class SlidingSides:
         return (names - self.space.dofmap.index_map.local_range[0]).astype(np.int32)
 
     @cached_property
+    def _segments(self) -> npt.NDArray[np.int64]:
+        """See ``ContactBoundary.segments``."""
+        return segments_of(self.space, self.facets, self.index, vertices=False)
+
+    @cached_property
     def across(self) -> Array:
         """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
         planes = self.slave.surface.across
@@ -210,7 +215,7 @@ class SlidingSides:
             normal=normal,
             part=np.full(count, self.index, dtype=np.int32),
             free=free,
-            segments=segments_of(self.space, self.facets, self.index, vertices=False),
+            segments=self._segments,
             global_nodes=names,
             averages=averages,
             without_area=np.column_stack((np.full(bare.size, self.index, dtype=np.int64), bare)),
