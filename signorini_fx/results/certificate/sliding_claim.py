@@ -57,6 +57,13 @@ def _unit(vectors: Any) -> Any:
     return vectors / np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
 
 
+def _combined(factors: Any, values: Any) -> Any:
+    """Sums of values, shape (r, k, d), times factors, shape (r, k): shape (r, d); for many r and few k several times as
+    fast as ``np.einsum``.
+    """
+    return sum(factors[:, k, None] * values[:, k] for k in range(1, values.shape[1])) + factors[:, :1] * values[:, 0]
+
+
 def _cross(a: Any, b: Any) -> Any:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
@@ -164,8 +171,8 @@ class Chain:
 
     def moments(self, x: Any) -> Any:
         """The normals of some facets, with nodes at x, shape (m, k, 2), times the functions, integrated, likewise."""
-        along = np.einsum("kl,mld->mkd", self.products, x)
-        return np.stack((along[..., 1], -along[..., 0]), axis=-1)
+        along = np.tensordot(x, self.products, axes=(1, 1))
+        return np.stack((along[:, 1], -along[:, 0]), axis=-1)
 
     @property
     def quadratic(self) -> bool:
@@ -833,14 +840,14 @@ class SlidingClaim:
             turned = np.stack((-outward[..., 1], outward[..., 0]), axis=-1)
             ways = cosine[ray_of][..., None] * outward + sine[ray_of][..., None] * turned
             own_hats = hats[ray_of]
-            start, ray = (np.einsum("rk,rkd->rd", own_hats, values) for values in (x[:, :width], ways))
+            start, ray = (_combined(own_hats, values) for values in (x[:, :width], ways))
             ray = _unit(ray)
             facet, over = x[:, 3 * width :], rays.place[ray_of]
             # One step of Newton's method has the derivative of the place.
-            apart = np.einsum("rk,rkd->rd", _hats(over, master.width), facet) - start
-            along = np.einsum("rk,rkd->rd", _slopes(over, master.width), facet)
+            apart = _combined(_hats(over, master.width), facet) - start
+            along = _combined(_slopes(over, master.width), facet)
             over = over - _cross(apart, ray) / _cross(along, ray)
-            return np.sum((np.einsum("rk,rkd->rd", _hats(over, master.width), facet) - start) * ray, axis=1)
+            return np.sum((_combined(_hats(over, master.width), facet) - start) * ray, axis=1)
 
         rates, size = np.zeros((*nodes.shape, 2)), len(nodes)
         steps = [(k, component) for k in range(nodes.shape[1]) for component in range(2)]
@@ -923,7 +930,7 @@ class SlidingClaim:
 
 def _at(chain: Chain, values: Array, facets: Numbers, places: Array) -> Array:
     """Values between those at the nodes of a side, at places on facets."""
-    return np.asarray(np.einsum("rk,rkd->rd", _hats(places, chain.width), values[chain.facets[facets]]))
+    return np.asarray(_combined(_hats(places, chain.width), values[chain.facets[facets]]))
 
 
 def _rings(chain: Chain, facets: Numbers, places: Array, areas: Array) -> Array:
