@@ -392,7 +392,7 @@ def test_shears_that_are_passed_on(monkeypatch):
     found = []
     for passes in (True, False):
         if not passes:
-            monkeypatch.setattr(LinearisedProblem, "_pass_on", lambda self, begun: False)
+            monkeypatch.setattr(LinearisedProblem, "_pass_on", lambda self, begun, ending: False)
         scene = wheel(slave=1, friction=Coulomb(0.3))
         force = [scene.move(*way) for way in ((0.0, -0.05), (0.0, -0.1), (0.1, -0.1))][-1]
         found.append((scene.problem.iterations, force))

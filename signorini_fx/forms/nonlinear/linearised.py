@@ -71,7 +71,7 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate.promised_law import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
-from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING, MOST_PASSES, SMALL_INCREMENT, SMALL_PASS
+from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING, MOST_PASSES, SLOW_INCREMENT, SMALL_INCREMENT, SMALL_PASS
 
 Array = npt.NDArray[np.float64]
 
@@ -231,6 +231,8 @@ class LinearisedProblem(FormSolver):
     passed_on: Array | None = None
     _backward: Sequence[JointStiffness] = ()  # what symmetry has added for the turning of normals of kept partners
     _retained: RetainedPoints
+    _last_increment = np.inf  # the largest component of it where points hardly slid; else infinite
+    _passed = np.inf  # how much of the increment the last pass for pairs of which sides end has changed
     _keeps = False  # whether the next solve keeps the stiffness of the last one
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
     _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
@@ -507,6 +509,7 @@ class LinearisedProblem(FormSolver):
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it, and is not damped."""
         self._definite, self._damping = True, 0.0
+        self._last_increment = self._passed = np.inf
         self._retained.begin_anew()
 
     def damp(self) -> bool:
@@ -550,8 +553,11 @@ class LinearisedProblem(FormSolver):
 
         Shears move on with the partners of points, whose derivative is not symmetric and so not in the tangent.  Once
         points hardly slide any more, this is what Newton's method misses most: it is solved once more with what the
-        increment moves on.  Where partners are kept, the tangent has what turns the tractions and its transpose, and
-        not by how much gaps close as the normals turn: it is solved again with both, until that changes little.
+        increment moves on.  Where a point in contact sees the end of a side, functions change with the bodies, too: it
+        is solved again with all that the increment changes of the map, until that changes little; so it is where
+        increments do not fall as they do with the derivative.  Where partners are kept, the tangent has what turns the
+        tractions and its transpose, and not by how much gaps close as the normals turn: it is solved again with both,
+        until that changes little.
 
         Args:
             keeps_stiffness: whether the body has the stiffness of the last solve, with the residual and the contact
@@ -564,35 +570,54 @@ class LinearisedProblem(FormSolver):
         self.passed_on = None
         if not (keeps_stiffness and self._solve_with_last_stiffness()):
             self._solve()
-        comm, begun, last_change = self.space.mesh.comm, self.begun, np.inf
-        passes = MOST_PASSES if self._turning_pairs else int(any(pair.near for pair in self.pairs.values()))
-        for _ in range(0 if self._ends else passes):
-            last_values = self.u.x.array.copy()
-            increment, done = np.abs(last_values - self._at.x.array), self._pass_on(begun)
-            change = parallel.largest(comm, np.abs(self.u.x.array - last_values), 0.0)
-            if not done or change <= SMALL_PASS * parallel.largest(comm, increment, 0.0) or 2 * change > last_change:
+        begun, last_change, (increment, size) = self.begun, np.inf, self._lengths
+        if increment <= SMALL_INCREMENT * size:  # Newton's method ends with it
+            return
+        near = {number: pair for number, pair in self.pairs.items() if pair.near}
+        slow, self._last_increment = increment > SLOW_INCREMENT * self._last_increment, increment if near else np.inf
+        ending = set[int]()
+        if increment * self._passed > SMALL_INCREMENT * size:  # else the next increment is small enough without
+            ending = {number for number, pair in near.items() if slow or pair.ends_in_contact(self.state)}
+        passes = MOST_PASSES if self._turning_pairs or ending else int(bool(near))
+        for _ in range(passes):
+            last_values, done = self.u.x.array.copy(), self._pass_on(begun, ending)
+            change = parallel.largest(self.space.mesh.comm, np.abs(self.u.x.array - last_values), 0.0)
+            if ending and last_change == np.inf:
+                self._passed = change / increment
+            if not done or change <= SMALL_PASS * increment or 2 * change > last_change:
                 break
-            last_change = change
+            last_change, increment = change, self._lengths[0]
 
     @property
-    def _ends(self) -> bool:
-        """Whether the increment is so small that Newton's method ends with it; collective."""
+    def _lengths(self) -> tuple[float, float]:
+        """Of the last increment, and of the displacement after it, the largest components; collective."""
         comm, values = self.space.mesh.comm, self.u.x.array
-        change, size = (parallel.largest(comm, np.abs(vector), 0.0) for vector in (values - self._at.x.array, values))
-        return bool(change <= SMALL_INCREMENT * size)
+        increment, size = (parallel.largest(comm, np.abs(part), 0.0) for part in (values - self._at.x.array, values))
+        return float(increment), float(size)
 
-    def _pass_on(self, begun: Start) -> bool:
+    def _pass_on(self, begun: Start, ending: set[int]) -> bool:
         """Solve it once more with what the increment changes of the forces of shears, and of gaps that turn, from where
         the first solve has begun; whether that has a solution; collective.
+
+        Args:
+            begun: the first solve.
+            ending: pairs that change in any other way, too, see ``MovingPair.missed``.
         """
         state, dim = self.state, self.boundary.x.shape[1]
         owned = self.elastic.fixed.size
         increment = fem.Function(self.space)
         increment.x.array[:] = self.u.x.array - self._at.x.array
         along = increment.x.array[:owned].reshape(-1, dim)
-        moved: list[Array] = [pair.passed_on(state, along).ravel() for pair in self.pairs.values() if pair.near]
-        moved += [part.times(increment) for part in self._backward]
-        forces, closed = np.where(self.elastic.fixed, 0.0, sum(moved)), self._closed_by_turning(state)
+        moved, closed = [part.times(increment) for part in self._backward], self._closed_by_turning(state)
+        slid, joints = np.zeros_like(state.boundary.normal), dict(zip(self.pairs, self.curvature.joint, strict=False))
+        for number, pair in self.pairs.items():
+            if number in ending:
+                missed, points = pair.missed(state, along, joints.get(number)), state.boundary.part == number
+                moved.append(missed.forces.ravel())
+                closed[points], slid[points] = -missed.gap, missed.slip
+            elif pair.near:
+                moved.append(pair.passed_on(state, along).ravel())
+        forces = np.where(self.elastic.fixed, 0.0, sum(moved))
         if not parallel.any_rank(self.space.mesh.comm, bool(forces.any() or closed.any())):
             return False
         assert self._last_pattern is not None
@@ -600,7 +625,11 @@ class LinearisedProblem(FormSolver):
         assert self._solution is not None
         newton, first, last = self.task.iterate.newton, self.outcome, (self.passed_on, self.begun)
         solved, self.passed_on = newton.checkpoint(), forces
-        self.begun = replace(begun, data=replace(begun.data, gap=begun.data.gap - closed))
+        origin = begun.data.slip_origin
+        if slid.any():
+            slips = np.einsum("nij,ni->nj", state.boundary.tangents, slid)
+            origin = -slips if origin is None else origin - slips
+        self.begun = replace(begun, data=replace(begun.data, gap=begun.data.gap - closed, slip_origin=origin))
         with options.applied(*self.options), self.timings.phase("solve"):
             self.task.system.set_case(0, self._case(self.prescribed[1]))
             self._last_pattern = self._last_pattern[0], b""  # the load is none that a solve may begin from

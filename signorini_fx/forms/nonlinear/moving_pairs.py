@@ -21,9 +21,24 @@ from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
 from signorini_fx.results.certificate.sliding_claim import PairMemory
 from signorini_fx.solving.check.pushed_nodes import HeldNodes
-from signorini_fx.tuned import LEAST_SEEN, NEAR_PARTNER, PAST_THE_END
+from signorini_fx.tuned import LEAST_SEEN, MAP_STEP, NEAR_PARTNER, PAST_THE_END, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MissedByTangent:
+    """What an increment changes of a pair beyond its rows and what its tractions have added to the tangent.
+
+    Attributes:
+        forces: at the owned nodes of the space, shape (owned nodes, d).
+        gap: of the points of this rank, length, shape (n,).
+        slip: likewise, shape (n, d).
+    """
+
+    forces: Array
+    gap: Array
+    slip: Array
 
 
 @dataclass
@@ -114,10 +129,13 @@ class MovingPair:
     @property
     def slip_origin(self) -> Array:
         """See ``SlidingSides``."""
+        return self.sides.slip_origin(self.coupling, self._start_of(self.coupling), self.displacement)
+
+    def _start_of(self, coupling: SlidingCoupling) -> Frames:
+        """The frames of the beginning of the step, see ``SlidingCoupling.started``."""
         count = self.sides.slave.nodes.size
         places = self.sides.slave.surface.x, self.sides.master.surface.x
-        start = self.coupling.started(self.begun, places[0] + self.settled[:count], places[1] + self.settled[count:])
-        return self.sides.slip_origin(self.coupling, start, self.displacement)
+        return coupling.started(self.begun, places[0] + self.settled[:count], places[1] + self.settled[count:])
 
     def stiffness(self, state: ContactState) -> JointStiffness:
         """What the tractions of a state add to the tangent; collective."""
@@ -132,6 +150,44 @@ class MovingPair:
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
         return self.sides.passed_on(self.coupling, shear, increment)
+
+    def ends_in_contact(self, state: ContactState) -> bool:
+        """Whether a point in contact sees a part of its area of the other side, or has taken over a part of another
+        one: then functions change with where sides end, of which the rows of the map know nothing; collective.
+        """
+        changing = np.abs(self.coupling.covered - 1.0) > SAME_NUMBER
+        return bool((self._touching(state) & changing).any())
+
+    def missed(self, state: ContactState, increment: Array, joint: JointStiffness | None) -> MissedByTangent:
+        """What an increment of the displacement changes that the tangent of a solve does not know; collective.
+
+        Args:
+            state: with the tractions.
+            increment: of the owned nodes, shape (owned nodes, d).
+            joint: what the tractions have added to the tangent; None: nothing.
+        """
+        sides, here = self.sides, self.coupling
+        moved = sides.gathered(increment)
+        ends = here.master.x[here.master.nodes]
+        facet = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
+        share = MAP_STEP * facet / (float(np.abs(moved).max()) or 1.0)
+        ahead = sides.at(self.displacement + share * moved, self.fixed[1])
+        rows = np.flatnonzero(state.boundary.part == sides.index)
+        shear = sides.at_points(np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows]))
+        tractions = sides.at_points(state.pressure[rows]), np.einsum("ndk,nd->nk", here.frames.tangents, shear)
+        forces = (sides.forces(ahead, tractions) - sides.forces(here, tractions)) / share
+        if joint is not None:
+            forces -= joint.matrix @ moved.ravel()
+        slips = [coupling.slip(self._start_of(coupling)) for coupling in (here, ahead)]
+        slip = (slips[1] - slips[0]) / share - (here.tangent_rows @ moved.ravel()).reshape(slips[0].shape)
+        meets = here.frames.partnered & ahead.frames.partnered
+        gaps = [np.where(meets, coupling.gap, 0.0) for coupling in (here, ahead)]
+        gap = np.where(meets, (gaps[1] - gaps[0]) / share + here.normal_rows @ moved.ravel(), 0.0)
+        return MissedByTangent(
+            sides.at_owned_nodes(forces.reshape(moved.shape)),
+            gap[sides.mine],
+            sides.sliding_along(here, np.where(meets[:, None], slip, 0.0)),
+        )
 
     def holding(self, state: ContactState, sticks: npt.NDArray[np.bool_]) -> JointStiffness:
         """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""
@@ -171,9 +227,12 @@ class MovingPair:
 
     def _past_end(self, state: ContactState) -> npt.NDArray[np.bool_]:
         """Which points in contact see less than half of their area of the other side, of all ranks; collective."""
+        return np.asarray(self._touching(state) & (self.coupling.covered < LEAST_SEEN))
+
+    def _touching(self, state: ContactState) -> npt.NDArray[np.bool_]:
+        """Which points are in contact, of all ranks; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
-        touching = self.sides.at_points(state.in_contact[rows].astype(np.float64)) > 0
-        return np.asarray(touching & (self.coupling.covered < LEAST_SEEN))
+        return np.asarray(self.sides.at_points(state.in_contact[rows].astype(np.float64)) > 0)
 
     @property
     def alternating(self) -> str:

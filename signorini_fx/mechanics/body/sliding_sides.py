@@ -235,8 +235,13 @@ class SlidingSides:
     def slip_origin(self, coupling: SlidingCoupling, begun: Frames, displacement: Array) -> Array:
         """Where slips of the points of this rank are counted from, for the whole displacement, length, shape (n, d)."""
         slip = coupling.slip(begun)
-        origin = (coupling.tangent_rows @ displacement.ravel()).reshape(slip.shape) - slip
-        return np.asarray(np.einsum("ndk,nk->nd", self._sliding(coupling), origin))[self.mine]
+        return self.sliding_along(coupling, (coupling.tangent_rows @ displacement.ravel()).reshape(slip.shape) - slip)
+
+    def sliding_along(self, coupling: SlidingCoupling, slip: Array) -> Array:
+        """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along, at
+        those of this rank, shape (n, d).
+        """
+        return np.asarray(np.einsum("ndk,nk->nd", self._sliding(coupling), slip))[self.mine]
 
     def at_points(self, values: Array) -> Array:
         """Values at the points of this rank, shape (n, ...), at those of all ranks; collective."""
@@ -267,10 +272,24 @@ class SlidingSides:
             displacement: of the owned nodes, likewise.
         """
         along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
-        forces = coupling.passed_on(along, self.gathered(displacement))
-        (first, last), at_owned = self.space.dofmap.index_map.local_range, np.zeros_like(displacement)
-        is_owned = (self.nodes >= first) & (self.nodes < last)
-        at_owned[self.nodes[is_owned] - first] = forces[is_owned]
+        return self.at_owned_nodes(coupling.passed_on(along, self.gathered(displacement)))
+
+    def forces(self, coupling: SlidingCoupling, tractions: tuple[Array, Array]) -> Array:
+        """See ``SlidingCoupling``; collective.
+
+        Args:
+            coupling: the map.
+            tractions: pressure, shape (n,), and shear, along T_i, shape (n, d - 1), of the points of all ranks.
+        """
+        pressure, shear = tractions
+        sliding, tangents = self._sliding(coupling), coupling.frames.tangents
+        return coupling.forces(pressure, np.einsum("ndj,ndk,nk->nj", sliding, tangents, shear))
+
+    def at_owned_nodes(self, values: Array) -> Array:
+        """Values at the nodes of both sides, shape (m, d), at the owned nodes of the space, shape (owned nodes, d)."""
+        first, last = self.space.dofmap.index_map.local_range
+        at_owned, is_owned = np.zeros((last - first, values.shape[1])), (self.nodes >= first) & (self.nodes < last)
+        at_owned[self.nodes[is_owned] - first] = values[is_owned]
         return at_owned
 
     def holding(

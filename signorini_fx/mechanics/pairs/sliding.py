@@ -155,6 +155,13 @@ class SlidingCoupling:
         ends = self.master.x[self.master.nodes]
         return float(far / np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
 
+    def forces(self, pressure: Array, shear: Array) -> Array:
+        """What tractions exert on the components of the nodes of both sides, force, shape (m d,); for the arguments see
+        ``stiffness``.
+        """
+        along = (self.weight[:, None] * shear).ravel()
+        return np.asarray(self.normal_rows.T @ (self.weight * pressure) + self.tangent_rows.T @ along)
+
     def stiffness(self, pressure: Array, shear: Array, *, near: bool) -> sp.csr_array:
         """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
         symmetric, sparse, shape (d m, d m).
