@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
+import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier, transmitting
@@ -45,6 +46,14 @@ FallBacks = Callable[
 ProposedSets = Callable[["SemismoothNewton", RegularisedData], ActiveSets | None]
 # (x, sets, data) of an iterate; None before the first problem.
 Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData | None]
+
+
+@lru_cache(maxsize=8)
+def _keys(rank: int, points: int) -> npt.NDArray[np.uint64]:
+    """Random numbers of each state of each point, whose sums tell sets apart, shape (6, n), read-only."""
+    keys = np.random.default_rng(rank).integers(0, 2**63, size=(6, points), dtype=np.uint64)
+    keys.flags.writeable = False
+    return keys
 
 
 class SemismoothNewton:
@@ -98,8 +107,7 @@ class SemismoothNewton:
         self._factor: PETSc.KSP | None = None
         self._factorised_in: int | None = None
         self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
-        generator = np.random.default_rng(problem.points.comm.rank)
-        self._keys = generator.integers(0, 2**63, size=(6, problem.points.size), dtype=np.uint64)
+        self._keys = _keys(problem.points.comm.rank, problem.points.size)
         self.linear = self._point_count == 0
 
     @cached_property

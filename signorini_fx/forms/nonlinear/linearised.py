@@ -577,7 +577,8 @@ class LinearisedProblem(FormSolver):
         slow, self._last_increment = increment > SLOW_INCREMENT * self._last_increment, increment if near else np.inf
         ending = set[int]()
         if increment * self._passed > SMALL_INCREMENT * size:  # else the next increment is small enough without
-            ending = {number for number, pair in near.items() if slow or pair.ends_in_contact(self.state)}
+            little = {number: pair for number, pair in near.items() if pair.moves_little(increment)}
+            ending = {number for number, pair in little.items() if slow or pair.ends_in_contact(self.state)}
         passes = MOST_PASSES if self._turning_pairs or ending else int(bool(near))
         for _ in range(passes):
             last_values, done = self.u.x.array.copy(), self._pass_on(begun, ending)

@@ -151,6 +151,10 @@ class MovingPair:
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
         return self.sides.passed_on(self.coupling, shear, increment)
 
+    def moves_little(self, increment: float) -> bool:
+        """Whether an increment, length, is small beside facets, so that its derivatives tell what it changes."""
+        return increment <= NEAR_PARTNER * self.coupling.facet
+
     def ends_in_contact(self, state: ContactState) -> bool:
         """Whether a point in contact sees a part of its area of the other side, or has taken over a part of another
         one: then functions change with where sides end, of which the rows of the map know nothing; collective.
@@ -168,9 +172,7 @@ class MovingPair:
         """
         sides, here = self.sides, self.coupling
         moved = sides.gathered(increment)
-        ends = here.master.x[here.master.nodes]
-        facet = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
-        share = MAP_STEP * facet / (float(np.abs(moved).max()) or 1.0)
+        share = MAP_STEP * here.facet / (float(np.abs(moved).max()) or 1.0)
         ahead = sides.at(self.displacement + share * moved, self.fixed[1])
         rows = np.flatnonzero(state.boundary.part == sides.index)
         shear = sides.at_points(np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows]))

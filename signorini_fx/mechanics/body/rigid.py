@@ -8,7 +8,7 @@ where both must move together.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -64,6 +64,28 @@ class RigidMotions:
     assembly: npt.NDArray[np.int64]
     foundations: _Floats | None = None
     moving: MovingFoundation | None = None
+    _at_supports: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)  # see ``held_modes``
+
+    def held_modes(
+        self, fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], _Floats]:
+        """The nodes and the numbers of their components that supports prescribe, and the motions of their pieces in
+        these, shapes (h,), (h,) and (h, m); those of the last supports are kept.
+
+        Args:
+            fixed: see ``nearest_motion``.
+            turned: likewise.
+        """
+        known = self._at_supports
+        if not (known and known["turned"] is turned and np.array_equal(known["fixed"], fixed)):
+            node, component = np.nonzero(fixed)
+            modes = self.modes(node)
+            if turned is not None:
+                modes = np.einsum("nij,nik->njk", turned.frames_at(node), modes)
+            modes = modes[np.arange(node.size), component]
+            known.update(turned=turned, fixed=fixed.copy(), found=(node, component, modes))
+        found: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], _Floats] = known["found"]
+        return found
 
     @property
     def of_all(self) -> _Floats:
@@ -373,13 +395,11 @@ def _at_supports(
     """Products of the motions of each piece with each other at its prescribed components, shape (p, m, m), and with
     what is prescribed there, shape (p, m); collective.  The arguments are those of ``nearest_motion``.
     """
-    node, component = np.nonzero(fixed)
-    modes, displacements = motions.modes(node), prescribed[node]
+    node, component, modes = motions.held_modes(fixed, turned)
+    displacements = prescribed[node]
     if turned is not None:
-        frames = turned.frames_at(node)
-        modes, displacements = np.einsum("nij,nik->njk", frames, modes), np.einsum("nij,ni->nj", frames, displacements)
-    held_entries = np.arange(node.size), component
-    rows, piece = np.column_stack((modes[held_entries], displacements[held_entries])), motions.piece[node]
+        displacements = np.einsum("nij,ni->nj", turned.frames_at(node), displacements)
+    rows, piece = np.column_stack((modes, displacements[np.arange(node.size), component])), motions.piece[node]
     products: _Floats = np.zeros((motions.pieces.count, motions.each, motions.each + 1))
     for number in range(motions.pieces.count):
         mine = rows[piece == number]

@@ -152,8 +152,13 @@ class SlidingCoupling:
         """
         along = (self.tangent_rows @ displacement.ravel()).reshape(self.nodes.size, -1)
         far = np.linalg.norm(along, axis=1)[self.frames.partnered].max(initial=0.0)
+        return float(far / self.facet)
+
+    @property
+    def facet(self) -> float:
+        """The size of a facet of the other side, length: the median of those of one edge of each."""
         ends = self.master.x[self.master.nodes]
-        return float(far / np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
+        return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
 
     def forces(self, pressure: Array, shear: Array) -> Array:
         """What tractions exert on the components of the nodes of both sides, force, shape (m d,); for the arguments see

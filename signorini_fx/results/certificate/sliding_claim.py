@@ -869,19 +869,23 @@ class SlidingClaim:
         apart = seen.opposite @ seen.y - seen.sharing @ seen.x
         apart[~seen.partnered] = 0.0
         couples = _cross(apart, drag) / 2
-        for point in np.flatnonzero(couples != 0.0):
-            for chain, facets, x, first in (
-                (slave, seen.rays.facet, seen.x, 0),
-                (master, seen.rays.over, seen.y, count),
-            ):
-                arms = np.zeros(chain.nodes.size)
-                shares = seen.shares[[point]].toarray()[0][slave.facets[seen.rays.facet]].sum(axis=1) * seen.rays.area
-                for column in chain.facets[facets].T:
-                    np.add.at(arms, column, shares)
-                r = x - (arms @ x) / arms.sum()
-                polar = arms @ np.sum(r**2, axis=1)
-                turned = np.column_stack((-r[:, 1], r[:, 0]))
-                forces[first : first + chain.nodes.size] += couples[point] * (arms / polar)[:, None] * turned
+        points = np.flatnonzero(couples != 0.0)
+        own = slave.facets[seen.rays.facet]
+        rays = np.repeat(np.arange(len(own)), own.shape[1])
+        at_nodes = np.repeat(seen.rays.area, own.shape[1]), (own.ravel(), rays)
+        # The area of each ray that each of the points has.
+        shares = sp.csr_array(seen.shares)[points] @ sp.csr_array(at_nodes, shape=(slave.nodes.size, len(own)))
+        for chain, facets, x, first in ((slave, seen.rays.facet, seen.x, 0), (master, seen.rays.over, seen.y, count)):
+            met = chain.facets[facets]
+            entries = np.ones(met.size), (np.repeat(np.arange(len(met)), met.shape[1]), met.ravel())
+            arms = sp.coo_array(shares @ sp.csr_array(entries, shape=(len(met), chain.nodes.size)))
+            point, node, area = arms.row, arms.col, arms.data
+            sums = np.bincount(point, area, points.size)
+            middles = np.stack([np.bincount(point, area * way, points.size) / sums for way in x[node].T], axis=1)
+            r = x[node] - middles[point]
+            polar = np.bincount(point, area * np.sum(r**2, axis=1), points.size)
+            turned = np.column_stack((-r[:, 1], r[:, 0]))
+            np.add.at(forces, first + node, (couples[points] / polar)[point, None] * area[:, None] * turned)
 
     def _moving(self, rays: Rays) -> Rays:
         """Those where one of the sides can move: supports do not hold all nodes of both facets."""
