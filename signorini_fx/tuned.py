@@ -838,8 +838,8 @@ FACING_SIDES = -0.2
 # Choice.
 PARTNERS_REACH = 0.2
 # Share of a facet of the other side that an increment may move a point along it, up to which the next increment is
-# that of normals that turn at the vertices alone; and share that the increment itself may be, up to which differences of
-# the map are taken along it.  Record: two facets a step with the stiffer side as slave.
+# that of normals that turn at the vertices alone; and share that the increment itself may be, up to which differences
+# of the map are taken along it.  Record: two facets a step with the stiffer side as slave.
 NEAR_PARTNER = 0.1
 # Share of a facet by which bodies are moved on for a difference of their map, in place of its derivative.  Choice: a
 # millionth has half of the digits.

@@ -2182,6 +2182,13 @@ MUTANTS = (
     ),
     Mutant(
         "nonlinear/linearised",
+        "closed[points], slid[points] = -missed.gap, missed.slip",
+        "closed[points], slid[points] = missed.gap, missed.slip",
+        "two bodies that slide: gaps at ends of sides change against the increment",
+        tests=("sliding_bodies::test_ends_of_sides_in_contact",),
+    ),
+    Mutant(
+        "nonlinear/linearised",
         "gap=begun.data.gap - closed",
         "gap=begun.data.gap + closed",
         "two bodies that keep partners: gaps open where the turning of normals closes them",

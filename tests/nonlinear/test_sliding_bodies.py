@@ -25,6 +25,7 @@ from signorini_fx.algebra.linalg import schur
 from signorini_fx.forms.nonlinear import newton
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
 from signorini_fx.mechanics.body import elastic_body
 from signorini_fx.results.certificate.promised_law import Law, Tractions
 
@@ -247,6 +248,24 @@ def test_past_the_end_of_the_other_side():
     assert forces[0] == pytest.approx(-forces[1], abs=0.015 * np.abs(forces[0]).max())
     assert [len(found) for found in notes] == [1, 0]
     assert "13% of the contact force" in notes[0][0]
+
+
+@pytest.mark.slow
+def test_ends_of_sides_in_contact(monkeypatch):
+    """A block that slides over the end of a smaller one: the same forces in fewer iterations than where points in
+    contact do not know that their functions change with where the other side ends.
+    """
+    ways = [(0, -0.02), (0, -0.1), (0.1, -0.1), (0.2, -0.1), (0.3, -0.1)]
+    found = []
+    for knows in (True, False):
+        if not knows:
+            monkeypatch.setattr(MovingPair, "moves_little", lambda self, increment: False)
+        scene = blocks(slave=0)
+        found.append((slid(scene, ways), scene.iterations))
+    (forces, iterations), (expected, more) = found
+    assert forces == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
+    assert max(iterations) <= 6 < max(more) - 2
+    assert sum(iterations) <= sum(more) - 6
 
 
 def test_names_of_outcomes():

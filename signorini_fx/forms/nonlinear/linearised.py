@@ -71,7 +71,15 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate.promised_law import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
-from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING, MOST_PASSES, SLOW_INCREMENT, SMALL_INCREMENT, SMALL_PASS
+from signorini_fx.tuned import (
+    DAMPING_GROWTH,
+    LEAST_DAMPING,
+    MOST_DAMPING,
+    MOST_PASSES,
+    SLOW_INCREMENT,
+    SMALL_INCREMENT,
+    SMALL_PASS,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -575,8 +583,9 @@ class LinearisedProblem(FormSolver):
             return
         near = {number: pair for number, pair in self.pairs.items() if pair.near}
         slow, self._last_increment = increment > SLOW_INCREMENT * self._last_increment, increment if near else np.inf
+        slow &= self.settings.algorithm != "alm"  # whose multipliers need as many iterations
         ending = set[int]()
-        if increment * self._passed > SMALL_INCREMENT * size:  # else the next increment is small enough without
+        if increment * self._passed > SLOW_INCREMENT * SMALL_INCREMENT * size:  # else the next one is small without
             little = {number: pair for number, pair in near.items() if pair.moves_little(increment)}
             ending = {number for number, pair in little.items() if slow or pair.ends_in_contact(self.state)}
         passes = MOST_PASSES if self._turning_pairs or ending else int(bool(near))

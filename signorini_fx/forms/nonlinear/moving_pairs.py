@@ -186,7 +186,7 @@ class MovingPair:
         gaps = [np.where(meets, coupling.gap, 0.0) for coupling in (here, ahead)]
         gap = np.where(meets, (gaps[1] - gaps[0]) / share + here.normal_rows @ moved.ravel(), 0.0)
         return MissedByTangent(
-            sides.at_owned_nodes(forces.reshape(moved.shape)),
+            sides.at_owned_nodes(np.asarray(forces.reshape(moved.shape), dtype=np.float64)),
             gap[sides.mine],
             sides.sliding_along(here, np.where(meets[:, None], slip, 0.0)),
         )

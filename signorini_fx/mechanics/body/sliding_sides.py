@@ -238,8 +238,8 @@ class SlidingSides:
         return self.sliding_along(coupling, (coupling.tangent_rows @ displacement.ravel()).reshape(slip.shape) - slip)
 
     def sliding_along(self, coupling: SlidingCoupling, slip: Array) -> Array:
-        """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along, at
-        those of this rank, shape (n, d).
+        """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along,
+        at those of this rank, shape (n, d).
         """
         return np.asarray(np.einsum("ndk,nk->nd", self._sliding(coupling), slip))[self.mine]
 
