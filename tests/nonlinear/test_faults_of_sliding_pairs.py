@@ -7,7 +7,7 @@ import pytest
 from dolfinx.mesh import compute_midpoints
 from mpi4py import MPI
 from support.sliding_bodies import SlidingBodies, cylinders, wheel
-from test_faults_of_pairs import doubled, shifted, without_facet, without_piece
+from test_faults_of_pairs import doubled, shifted, without_piece
 from two_bodies import grid
 
 from signorini_fx import Coulomb, NonlinearContactProblem, Pair
@@ -241,6 +241,14 @@ def of_overlap(change):
     return wrong
 
 
+def without_middle_facet(overlap, slave):
+    """The overlap without all that is over one facet of the slave: the same one in each iteration, as those that share
+    most with a facet of the other side may take turns.
+    """
+    covered = np.unique(overlap.slave)
+    return overlap.chosen(overlap.slave != covered[covered.size // 2])
+
+
 def of_map(**changes):
     """A map that has another one of its figures."""
 
@@ -342,7 +350,7 @@ FAULTS = {
     "no plane of symmetry": (half, of_planes(no_planes)),
     "one more plane of symmetry": (slid, of_planes(one_more_plane)),
     "supports move less": (slid, driven_less),
-    "a facet is left out": (slid, of_overlap(without_facet)),
+    "a facet is left out": (slid, of_overlap(without_middle_facet)),
     "what two facets share is left out": (slid, of_overlap(without_piece)),
     "an area of two facets is doubled": (slid, of_overlap(doubled)),
     "partners are shifted": (slid, of_overlap(shifted)),
