@@ -5,16 +5,21 @@
 The fronts share the core, and nothing else that is compared here is shared: a scene finds facets by names, integrates
 its loads and supports by effects and has its contact as entries; forms have UFL, DirichletBCs and Foundations; of a
 residual with a linear F there are a Newton iteration and a certificate of its own.  Status, load steps, forces,
-displacements, pressures, states, the estimated error, and the guaranteed bound have to agree.
+displacements, pressures, states, the contact table, the estimated error, and the guaranteed bound have to agree; and so
+have runs that are stopped in their last load step and go on from their folders.
 """
 
 from __future__ import annotations
 
+import shutil
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -38,16 +43,20 @@ from signorini_fx import (
     solve,
 )
 from signorini_fx.extensions import LAWS, register
+from signorini_fx.mechanics.body.contact_table import ContactTable
 from signorini_fx.mechanics.body.quadrature import strain_degree
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.records import Status
+from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.solution import StepResult
 from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Scene
 
 Array = npt.NDArray[np.float64]
 # The coefficient of the law of the study's own.
 COEFFICIENT = 0.4
+# The coefficient of expansion of all materials, per temperature.
+EXPANSION = 1e-5
 
 
 class Levelling(FrictionLaw):
@@ -98,12 +107,15 @@ class RandomProblem:
         wall: the gap of a wall on the right; None: there is none.
         velocity: of the circle, length per time, shape (d,); None: it stands still.
         push: the force on the circle towards the body, which moves it; None: none does.
-        below: counts of cells of another rectangle that it lies on, as long as twice its length; None: there is none.
+        below: counts of cells along each axis of another rectangle or box that it lies on, as long as twice its length;
+            None: there is none.
         law: of friction, with its bound or coefficient.
         factors: of the loads, by load step.
         times: of the load steps.
         ramp: increments of a ramp between two load steps; None: there is none.
         settings: of the solver.
+        heat: the free thermal strain at the origin at the load factor 1, and its slope along x[0]; None: there is none.
+        stopped: whether a run of several load steps is stopped in the last one, and goes on from its folder.
     """
 
     kind: str
@@ -121,12 +133,14 @@ class RandomProblem:
     wall: float | None
     velocity: Array | None
     push: float | None
-    below: tuple[int, int] | None
+    below: tuple[int, ...] | None
     law: tuple[str, float]
     factors: tuple[float, ...]
     times: tuple[float, ...]
     ramp: int | None
     settings: dict[str, Any]
+    heat: tuple[float, float] | None
+    stopped: bool
 
     @classmethod
     def drawn(cls, seed: int) -> RandomProblem:
@@ -170,6 +184,14 @@ class RandomProblem:
             push = strain * young * sizes[0] * float(rng.uniform(0.05, 0.2))
         if name != "none" and own < 0.25:
             name, size = "own", strain * young * 0.3
+        # Draws of their own, so that the problems of a seed are what they were before there were these.
+        further = np.random.default_rng([57, seed, 1])
+        hot, warm, onto, by_force, stopped = further.random(5)
+        heat = (float(strain * warm), float(strain * further.uniform(-0.3, 0.3))) if hot < 0.3 else None
+        if dim == 3 and not circle and onto < 0.4:
+            below = tuple(further.integers([4, 3, 2], [9, 7, 4]).tolist())
+        elif dim == 3 and circle and velocity is None and by_force < 0.7:
+            push = strain * young * sizes[0] * sizes[1] * float(further.uniform(0.05, 0.2))
         return cls(
             kind=kind,
             cell=str(rng.choice(cells)),
@@ -192,6 +214,8 @@ class RandomProblem:
             times=tuple((begin + np.arange(steps)).tolist()),
             ramp=ramp,
             settings=settings,
+            heat=heat,
+            stopped=bool(stopped < 0.5) and steps > 1 and ramp is None,
         )
 
     @property
@@ -208,8 +232,10 @@ class RandomProblem:
         name = "sphere" if self.kind == "space" else "circle"
         described: dict[str, Any] = {"shape": name, "centre": centre, "radius": self.radius}
         if self.push is not None:
-            aside = {"x": 0.0, "rotation": 0.0}
-            described |= {"pivot": centre, "force": [0.0, self.push], "prescribed": aside}
+            turns = ("rotation",) if len(self.sizes) == 2 else ("rotation_x", "rotation_y", "rotation_z")
+            aside = dict.fromkeys((*self.axes[:-1], *turns), 0.0)
+            force = [0.0] * (len(self.sizes) - 1) + [self.push]
+            described |= {"pivot": centre, "force": force, "prescribed": aside}
         return described
 
     @property
@@ -271,14 +297,20 @@ class RandomProblem:
         mesh: dict[str, Any] = {"generator": "box" if in_space else "rectangle", "parameters": parameters}
         bodies: dict[str, Any] = {"mesh": mesh}
         if self.below is not None:
-            supports.append({"boundary": "low.bottom", "x": 0.0, "y": 0.0, "factors": factors})
-            length, height = 2 * self.sizes[0], 0.7 * self.sizes[1]
-            cells = {"nx": self.below[0], "ny": self.below[1], "cell": self.cell}
-            under = {"generator": "rectangle", "parameters": {"length": length, "height": height, **cells}}
-            shift = [0.5 * self.sizes[0], height]
+            supports.append({"boundary": "low.bottom", **dict.fromkeys(self.axes, 0.0), "factors": factors})
+            extent = dict(zip(names, (*(2 * size for size in self.sizes[:-1]), 0.7 * self.sizes[-1]), strict=True))
+            cells = dict(zip(numbers, self.below, strict=True)) | {"cell": self.cell}
+            under = {"generator": mesh["generator"], "parameters": extent | cells}
+            shift = [*(0.5 * size for size in self.sizes[:-1]), extent["height"]]
             bodies = {"body": [{"name": "low", "mesh": under}, {"name": "high", "mesh": mesh, "shift": shift}]}
+        heated: dict[str, Any] = {}
+        if self.heat is not None:
+            material["expansion"] = EXPANSION
+            change = f"({self.heat[0] / EXPANSION!r}) + ({self.heat[1] / EXPANSION!r}) * x[0]"
+            heated = {"temperature": {"change": change, "factors": factors}}
         return {
             **bodies,
+            **heated,
             "material": material,
             "element": {"degree": self.degree},
             "displacement": supports,
@@ -316,6 +348,11 @@ class RandomProblem:
             boundary = tagged.boundaries[self.named(name)]
             ds = ufl.ds(domain=mesh, subdomain_data=tagged.facet_tags, subdomain_id=boundary)
             L += factor * around * ufl.inner(fem.Constant(mesh, pull), v) * ds
+        # The quadrature of UFL for y[0] / r is not that of the package.
+        rule = {} if measure is None else {"quadrature_degree": strain_degree(V, AXISYMMETRIC)}
+        if self.heat is not None:
+            free, three_bulk = self.heat[0] + self.heat[1] * x[0], self.young / (1 - 2 * self.poisson)
+            L += factor * around * three_bulk * free * ufl.tr(strain(v)) * ufl.dx(metadata=rule)
         bcs, moved = [], fem.Function(V)
         if self.held:
             bcs.append(
@@ -346,9 +383,8 @@ class RandomProblem:
             moved.x.array.reshape(-1, dim)[:] = factor.value * self.down
 
         at(self.times[0])
-        given = stress if measure is None else None
-        # The quadrature of UFL for y[0] / r is not that of the package.
-        rule = {} if measure is None else {"quadrature_degree": strain_degree(V, AXISYMMETRIC)}
+        # A stress of forms is linear in the strain, without what heat would strain a free body by.
+        given = stress if measure is None and self.heat is None else None
         return Forms(
             lambda y: ufl.inner(stress(y), strain(v)) * around * ufl.dx(metadata=rule), L, bcs, contact, given, at, V
         )
@@ -377,8 +413,36 @@ class Forms:
     space: fem.FunctionSpace
 
 
-def by_forms(drawn: RandomProblem, forms: Forms) -> Solution:
-    """Solve the forms at the load steps."""
+class _Stopped(Exception):
+    """The end of a run that is to go on from its folder."""
+
+
+def again_as_scene(scene: Scene, comm: MPI.Comm, folder: Path, last: int) -> Solution:
+    """Solve a scene up to where its last load step begins, and then from what its folder has; collective."""
+
+    def stop(record: Any) -> None:
+        if isinstance(record, StepRecord) and record.step == last:
+            raise _Stopped
+
+    with suppress(_Stopped):
+        solve(scene, comm, check=False, checkpoint=folder, observers=[stop])
+    return solve(scene, comm, check=False, checkpoint=folder, restart=True)
+
+
+def again_as_forms(drawn: RandomProblem, tagged: TaggedMesh, folder: Path, last: int) -> Solution:
+    """The same of forms, which are made a second time."""
+
+    def stop(step: StepResult) -> None:
+        if step.step == last:
+            raise _Stopped
+
+    with suppress(_Stopped):
+        by_forms(drawn, drawn.forms(tagged), folder=folder, on_step=stop)
+    return by_forms(drawn, drawn.forms(tagged), folder=folder, restart=True)
+
+
+def by_forms(drawn: RandomProblem, forms: Forms, **stored: Any) -> Solution:
+    """Solve the forms at the load steps; ``stored``: where, see ``ContactProblem.run``."""
     a = forms.inner(ufl.TrialFunction(forms.space))
     problem = ContactProblem(a, forms.L, forms.bcs, forms.contact, stress=forms.stress, **drawn.settings)
 
@@ -388,7 +452,7 @@ def by_forms(drawn: RandomProblem, forms: Forms) -> Solution:
             problem.place(0, **placement)
 
     try:
-        return problem.run(LoadPath(drawn.times, steps=drawn.ramp), at)
+        return problem.run(LoadPath(drawn.times, steps=drawn.ramp), at, **stored)
     except ConvergenceError as error:
         return error.solution
 
@@ -419,6 +483,30 @@ def _forces(step: StepResult) -> Array:
     return np.array(step.contact.forces_of_each, dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class Sizes:
+    """The largest value of all load steps.
+
+    Attributes:
+        displacement: length.
+        force: of contact or friction.
+        pressure: stress.
+    """
+
+    displacement: float
+    force: float
+    pressure: float
+
+    @classmethod
+    def of(cls, steps: list[StepResult], comm: MPI.Comm) -> Sizes:
+        """Those of load steps with contact; collective."""
+        return cls(
+            max(_largest(comm, step.displacement.x.array) for step in steps),
+            max(_largest(comm, _forces(step)) for step in steps),
+            max(_largest(comm, step.contact.pressure) for step in steps if step.contact is not None),
+        )
+
+
 @dataclass
 class Differences:
     """What two fronts differ in.
@@ -439,16 +527,58 @@ class Differences:
         elif not (apart := _largest(self.comm, ours - theirs)) <= SAME * size:
             self.found.append(f"{name}: {apart / max(size, 1e-300):.1e}")
 
-    def look_at_steps(self, solved: list[tuple[StepResult, StepResult]], sizes: tuple[float, float, float]) -> None:
-        """At load steps of a scene and of forms; ``sizes``: of displacement, force and pressure; collective."""
+    def look_at_steps(self, solved: list[tuple[StepResult, StepResult]], sizes: Sizes) -> None:
+        """At load steps of a scene and of forms; collective."""
         for number, (a, b) in enumerate(solved, 1):
             assert a.contact is not None
             assert b.contact is not None
             self.look(f"step {number}: time", a.time, b.time, 1.0)
-            self.look(f"step {number}: displacement", a.displacement.x.array, b.displacement.x.array, sizes[0])
-            self.look(f"step {number}: force", _forces(a), _forces(b), sizes[1])
-            self.look(f"step {number}: pressure", a.contact.pressure, b.contact.pressure, sizes[2])
+            self.look(f"step {number}: displacement", a.displacement.x.array, b.displacement.x.array, sizes.displacement)
+            self.look(f"step {number}: force", _forces(a), _forces(b), sizes.force)
+            self.look(f"step {number}: pressure", a.contact.pressure, b.contact.pressure, sizes.pressure)
             self.look(f"step {number}: states", a.contact.in_contact, b.contact.in_contact, 1.0)
+
+    def look_at_tables(self, name: str, ours: ContactTable, theirs: ContactTable, sizes: Sizes) -> None:
+        """At all columns of two contact tables; collective."""
+        if (a := list(ours.columns)) != (b := list(theirs.columns)):
+            self.found.append(f"{name}: columns {a} and {b}")
+            return
+        for key, column in ours.columns.items():
+            if column.dtype.kind == "U":
+                apart = np.count_nonzero(column != theirs.columns[key])
+                if apart and key != "boundary" and key != "against":  # which are numbered in forms
+                    self.found.append(f"{name}: {key} of {apart} nodes")
+                continue
+            stress = key in ("pressure", "bound") or key.startswith("shear")
+            scale = max(sizes.pressure if stress else sizes.displacement, np.abs(column).max(initial=0.0))
+            self.look(f"{name}: {key}", column, theirs.columns[key], scale)
+
+    def look_at_restarts(self, drawn: RandomProblem, whole: tuple[Solution, Solution], sizes: Sizes) -> None:
+        """At a scene and forms that are stopped and go on, beside those that are not; collective."""
+        name = tempfile.mkdtemp() if self.comm.rank == 0 else ""
+        place, last = Path(self.comm.bcast(name)), len(drawn.times)
+        tagged = whole[0].model.tagged
+        try:
+            again = {
+                "scene": again_as_scene(parse_scene(drawn.stated()), self.comm, place / "scene", last),
+                "forms": again_as_forms(drawn, tagged, place / "forms", last),
+            }
+        finally:
+            self.comm.barrier()
+            if self.comm.rank == 0:
+                shutil.rmtree(place)
+        for (front, solution), first in zip(again.items(), whole, strict=True):
+            if f"restart: {last - 1} complete load step" not in solution.history.events[0]:
+                self.found.append(f"restart of {front}: {solution.history.events[0]}")
+            ends = [f"{one.status.value}, {len(one.steps)} load steps" for one in (first, solution)]
+            if ends[0] != ends[1]:
+                self.found.append(f"restart of {front}: {ends[1]}; without: {ends[0]}")
+                continue
+            both = list(zip(solution.steps, first.steps, strict=True))
+            differences = Differences(self.comm, [])
+            differences.look_at_steps(both, sizes)
+            differences.look_at_tables("table", solution.table, first.table, sizes)
+            self.found += [f"restart of {front}: {text}" for text in differences.found]
 
     def look_at_estimate(self, scene: Solution, forms: Solution) -> None:
         """At the estimated error; collective."""
@@ -476,10 +606,12 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
     if not solved:
         return scene.status, []
     differences = Differences(comm, [])
-    moved = max(_largest(comm, a.displacement.x.array) for a, _ in solved)
-    force = max(_largest(comm, _forces(a)) for a, _ in solved)
-    pressed = max(_largest(comm, a.contact.pressure) for a, _ in solved if a.contact is not None)
-    differences.look_at_steps(solved, (moved, force, pressed))
+    sizes = Sizes.of([a for a, _ in solved], comm)
+    differences.look_at_steps(solved, sizes)
+    if scene.converged:
+        differences.look_at_tables("table", scene.table, other.table, sizes)
+    if scene.converged and drawn.stopped:
+        differences.look_at_restarts(drawn, (scene, other), sizes)
     if scene.converged and forms.stress is not None:
         differences.look_at_estimate(scene, other)
         if drawn.radius is None:  # of forms a bound is not for foundations with shapes
@@ -491,8 +623,8 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
         if len(third) != len(solved):
             differences.found.append(f"residual: {len(third)} of {len(solved)} load steps")
         for number, ((a, _), (u, forces)) in enumerate(zip(solved, third, strict=False), 1):
-            differences.look(f"residual, step {number}: displacement", a.displacement.x.array, u, 10 * moved)
-            differences.look(f"residual, step {number}: force", _forces(a), forces, 10 * force)
+            differences.look(f"residual, step {number}: displacement", a.displacement.x.array, u, 10 * sizes.displacement)
+            differences.look(f"residual, step {number}: force", _forces(a), forces, 10 * sizes.force)
     return scene.status, differences.found
 
 
