@@ -188,6 +188,8 @@ class RandomProblem:
         further = np.random.default_rng([57, seed, 1])
         hot, warm, onto, by_force, stopped = further.random(5)
         heat = (float(strain * warm), float(strain * further.uniform(-0.3, 0.3))) if hot < 0.3 else None
+        if heat is not None:  # Nor do forms without a stress.
+            settings = {"gamma_n": 1e4 * young, "gamma_t": 1e4 * young} | settings
         if dim == 3 and not circle and onto < 0.4:
             below = tuple(further.integers([4, 3, 2], [9, 7, 4]).tolist())
         elif dim == 3 and circle and velocity is None and by_force < 0.7:

@@ -200,6 +200,24 @@ def test_tresca_steps():
     np.testing.assert_allclose(steps[2].contact.shear, -2.0, rtol=1e-9)
 
 
+@pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}], ids=["linear", "neo-hooke"])
+def test_tresca_drags_a_body_that_nothing_else_loads(law):
+    """A plate that does not touch moves along: friction with a bound without pressure is a load all the same."""
+    plate = {"shape": "plane", "point": [0.0, 1.1], "normal": [0.0, -1.0], "shift": ["0.01 * (t if t <= 1 else 3 - 2 * t)", 0.0]}
+    friction = {"law": "tresca", "bound": 2e-3}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 6, "ny": 2}},
+        "material": {"young": 1.0, "poisson": 0.3, **law},
+        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+        "contact": {"boundary": "top", "foundation": plate, "friction": friction},
+        "load_steps": {"times": [1.0, 2.0]},
+    }
+    steps = alone(parse_scene(scene)).steps
+    forces = [np.sum(step.contact.forces, axis=0) for step in steps]
+    expected = friction["bound"] * 3.0 * np.array([[1.0, 0.0], [-1.0, 0.0]])
+    assert np.array([forces[0], forces[-1]]) == pytest.approx(expected, rel=1e-9, abs=1e-15)
+
+
 @pytest.mark.parametrize("steps", [2, 3])
 def test_elastic_slip_of_earlier_steps_is_no_slip(monkeypatch, steps):
     """Where augmentation takes a load step over, a body that has stuck all the time goes back to where it was.

@@ -48,6 +48,7 @@ from signorini_fx.algebra.attempts import (
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status
@@ -182,7 +183,8 @@ def _augmented_first(task: Task, start: Start, law: PointFriction) -> Outcome:
 
 
 def _nothing_acts(task: Task, start: Start) -> bool:
-    """Whether the body stays where it is: no load, nothing prescribed, no penetration; collective.
+    """Whether the body stays where it is: no load, nothing prescribed, no penetration, and no foundation that moves along
+    points where friction has a bound without pressure; collective.
 
     If nothing holds it, it does so in one of several load steps alone: a problem without any load is not determined.
     """
@@ -196,6 +198,8 @@ def _nothing_acts(task: Task, start: Start) -> bool:
     pushed = data.distance < -task.coordinate_error
     if data.bilateral is not None:
         pushed = pushed | (data.bilateral & (np.abs(data.gap) > task.coordinate_error))
+    if data.bound is not None and data.slip_origin is not None:
+        pushed = pushed | ((data.bound > 0) & (length(data.slip_origin) > task.coordinate_error))
     return not parallel.any_rank(task.system.comm, bool(pushed.any()))
 
 
