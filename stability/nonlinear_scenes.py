@@ -49,7 +49,12 @@ _DEGREES = {
     ("tetrahedron", 1): (1, 1),
     ("hexahedron", 1): (2, 1),
 }
-_FURTHER = 2  # by how much they are higher for bodies of revolution
+_DEGREES_OF_REVOLUTION = {
+    ("triangle", 1): 2,
+    ("triangle", 2): 4,
+    ("quadrilateral", 1): 6,
+    ("quadrilateral", 2): 8,
+}
 # Penetration and slip that a regularised law has, relative to the size, and forces relative to the largest one.
 _NEAR, _SMALL = 1e-5, 1e-6
 _SIDES = 600  # unknowns up to which the second derivative is looked at
@@ -183,10 +188,11 @@ class RandomScene:
         if self.push is None:
             foundation["shift"] = [self._of_time(self.ways[:, k]) for k in range(dim)]
         else:
-            held = ("rotation",) if dim == 2 else ("rotation_x", "rotation_y", "rotation_z")
-            force = ["0.0"] * (dim - 1) + [self._of_time(-self.push)]
-            foundation |= {"pivot": self.centre.tolist(), "force": force}
-            foundation["prescribed"] = dict.fromkeys((*self.axes[:-1], *held), 0.0)
+            turns = ("rotation",) if dim == 2 else ("rotation_x", "rotation_y", "rotation_z")
+            held = () if self.kind == "axisymmetric" else (*self.axes[:-1], *turns)
+            force = [*(["0.0"] * (dim - 1)), self._of_time(-self.push)]
+            foundation |= {"pivot": self.centre.tolist(), "force": [0.0, force[-1]] if not held else force}
+            foundation["prescribed"] = dict.fromkeys(held, 0.0)
         supports: list[dict[str, Any]] = [{"boundary": "bottom"} | dict.fromkeys(self.axes, 0.0)]
         if self.rollers:
             supports = [{"boundary": "bottom", self.axes[-1]: 0.0}, {"boundary": "left", "x": 0.0}]
@@ -346,9 +352,9 @@ class Judge:
 
     def __post_init__(self) -> None:
         scene = self.scene
-        full, reduced = (d + _FURTHER * (scene.kind == "axisymmetric") for d in _DEGREES[scene.cell, scene.degree])
+        full, reduced = _DEGREES[scene.cell, scene.degree]
         if scene.kind == "axisymmetric":
-            reduced -= _FURTHER
+            full = _DEGREES_OF_REVOLUTION[scene.cell, scene.degree]
         self._rules = [self._rule(full), self._rule(reduced if scene.volumetric == "reduced" else full)]
         count = self._rules[0][0].size
         metal = scene.law["law"] == "j2"
@@ -473,9 +479,13 @@ class Judge:
         forces = inner - self.loads(float(np.interp(step.time, at, np.linspace(0, 1, len(at)))))
         fixed, (gap, normal) = self.fixed(), self.away(u, step.moved)
         top = np.isclose(self.x[:, -1], scene.sizes[-1], rtol=1e-9)
-        if scene.kind == "axisymmetric":  # on the axis there are no contact points
-            top &= self.x[:, 0] > 1e-9 * size
-        scale = np.abs(forces).max()
+        if scene.kind == "axisymmetric":  # the axis of elements of degree 2 has no contact points
+            axis = self.x[:, 0] < 1e-9 * size
+            top &= ~axis | (scene.degree == 1)
+            forces[axis, 0], fixed[axis, 0] = 0.0, False  # no force along x is possible there
+        modulus = scene.law.get("young", scene.law.get("bulk", 0.0))
+        least = 1e-9 * modulus * size ** (1 if scene.kind == "plane strain" else 2)  # where nothing loads the body
+        scale = max(float(np.abs(forces).max()), least)
         near = _NEAR * size
         if (gap[top] < -near).any():
             faults.append(f"penetration {-gap[top].min() / size:.1e}")
@@ -483,6 +493,7 @@ class Judge:
         free = np.where(fixed, 0.0, forces)
         if scene.friction["law"] == "tresca":  # which acts on open nodes, too
             free[top] = np.einsum("ni,ni->n", free, normal)[top, None] * normal[top]
+            free[top & fixed.any(axis=1)] = 0.0
         if (wrong := np.abs(free[~touching]).max(initial=0.0)) > _SMALL * scale:
             faults.append(f"out of balance by {wrong / scale:.1e}")
         # Where a support holds a component, what the foundation adds is not known; elsewhere all forces are its own.
@@ -497,8 +508,9 @@ class Judge:
             if (over := (along - bound)[known].max(initial=0.0)) > 1e-5 * scale:
                 faults.append(f"friction beyond its bound by {over / scale:.1e}")
             faults += self._slips(step, before, (known, normal, shear, bound, pressing))
-        if (known | ~touching).all():
-            found = np.array([forces[top if scene.friction["law"] == "tresca" else known].sum(axis=0)])
+        pushed = top if scene.friction["law"] == "tresca" else touching
+        if not fixed[pushed].any():
+            found = np.array([forces[pushed].sum(axis=0)])
             if scene.kind == "axisymmetric":
                 found[:, 0] = step.force[0]
             if (apart := np.abs(found - step.force).max()) > 1e-5 * scale:
