@@ -55,8 +55,9 @@ _DEGREES_OF_REVOLUTION = {
     ("quadrilateral", 1): 6,
     ("quadrilateral", 2): 8,
 }
-# Penetration and slip that a regularised law has, relative to the size, and forces relative to the largest one.
-_NEAR, _SMALL = 1e-5, 1e-6
+# Penetration and slip relative to the size: of augmentation, and of a regularised law, whose gamma is 1e5 moduli over the
+# size, below pressures of ten moduli.  Forces are relative to the largest one.
+_NEAR, _SMALL = {"alm": 1e-6, "auto": 1e-4}, 1e-6
 _SIDES = 600  # unknowns up to which the second derivative is looked at
 
 
@@ -486,7 +487,7 @@ class Judge:
         modulus = scene.law.get("young", scene.law.get("bulk", 0.0))
         least = 1e-9 * modulus * size ** (1 if scene.kind == "plane strain" else 2)  # where nothing loads the body
         scale = max(float(np.abs(forces).max()), least)
-        near = _NEAR * size
+        near = _NEAR[scene.algorithm] * size
         if (gap[top] < -near).any():
             faults.append(f"penetration {-gap[top].min() / size:.1e}")
         touching = top & (gap < near)
@@ -539,16 +540,16 @@ class Judge:
         known, normal, shear, bound, pressing = at
         way = (step.u - step.moved) - (before.u - before.moved)
         way -= np.einsum("ni,ni->n", way, normal)[:, None] * normal
-        slip, size = np.linalg.norm(way, axis=1), self.scene.sizes.max()
+        slip, near = np.linalg.norm(way, axis=1), _NEAR[self.scene.algorithm] * self.scene.sizes.max()
         far = np.linalg.norm(step.moved - before.moved) + np.abs(step.u - before.u).max()
         gap, _ = self.away(before.u, before.moved)
-        pressed = known & (pressing > 1e-3 * pressing[known].max(initial=0.0)) & (gap < _NEAR * size)
+        pressed = known & (pressing > 1e-3 * pressing[known].max(initial=0.0)) & (gap < near)
         along, faults = np.linalg.norm(shear, axis=1), list[str]()
         if self.scene.friction["law"] == "none":
             return faults
         # Chords and arcs differ by the square of the way over the radius.
         curved = far**2 / self.scene.radius if self.scene.shape != "plane" else 0.0
-        slides = pressed & (slip > 1e-3 * far + 4 * curved + _NEAR * size)
+        slides = pressed & (slip > 1e-3 * far + 4 * curved + near)
         if slides.any() and (weak := (1 - along / bound)[slides].max()) > 1e-3:
             faults.append(f"slip with {1 - weak:.3f} of its bound")
         if slides.any():

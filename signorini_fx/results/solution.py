@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -96,6 +96,11 @@ class StepResult:
 
 # Outcomes of methods that have found no solution, which does not mean that there is none.
 _UNDECIDED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.SLIDES_AT_PRESSURES)
+# Cells that are turned inside out where strains are small ones.
+_RAN_AWAY = (
+    "the displacement that was tried is far beyond small strains, as where all of a section yields and carries no larger "
+    "load: take smaller load steps, prescribe a displacement instead of a force, or take a material that hardens"
+)
 # Those that a law or a material of a user's own may be the reason of.
 _BY_OWN_CODE = (Status.NOT_FINITE, Status.NOT_CERTIFIED)
 
@@ -210,7 +215,9 @@ class Solution:
             return f"{', or '.join(ways)}; beyond a limit load there is no solution: lower the load"
         if self.status is Status.LINEAR_SOLVER and (name := settings.linear_algebra) in names_of(LINEAR_SOLVERS):
             return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
-        advice = self.history.advice(self.status)
+        materials = self.statement.material
+        nonlinear = any(not material.linear for material in materials)
+        advice = advice_on_nonlinear(self.status, materials) if nonlinear else self.history.advice(self.status)
         if self.status in _BY_OWN_CODE and (own := self._own_code):
             return f"{advice}; it may also be that {' or '.join(own)} contradicts itself where it was not tried"
         return advice
@@ -528,6 +535,15 @@ class ConvergenceError(SignoriniError):
             return
         found = [found for found in solution.findings if found.level == "warning" and found.message != solution.advice]
         super().__init__("\n".join([outcome(solution), *(f"{warning.path}: {warning.message}" for warning in found)]))
+
+
+def advice_on_nonlinear(status: Status, materials: Iterable[Any]) -> str:
+    """What to do about the outcome of a body of materials that are not all linear, whose own Newton iteration ended."""
+    if status is Status.MAX_ITERATIONS:  # not those of an algorithm of contact
+        return Status.NOT_SOLVED.advice
+    if status is Status.INVERTED and not any(getattr(material, "finite", False) for material in materials):
+        return _RAN_AWAY
+    return status.advice
 
 
 def outcome(solution: Solution, *, advice: bool = True) -> str:

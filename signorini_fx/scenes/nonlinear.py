@@ -21,7 +21,6 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.newton import SecondOpinion
-from signorini_fx.forms.nonlinear.outcomes import advice_on
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
@@ -41,7 +40,7 @@ from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.nonlinear_stresses import NonlinearStresses, StatesOnPath
 from signorini_fx.results.resultants import NamedForces
-from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
+from signorini_fx.results.solution import ConvergenceError, Solution, StepResult, advice_on_nonlinear
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.refusals import refuse_beforehand
@@ -287,7 +286,7 @@ class OpinionOfScene(SecondOpinion):
 
     def advice_on(self, status: Status) -> str:
         """See ``SecondOpinion``."""
-        return advice_on(status)
+        return advice_on_nonlinear(status, self.problem.statement.material)
 
     def forces(self, residual: Array) -> Array:
         """See ``SecondOpinion``: those of materials and loads."""

@@ -11,10 +11,10 @@ from support.nonlinear_scenes import LAWS, block, indented, material
 
 from signorini_fx import SceneError, extensions, read_results, sensitivity, solve, sweep, write_results
 from signorini_fx.extensions import KINEMATICS
-from signorini_fx.forms.nonlinear.outcomes import advice_on, advice_on_forms
+from signorini_fx.forms.nonlinear.outcomes import advice_on_forms
 from signorini_fx.mechanics.kinematics import PLANE_STRAIN
 from signorini_fx.records import Status
-from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.results.solution import ConvergenceError, advice_on_nonlinear
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.template import summary_schema
 
@@ -249,10 +249,26 @@ def test_small_strains_that_are_not_small_are_no_solution():
 @pytest.mark.parametrize("status", Status)
 def test_advice_to_a_scene_names_no_arguments_of_forms(status):
     """What a user of forms may change, a scene has not."""
-    assert "max_newton" not in advice_on(status)
+    advice = advice_on_nonlinear(status, ())
+    assert "max_newton" not in advice
     if status in (Status.NOT_SOLVED, Status.MAX_ITERATIONS):
         assert "max_newton" in advice_on_forms(status)
-        assert "load_steps" in advice_on(status)
+        assert "load_steps" in advice
+
+
+@pytest.mark.parametrize("law", ["neo-hooke", "j2"])
+def test_a_solution_gives_the_advice_of_its_kind(law):
+    """Settings of contact algorithms do not help Newton's iteration on the body, and an energy not metal at small
+    strains.
+    """
+    solved = solve(block(material(law), "1e-4*t", cells=(1, 1), load_steps={"times": [1.0]}), MPI.COMM_SELF)
+    ended = replace(solved, status=Status.MAX_ITERATIONS)
+    assert "solver.max_iterations" in Status.MAX_ITERATIONS.advice
+    assert "solver." not in ended.advice
+    assert "load_steps" in ended.advice
+    inverted = replace(solved, status=Status.INVERTED).advice
+    assert ("an energy" in inverted) == (law != "j2")
+    assert ("beyond small strains" in inverted) == (law == "j2")
 
 
 def test_a_path_without_a_solution_says_times_alone():

@@ -57,11 +57,6 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, detai
     return ended + (f" ({reason})" if reason else "")
 
 
-def advice_on(status: Status) -> str:
-    """What to do about the outcome of a solve of a scene."""
-    return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice
-
-
 def advice_on_forms(status: Status) -> str:
     """What to do about the outcome of a solve of forms, whose arguments it names."""
     if status in (Status.NOT_SOLVED, Status.MAX_ITERATIONS):
@@ -69,7 +64,7 @@ def advice_on_forms(status: Status) -> str:
             f"{_NEWTON_FAILS}: take smaller steps, near a limit point let ramp(control=) prescribe a displacement, "
             "raise max_newton, give the derivative of F as J, or refine the mesh"
         )
-    return advice_on(status)
+    return status.advice
 
 
 def last_solution(reached: float | None, to: float | None) -> str:
