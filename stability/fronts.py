@@ -535,7 +535,9 @@ class Differences:
             assert a.contact is not None
             assert b.contact is not None
             self.look(f"step {number}: time", a.time, b.time, 1.0)
-            self.look(f"step {number}: displacement", a.displacement.x.array, b.displacement.x.array, sizes.displacement)
+            self.look(
+                f"step {number}: displacement", a.displacement.x.array, b.displacement.x.array, sizes.displacement
+            )
             self.look(f"step {number}: force", _forces(a), _forces(b), sizes.force)
             self.look(f"step {number}: pressure", a.contact.pressure, b.contact.pressure, sizes.pressure)
             self.look(f"step {number}: states", a.contact.in_contact, b.contact.in_contact, 1.0)
@@ -625,7 +627,9 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
         if len(third) != len(solved):
             differences.found.append(f"residual: {len(third)} of {len(solved)} load steps")
         for number, ((a, _), (u, forces)) in enumerate(zip(solved, third, strict=False), 1):
-            differences.look(f"residual, step {number}: displacement", a.displacement.x.array, u, 10 * sizes.displacement)
+            differences.look(
+                f"residual, step {number}: displacement", a.displacement.x.array, u, 10 * sizes.displacement
+            )
             differences.look(f"residual, step {number}: force", _forces(a), forces, 10 * sizes.force)
     return scene.status, differences.found
 

@@ -55,8 +55,8 @@ _DEGREES_OF_REVOLUTION = {
     ("quadrilateral", 1): 6,
     ("quadrilateral", 2): 8,
 }
-# Penetration and slip relative to the size: of augmentation, and of a regularised law, whose gamma is 1e5 moduli over the
-# size, below pressures of ten moduli.  Forces are relative to the largest one.
+# Penetration and slip relative to the size: of augmentation, and of a regularised law, whose gamma is 1e5 moduli over
+# the size, below pressures of ten moduli.  Forces are relative to the largest one.
 _NEAR, _SMALL = {"alm": 1e-6, "auto": 1e-4}, 1e-6
 _SIDES = 600  # unknowns up to which the second derivative is looked at
 
@@ -239,13 +239,20 @@ def _drawn_law(rng: np.random.Generator, kind: str, stress: float) -> dict[str, 
         share = rng.uniform(0, 1)
         return {"law": name, "c10": 0.2 * stress * (1 - share), "c01": 0.2 * stress * share, "bulk": bulk}
     if name == "ogden":
-        return {"law": name, "mu": [0.4 * stress, 0.02 * stress, -0.05 * stress], "alpha": [1.3, 4.0, -2.0], "bulk": bulk}
+        return {
+            "law": name,
+            "mu": [0.4 * stress, 0.02 * stress, -0.05 * stress],
+            "alpha": [1.3, 4.0, -2.0],
+            "bulk": bulk,
+        }
     if name == "j2":
         first = float(stress * 10 ** rng.uniform(-3.5, -2))
         table = [[0.005, 1.3 * first], [0.05, 1.6 * first]]
         hardening = [0.0, 0.05 * stress, table][rng.integers(3)]
         return {"law": name, **elastic, "yield_stress": first, "hardening": hardening}
-    return {"law": name.replace("isochoric", "neo-hooke"), **elastic} | ({"isochoric": True} if name == "isochoric" else {})
+    return {"law": name.replace("isochoric", "neo-hooke"), **elastic} | (
+        {"isochoric": True} if name == "isochoric" else {}
+    )
 
 
 # --- the judge --------------------------------------------------------------------------------------------------------

@@ -98,8 +98,8 @@ class StepResult:
 _UNDECIDED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.SLIDES_AT_PRESSURES)
 # Cells that are turned inside out where strains are small ones.
 _RAN_AWAY = (
-    "the displacement that was tried is far beyond small strains, as where all of a section yields and carries no larger "
-    "load: take smaller load steps, prescribe a displacement instead of a force, or take a material that hardens"
+    "the displacement that was tried is far beyond small strains, as where all of a section yields and carries no "
+    "larger load: take smaller load steps, prescribe a displacement instead of a force, or take a material that hardens"
 )
 # Those that a law or a material of a user's own may be the reason of.
 _BY_OWN_CODE = (Status.NOT_FINITE, Status.NOT_CERTIFIED)

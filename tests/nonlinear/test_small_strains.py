@@ -325,7 +325,12 @@ def test_contact_that_comes_and_goes():
     """A circle reaches a body at rest, and leaves it at rest again: contact alone has moved it, by digits that are
     known, and all load steps are there.
     """
-    circle = {"shape": "circle", "centre": [0.5, 1.51], "radius": 0.5, "shift": [0.0, "-0.03 * (t if t <= 1 else 2 - t)"]}
+    circle = {
+        "shape": "circle",
+        "centre": [0.5, 1.51],
+        "radius": 0.5,
+        "shift": [0.0, "-0.03 * (t if t <= 1 else 2 - t)"],
+    }
     solution = solve(block(material("neo-hooke"), "", foundation=circle, load_steps={"times": [0.2, 1.0, 2.0]}))
     assert [step.status for step in solution.steps] == [Status.CONVERGED] * 3
     moved = [np.abs(step.displacement.x.array).max() for step in solution.steps]

@@ -203,7 +203,12 @@ def test_tresca_steps():
 @pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}], ids=["linear", "neo-hooke"])
 def test_tresca_drags_a_body_that_nothing_else_loads(law):
     """A plate that does not touch moves along: friction with a bound without pressure is a load all the same."""
-    plate = {"shape": "plane", "point": [0.0, 1.1], "normal": [0.0, -1.0], "shift": ["0.01 * (t if t <= 1 else 3 - 2 * t)", 0.0]}
+    plate = {
+        "shape": "plane",
+        "point": [0.0, 1.1],
+        "normal": [0.0, -1.0],
+        "shift": ["0.01 * (t if t <= 1 else 3 - 2 * t)", 0.0],
+    }
     friction = {"law": "tresca", "bound": 2e-3}
     scene = {
         "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 6, "ny": 2}},

@@ -183,8 +183,8 @@ def _augmented_first(task: Task, start: Start, law: PointFriction) -> Outcome:
 
 
 def _nothing_acts(task: Task, start: Start) -> bool:
-    """Whether the body stays where it is: no load, nothing prescribed, no penetration, and no foundation that moves along
-    points where friction has a bound without pressure; collective.
+    """Whether the body stays where it is: no load, nothing prescribed, no penetration, and no foundation that moves
+    along points where friction has a bound without pressure; collective.
 
     If nothing holds it, it does so in one of several load steps alone: a problem without any load is not determined.
     """
