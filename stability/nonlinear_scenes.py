@@ -557,7 +557,7 @@ class Judge:
         # Chords and arcs differ by the square of the way over the radius.
         curved = far**2 / self.scene.radius if self.scene.shape != "plane" else 0.0
         slides = pressed & (slip > 1e-3 * far + 4 * curved + near)
-        if slides.any() and (weak := (1 - along / bound)[slides].max()) > 1e-3:
+        if slides.any() and (weak := (1 - along[slides] / bound[slides]).max()) > 1e-3:
             faults.append(f"slip with {1 - weak:.3f} of its bound")
         if slides.any():
             cosine = np.einsum("ni,ni->n", shear, way)[slides] / (along * slip)[slides]

@@ -1,0 +1,48 @@
+"""Random scenes with nonlinear materials: what is called converged is so for another program, which sees faults."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx import solve
+from signorini_fx.scenes.reading import parse_scene
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from stability.nonlinear_scenes import RandomScene, judged, tried
+
+
+@pytest.mark.parametrize("seed", [2, 5, 20, 42])
+def test_they_agree(seed):
+    """Equilibrium, gaps, friction, reported forces, balance of tools, stability."""
+    end, faults, _ = tried(seed)
+    assert faults == []
+    assert end == "converged"
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"law": {"law": "neo-hooke", "young": 1.01, "poisson": 0.3}}, "force reported is another one"),
+        ({"law": {"law": "neo-hooke", "young": 1.0, "poisson": 0.31}}, "out of balance"),
+        ({"friction": {"law": "coulomb", "coefficient": 0.1}}, "friction beyond its bound"),
+        ({"sizes": 1.01}, "penetration"),
+    ],
+)
+def test_the_judge_sees_what_is_wrong(changes, fault):
+    """Of a scene that is another one than the solution is of: stiffness, Poisson's ratio, friction, place."""
+    scene = next(s for s in map(RandomScene.drawn, range(300)) if s.kind == "plane strain" and s.shape == "circle")
+    rubber = {"law": "neo-hooke", "young": 1.0, "poisson": 0.3}
+    scene = replace(scene, law=rubber, friction={"law": "coulomb", "coefficient": 0.3}, push=None, volumetric="full")
+    scene = replace(scene, ways=0.02 * scene.sizes[1] * (scene.ways / abs(scene.ways).max()), pull=0.0 * scene.pull)
+    scene = replace(scene, centre=np.array([scene.centre[0], scene.sizes[1] + scene.radius]))
+    solution = solve(parse_scene(scene.stated()), MPI.COMM_SELF)
+    assert judged(scene, solution, MPI.COMM_SELF) == []
+    if "sizes" in changes:  # of the foundation's place
+        changes = {"centre": scene.centre - np.array([0.0, 0.01 * scene.sizes[1]])}
+    faults = judged(replace(scene, **changes), solution, MPI.COMM_SELF)
+    assert any(fault in text for text in faults)
