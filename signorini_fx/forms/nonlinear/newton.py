@@ -422,9 +422,9 @@ class EquilibriumSolver:
     def _hidden(self) -> bool | None:
         """Whether the check would accept the body where the attempt began, too: no support has moved it, and all forces
         on it then and now are below what round-off of F may hide, or it has moved by less than the round-off of the
-        places where contact is met; None: nothing moves it, as forces then and now, those of contact too, are round-off
-        of F, and ways of supports, such as an amplitude times the cosine of a right angle, are round-off of one that is
-        as large as the body; collective.
+        places where contact is met; None: nothing moves it, as forces are round-off of F, those of contact too unless
+        it has moved the body by less than that round-off, and ways of supports, such as an amplitude times the cosine
+        of a right angle, are round-off of one that is as large as the body; collective.
         """
         (old, start), (end, lost), space = self._begins, self._judged, self.linear.space
         fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
@@ -432,10 +432,11 @@ class EquilibriumSolver:
         pushing, acting, unit = np.sqrt(parallel.global_sum(comm, np.array(squares)))
         rest = float(np.finfo(float).eps) / 2 * self.linear.scales.size
         moved = parallel.any_rank(comm, bool((np.abs(values - old)[fixed] > rest).any()))
-        if max(pushing, acting) <= UNITS_OF_NO_LOAD * unit and not moved:
-            return None
         assert self.certificate is not None
-        return bool((not moved and max(pushing, acting) <= LOST_UNITS * unit) or self.certificate.placed >= 1.0)
+        unseen, few = self.certificate.placed >= 1.0, UNITS_OF_NO_LOAD * unit
+        if not moved and pushing <= few and (acting <= few or unseen):
+            return None
+        return bool((not moved and max(pushing, acting) <= LOST_UNITS * unit) or unseen)
 
     @property
     def _farther(self) -> bool:
