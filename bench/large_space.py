@@ -32,9 +32,9 @@ from space_rows import space_levels
 
 from signorini_fx.algebra.linalg.multigrid import Hierarchy
 from signorini_fx.algebra.linalg.petsc_c import call
-from signorini_fx.mechanics.body.block_stiffness import block_stiffness, why_not
+from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness, why_not
 from signorini_fx.mechanics.body.discretisation import prepare
-from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.scenes.mesh import load_mesh

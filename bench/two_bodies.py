@@ -25,9 +25,9 @@ from space import Run
 
 from signorini_fx import solve
 from signorini_fx.extensions import GENERATORS, register
-from signorini_fx.mechanics.body import paired_points
 from signorini_fx.mechanics.mesh.shares_of_ranks import partitioner, shares
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
+from signorini_fx.mechanics.obstacles import paired_points
 from signorini_fx.meshes import generator
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene

@@ -28,7 +28,7 @@ from matplotlib.tri import Triangulation
 
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
 from signorini_fx.addons.pictures.style import INK, ORANGE, STYLE, VALUES
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "10"))  # along the diameter of the seat

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from signorini_fx import MeshGenerator, read_scene, sweep
 from signorini_fx.addons.pictures.style import STYLE
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "120"))

@@ -48,7 +48,7 @@ from signorini_fx import (
     write_results,
 )
 from signorini_fx.addons.pictures.style import STYLE
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "5"))  # quadratic facets along the radius of contact

@@ -37,7 +37,7 @@ from signorini_fx import (
     write_results,
 )
 from signorini_fx.addons.pictures.style import STYLE
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 from torsion_oracle import torsion

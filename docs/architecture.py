@@ -49,6 +49,12 @@ LAYERS = (
     "quantities",
     "results.accuracy",
     "mechanics.body",
+    "mechanics.loads",
+    "mechanics.obstacles",
+    "mechanics.rigid",
+    "mechanics.contact_points",
+    "mechanics.elasticity",
+    "mechanics.assembly",
     "mechanics.pairs",
     "mechanics.shapes",
     "mechanics.mesh",
@@ -71,7 +77,8 @@ LAYERS = (
 CORE = ("algebra.algorithms", "algebra.problem", "algebra.linalg", "algebra.contact")
 BESIDE = {
     "scenes.cli": ("__main__",),
-    "mechanics.body": ("mechanics.model", "mechanics.scales"),
+    "mechanics.body": ("mechanics.model",),
+    "mechanics.assembly": ("mechanics.scales",),
     "records": ("records", "machine.display"),
     "ground": ("errors", "extensions", "tuned"),
 }

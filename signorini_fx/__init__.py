@@ -60,7 +60,7 @@ _PUBLIC = {
     "mechanics.materials.saint_venant_kirchhoff": ("SaintVenantKirchhoff",),
     "mechanics.mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "forms.nonlinear.problem": ("NonlinearContactProblem",),
-    "mechanics.body.follower_pressure": ("follower_pressure",),
+    "mechanics.loads.follower_pressure": ("follower_pressure",),
     "quantities.quantity": ("Quantity",),
     "quantities.read_results": ("read_results",),
     "records": ("Status",),

@@ -10,7 +10,7 @@ import numpy as np
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.checks import check_scene

@@ -11,8 +11,8 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.records import History, Timings
 from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.results.solution import Solution

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
 from stability.case import CONVERGED, Case, Finding

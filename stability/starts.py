@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.results.solution import Solution
 from stability.case import Case, Finding
 from stability.measure import apart, found, solved, solved_from

@@ -7,7 +7,7 @@ from dolfinx import fem
 
 from signorini_fx import read_scene, solve
 from signorini_fx.extensions import register
-from signorini_fx.mechanics.body.load_vectors import AppliedLoad
+from signorini_fx.mechanics.loads.load_vectors import AppliedLoad
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.solving.iterated_interfaces.protocol import Interface
 

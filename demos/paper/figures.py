@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from signorini_fx.addons.picture_data.body_cells import gather_cells
 from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.solution import Solution
 
 from . import laboratory as lab

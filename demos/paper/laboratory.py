@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from signorini_fx import Scene, Status, solve
 from signorini_fx.algebra.contact.complementarity import project
-from signorini_fx.mechanics.body.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.records import History, Timings
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.solution import Solution

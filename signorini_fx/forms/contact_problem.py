@@ -23,9 +23,9 @@ from signorini_fx.forms.results import errors_of, findings_of_last, level_of, so
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import begun_path, solve_path
 from signorini_fx.mechanics.body.deformation import Deformation
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.quantities.functional import Gradient

@@ -16,12 +16,12 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import facet_entities
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.pieces import find_pieces
-from signorini_fx.mechanics.body.rigid_bodies import Driven
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Inventory

@@ -16,10 +16,10 @@ from signorini_fx.forms.named_parts import named_parts
 from signorini_fx.forms.results import solution_of
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.mechanics.statement.values import kind_of

@@ -15,7 +15,6 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import Facets, GivenForms
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
@@ -23,12 +22,13 @@ from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps
 from signorini_fx.mechanics.statement.settings import Discretised, SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.paired_points import PairedSides
+    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
 
 def names_of(forms: GivenForms) -> tuple[list[str], dict[int, str]]:

@@ -9,8 +9,8 @@ from typing import Any
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.records import History
 from signorini_fx.results.contact_fields import BoundaryFields
 from signorini_fx.results.solution import Solution

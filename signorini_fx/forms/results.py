@@ -8,8 +8,8 @@ import numpy as np
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.mechanics.body.assembly import facet_entities
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.data_error import DataError

@@ -29,18 +29,18 @@ from signorini_fx.forms.named_parts import NamedParts, named_parts
 from signorini_fx.forms.stress import natural_modulus
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
-from signorini_fx.mechanics.body.assembly import assemble
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.foundations_on_points import FoundationData, Foundations, ShapeDistances
-from signorini_fx.mechanics.body.rigid import RigidMotions
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodies, RigidBodyMotion
-from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.mesh.tagged import diameter_of
+from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations, ShapeDistances
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
+from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings

@@ -23,7 +23,7 @@ from signorini_fx.forms.stated_values import stated
 from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.body.assembly import action, facet_nodes, over_ranks
+from signorini_fx.mechanics.assembly.mesh_entities import action, facet_nodes, over_ranks
 from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.traction import SurfaceTraction

@@ -17,9 +17,9 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_nodes
-from signorini_fx.mechanics.body.elastic_law import cellwise_stress
+from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
 from signorini_fx.mechanics.body.element_stress import ElementStress, stress_by
+from signorini_fx.mechanics.elasticity.elastic_law import cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.mesh.section import is_section
 from signorini_fx.records import Inventory

@@ -13,18 +13,18 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.elasticity import LoadCase
-from signorini_fx.mechanics.body.cellwise_stiffness import CellwiseStiffness
+from signorini_fx.mechanics.assembly.shared_cache import shared_in
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
-from signorini_fx.mechanics.body.shared_cache import shared_in
+from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.statement import Statement
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.load_vectors import AppliedLoad, FormCoefficients
-    from signorini_fx.mechanics.body.paired_points import PairedSides
-    from signorini_fx.mechanics.body.supports import Conditions
+    from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
+    from signorini_fx.mechanics.loads.supports import Conditions
+    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
 
 @dataclass(frozen=True, kw_only=True)

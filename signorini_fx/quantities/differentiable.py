@@ -11,7 +11,7 @@ from dolfinx import fem, la
 
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.functional import Functional

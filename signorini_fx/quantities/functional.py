@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from dolfinx import fem
 
     from signorini_fx.algebra.contact.nodal_vectors import Nodal
-    from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+    from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 
     Array = npt.NDArray[np.float64]
 

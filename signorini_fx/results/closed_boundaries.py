@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import CLOSED_BOUNDARY
 

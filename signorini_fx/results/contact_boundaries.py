@@ -10,7 +10,7 @@ from mpi4py import MPI
 from scipy.optimize import minimize
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.closed_boundaries import one_or_three, turning_of
 from signorini_fx.tuned import ZERO_IN_SOLUTION

@@ -11,9 +11,9 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.assembly import facet_nodes, node_positions
-from signorini_fx.mechanics.body.averages import averaging
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.assembly.averages import averaging
+from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 
 _NAMES = ("pressure", "shear", "gap", "slip")
 

@@ -14,7 +14,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import InstallationError, OutputError, cannot_be_written
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.results.contact_fields import ContactFields
 

@@ -21,7 +21,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.csv_text import Table, write_columns, write_csv
 from signorini_fx.machine.result_files import read_csv, read_facets
 from signorini_fx.machine.terminal import printable, say
-from signorini_fx.mechanics.body.contact_table import ContactTable, contact_table
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.families.stress import marked_stress

@@ -11,10 +11,10 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import facet_entities
-from signorini_fx.mechanics.body.moduli import of_materials
-from signorini_fx.mechanics.body.sampled_points import SampledPoints
-from signorini_fx.mechanics.body.supports import on_axis
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.elasticity.moduli import of_materials
+from signorini_fx.mechanics.loads.sampled_points import SampledPoints
+from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain
 from signorini_fx.tuned import BESIDE_VERTEX, NO_STEP, SAME_PLACE_IN_CELL

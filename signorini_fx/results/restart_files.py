@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.errors import MeshError, OutputError, SceneError, cannot_be_written
 from signorini_fx.machine import manifest, parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.mesh.files.formats import files_of
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, reserve

@@ -12,8 +12,8 @@ from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import clean, html_table
-from signorini_fx.mechanics.body.assembly import node_positions
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

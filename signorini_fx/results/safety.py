@@ -14,10 +14,6 @@ from signorini_fx.algebra.contact.reactions import Reactions, reactions
 from signorini_fx.algebra.contact.resting_place import resting_place
 from signorini_fx.algebra.contact.statics import Limit, along_contact, largest_multiple, null_space
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.joint_pressure import work_on_motions
-from signorini_fx.mechanics.body.motion_names import names_of
-from signorini_fx.mechanics.body.rigid import RigidMotions
 from signorini_fx.mechanics.body.statics_of_surface import (
     LimitSurface,
     Unproved,
@@ -25,7 +21,11 @@ from signorini_fx.mechanics.body.statics_of_surface import (
     factor_at_most,
     surface_of,
 )
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.joint_pressure import work_on_motions
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.motion_names import names_of
+from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import node_positions
-from signorini_fx.mechanics.body.averages import to_owners
+from signorini_fx.mechanics.assembly.averages import to_owners
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.results.solution import Solution
 
 Array = npt.NDArray[np.float64]

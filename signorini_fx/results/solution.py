@@ -17,11 +17,11 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import LINEAR_SOLVERS, add_on, is_of_package, names_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import html_table
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.body.deformation import Deformation
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.quantities.registry import requested

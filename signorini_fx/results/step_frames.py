@@ -17,9 +17,9 @@ from signorini_fx.algebra.contact.nodal_vectors import length, unit
 from signorini_fx.algebra.contact.resting_place import RestingMotion
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.tuned import SAME_DIRECTION
 

@@ -18,9 +18,9 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
-from signorini_fx.mechanics.body.moduli import of_materials
+from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Inventory
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery

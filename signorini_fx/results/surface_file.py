@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_table import ContactTable, with_points
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable, with_points
 
 # VTK's number of a facet with this many nodes, and its order of basix's nodes: vertices, then edges, then the rest.
 _KINDS = {3: (5, [0, 1, 2]), 4: (9, [0, 1, 3, 2]), 9: (28, [0, 1, 3, 2, 4, 6, 7, 5, 8])}

@@ -17,8 +17,8 @@ from mpi4py import MPI
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import prepare
-from signorini_fx.mechanics.body.load_vectors import group_of, load_groups
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.loads.load_vectors import group_of, load_groups
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, Load
 from signorini_fx.mechanics.statement.statement import Statement

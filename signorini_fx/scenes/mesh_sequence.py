@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.contact_table import contact_table
-from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.mesh.remeshing import moved_back, size_fields
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, load_file
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
 from signorini_fx.mechanics.statement.rigid_shape import turning

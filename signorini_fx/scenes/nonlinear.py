@@ -26,11 +26,11 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
-from signorini_fx.mechanics.body.scene_contact import foundations_of
-from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.errors import MeshError, cannot_be_written
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.effects.links import Links
 from signorini_fx.mechanics.effects.point_force import PointForce
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

@@ -23,14 +23,14 @@ from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.discretisation import discretise, with_forces, with_gap_and_friction, with_moduli
-from signorini_fx.mechanics.body.mesh_levels import MeshLevel
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement

@@ -24,9 +24,9 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.problem.exact import ExactProblem
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary, no_points
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
+from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import StepResult

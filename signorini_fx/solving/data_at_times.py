@@ -13,9 +13,9 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.averages import from_owners
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.body.discretisation import moved_since, placed
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Timings
 from signorini_fx.results.certificate.promised_law import PreviousStep

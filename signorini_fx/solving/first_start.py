@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from signorini_fx.algebra.algorithms.task import Start, Task
 from signorini_fx.algebra.linalg.krylov import KrylovSystem
-from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.solving.nested import carry_over
 
 

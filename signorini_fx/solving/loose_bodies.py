@@ -20,8 +20,8 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.reactions import Reactions, reactions
 from signorini_fx.algebra.contact.statics import null_space, squeezed
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.motion_names import names_of
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.motion_names import names_of
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.solution import StepResult
 from signorini_fx.tuned import CLOSED_GAP

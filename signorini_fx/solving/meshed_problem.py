@@ -12,9 +12,9 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.machine import signals
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of

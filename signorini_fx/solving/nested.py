@@ -18,9 +18,9 @@ from scipy.spatial import cKDTree
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.forecast import seconds_to_come
 from signorini_fx.results.accuracy.mesh_level import LevelResult

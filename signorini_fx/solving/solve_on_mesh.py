@@ -18,12 +18,12 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.discretisation import discretise, friction_of, placed
-from signorini_fx.mechanics.body.first_sets import first_sets
-from signorini_fx.mechanics.body.mesh_levels import MeshLevel
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.first_sets import first_sets
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery

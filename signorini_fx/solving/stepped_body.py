@@ -13,9 +13,9 @@ from dolfinx import fem
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.mechanics.body.contact_state import ContactState
 from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
-from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings

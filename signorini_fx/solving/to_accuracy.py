@@ -18,7 +18,7 @@ from mpi4py import MPI
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import duration
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
 from signorini_fx.results.accuracy.local_estimates import LOCAL

@@ -10,7 +10,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import spsolve
 from two_bodies import facets, forms, held, per_cell
 
 from signorini_fx import MeshError, SceneError, Status, solve
-from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.results.accuracy.contact_values import interpolated

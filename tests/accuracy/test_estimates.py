@@ -8,8 +8,8 @@ from mpi4py import MPI
 from scenes import alone, table_of
 from scipy.integrate import quad
 
-from signorini_fx.mechanics.body.contact_table import ContactTable
 from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.data_error import data_error

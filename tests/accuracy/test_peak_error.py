@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from surfaces import grid
 
-from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.accuracy.peak_error import FinerZone, Peak, peak_error, seen_from_finer, seen_from_zone
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "demos" / "studies"))

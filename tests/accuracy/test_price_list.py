@@ -11,7 +11,7 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import price_list as prices
 from signorini_fx.results.accuracy.force_error import force_error

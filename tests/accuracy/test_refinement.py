@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_vertices
+from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.mesh.refinement import mark, refine
 from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
 from signorini_fx.mechanics.statement.settings import Accuracy

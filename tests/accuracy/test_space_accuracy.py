@@ -16,8 +16,8 @@ from test_space_manufactured import YOUNG, made_up, stress
 from signorini_fx.addons.studies.reference import Reference
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_vertices
-from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file

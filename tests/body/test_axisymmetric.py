@@ -10,7 +10,7 @@ from mpi4py import MPI
 from scenes import alone
 
 from signorini_fx import ConvergenceError, SceneError
-from signorini_fx.mechanics.body.assembly import action
+from signorini_fx.mechanics.assembly.mesh_entities import action
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from scenes import example1
 from spaces import box
 
-from signorini_fx.mechanics.body.assembly import action, assemble
+from signorini_fx.mechanics.assembly.mesh_entities import action, assemble
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
 from signorini_fx.results.certificate.nodal_forces import NodalForces

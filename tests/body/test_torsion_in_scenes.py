@@ -13,7 +13,7 @@ from signorini_fx.addons.picture_data.body_cells import gather_cells
 from signorini_fx.addons.picture_data.of_solution import gather_pictures
 from signorini_fx.addons.report.page import write_report
 from signorini_fx.machine.result_files import read_csv
-from signorini_fx.mechanics.body.quadrature import strain_degree
+from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.kinematics import TORSION
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status

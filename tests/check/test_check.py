@@ -19,13 +19,13 @@ from scenes import alone, example1
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.motion_names import names_of_piece as rigid_motion_names
 from signorini_fx.mechanics.effects import contact as contact_of
 from signorini_fx.mechanics.effects import displacement
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
+from signorini_fx.mechanics.rigid.motion_names import names_of_piece as rigid_motion_names
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.effect import PACKAGE, keys
 from signorini_fx.mechanics.statement.load_path import LoadSteps

@@ -8,8 +8,8 @@ from scenes import alone, table_of
 from signorini_fx.addons.pictures.boundary_profiles import boundaries_of
 from signorini_fx.addons.report.advice import _zone_sizes
 from signorini_fx.addons.report.interactive import _data
-from signorini_fx.mechanics.body.contact_boundary import chains, in_line
-from signorini_fx.mechanics.body.contact_table import ContactTable, is_closed
+from signorini_fx.mechanics.contact_points.contact_boundary import chains, in_line
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.results.accuracy.contact_values import interpolated
 from signorini_fx.results.accuracy.data_error import data_error
 from signorini_fx.results.accuracy.pressure_error import corners_of_error, interval_squares, on_facets, peak_of

@@ -16,7 +16,7 @@ from test_space_statics import PRESS, brick
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
 from signorini_fx.algebra.contact.active_sets import multipliers, natural_sets, tangent
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import certify

@@ -24,8 +24,8 @@ from signorini_fx import (
 )
 from signorini_fx.algebra.contact.active_sets import ActiveSets, linearised, multipliers, tangent
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.mechanics.body import foundations_on_points
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
+from signorini_fx.mechanics.obstacles import foundations_on_points
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

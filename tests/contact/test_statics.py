@@ -12,8 +12,8 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.reactions import Reactions, nearest
 from signorini_fx.algebra.contact.reactions import reactions as reactions_at
 from signorini_fx.algebra.contact.statics import escape, largest_multiple, null_space, separable, squeezed
-from signorini_fx.mechanics.body.rigid import rigid_modes
 from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.records import Status
 
 KINDS = ("coulomb", "tresca", "mixed", "capped")

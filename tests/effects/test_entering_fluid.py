@@ -13,8 +13,8 @@ from signorini_fx import SceneError
 from signorini_fx.addons.pictures.boundary_profiles import boundaries_of, panels_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.parallel import gather_rows
-from signorini_fx.mechanics.body.assembly import node_positions
-from signorini_fx.mechanics.body.joint_loads import JointLoads
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.loads.joint_loads import JointLoads
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.joint_loads import astray

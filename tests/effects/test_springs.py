@@ -14,7 +14,7 @@ from scenes import alone
 from spaces import box
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
-from signorini_fx.mechanics.body.assembly import action
+from signorini_fx.mechanics.assembly.mesh_entities import action
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.statement.effect import Resistance

@@ -14,8 +14,8 @@ from scipy.linalg import expm
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.addons.derivatives.of_scene import sensitivity
 from signorini_fx.algebra.linalg.krylov import KrylovSystem
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody, RigidMotion
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.records import Status

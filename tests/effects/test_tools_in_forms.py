@@ -11,7 +11,7 @@ from mpi4py import MPI
 from test_tools import LAWS, block, on_named_posts, pressed
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Tresca, solve
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.records import Status
 
 COMM = MPI.COMM_WORLD

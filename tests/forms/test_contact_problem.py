@@ -30,7 +30,7 @@ from signorini_fx.algebra.algorithms import strategy
 from signorini_fx.algebra.linalg import condensed, multigrid
 from signorini_fx.forms import solver
 from signorini_fx.forms.stress import exterior_facets
-from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results import mechanics

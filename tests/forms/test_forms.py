@@ -15,7 +15,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData, trial_
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
-from signorini_fx.mechanics.body import forms
+from signorini_fx.mechanics.assembly import contact_forms
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
 from signorini_fx.scenes.reading import parse_scene
@@ -79,8 +79,9 @@ class Assembled:
         elastic = lame * ufl.div(y) * ufl.div(z) + 2 * mu * ufl.inner(ufl.sym(ufl.grad(y)), ufl.sym(ufl.grad(z)))
         terms = [elastic * ufl.dx - 3.0 * z[0] * ds(tagged.boundaries["top"])]
         for name in ("bottom", "right"):
-            nodal = ds(tagged.boundaries[name], metadata=forms.nodal_rule(degree))
-            terms.append(forms.regularised_contact_form(y, z, n, nodal, gamma_n=GAMMA_N, gamma_t=GAMMA_T, **fields))
+            nodal = ds(tagged.boundaries[name], metadata=contact_forms.nodal_rule(degree))
+            gammas = {"gamma_n": GAMMA_N, "gamma_t": GAMMA_T}
+            terms.append(contact_forms.regularised_contact_form(y, z, n, nodal, **gammas, **fields))
         self.residual = sum(fem_petsc.assemble_vector(fem.form(term)).getArray() for term in terms)
         self.jacobian = sum(jacobian(term, y) for term in terms)
 

@@ -15,8 +15,8 @@ from signorini_fx.forms import solver
 from signorini_fx.forms.nonlinear import linearised
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
 from signorini_fx.mechanics.body import paired_points, sliding_sides
-from signorini_fx.mechanics.body.paired_points import FacingSides
-from signorini_fx.mechanics.body.sliding_sides import SlidingSides
+from signorini_fx.mechanics.obstacles.paired_points import FacingSides
+from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs import mortar_coupling, sliding
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.solution import ConvergenceError

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from support.nonlinear_bodies import held, rectangle, residual
 
 from signorini_fx import ConvergenceError, FormError, Foundation, NonlinearContactProblem, Status
-from signorini_fx.mechanics.body.users_shapes import on_way
+from signorini_fx.mechanics.obstacles.users_shapes import on_way
 
 
 def problem(corner, cells, circle, sides=((1, 1.0),), degree=1, comm=MPI.COMM_SELF):

@@ -25,7 +25,7 @@ from signorini_fx import (
     read_results,
     solve,
 )
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import StepRecord
 from signorini_fx.results import restart_files

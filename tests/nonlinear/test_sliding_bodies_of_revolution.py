@@ -16,7 +16,7 @@ from support.nonlinear_bodies import LAME, MU, stress_of_block
 from support.sliding_bodies import as_linear_bodies, cylinders, dome, ring_on_cone, roller
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
-from signorini_fx.mechanics.body.sliding_sides import SlidingSides
+from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs import sliding_plane
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 

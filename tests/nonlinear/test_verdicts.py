@@ -11,7 +11,7 @@ from support.nonlinear_bodies import LAME, MU, PLATE, held, neo_hooke, rectangle
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.condensed_inertia import is_positive
 from signorini_fx.forms.nonlinear.tangent import is_derivative, product
-from signorini_fx.mechanics.body.assembly import assemble
+from signorini_fx.mechanics.assembly.mesh_entities import assemble
 
 HIGH = PLATE | {"point": (0.0, 8.0)}
 

@@ -93,7 +93,7 @@ def test_the_certificate_knows_the_frame(wrong, monkeypatch):
         names = "slave_turning", "master_turning", "centre"
         return replace(found, **{name: getattr(sided, name) for name in names})
 
-    monkeypatch.setattr("signorini_fx.mechanics.body.paired_points.couple", changed)
+    monkeypatch.setattr("signorini_fx.mechanics.obstacles.paired_points.couple", changed)
     monkeypatch.setattr(ContactProblem, "solve", _tried)
     problem = press("quadrilateral", ((12, 8), (9, 8)), (8.0, 8.0), 0.2)
     assert not problem.certificate.holds

@@ -10,7 +10,7 @@ from two_bodies import grid
 
 from signorini_fx import ConvergenceError, Coulomb, Pair
 from signorini_fx.errors import FormError
-from signorini_fx.mechanics.body.paired_points import FacingSides
+from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.pairs import mortar_coupling
 from signorini_fx.results.certificate import partner_points
 from signorini_fx.results.certificate.partner_points import NodalFunctions
@@ -122,7 +122,7 @@ def farther(monkeypatch):
         found = couple(*given, **settings)
         return replace(found, distance=1.001 * found.distance)
 
-    monkeypatch.setattr("signorini_fx.mechanics.body.paired_points.couple", wrong)
+    monkeypatch.setattr("signorini_fx.mechanics.obstacles.paired_points.couple", wrong)
 
 
 FAULTS = {

@@ -16,8 +16,8 @@ from support.sliding_bodies import SlidingBodies, as_linear_bodies, turn_of
 from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Scene, Status, solve
-from signorini_fx.mechanics.body import sliding_sides
-from signorini_fx.mechanics.body.paired_points import FacingSides
+from signorini_fx.mechanics.obstacles import sliding_sides
+from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.pairs import mortar_coupling
 from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances

@@ -271,7 +271,7 @@ def test_bodies_in_the_wrong_place(shift, faces, match):
 
 def test_the_certificate_notices_a_wrong_map(monkeypatch):
     """A share that is wrong, or integrals over another overlap, are found out."""
-    from signorini_fx.mechanics.body import paired_points
+    from signorini_fx.mechanics.obstacles import paired_points
 
     couple = paired_points.couple
 
@@ -359,7 +359,7 @@ def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
 def test_multigrid_moves_both_bodies_together(kind, degree, counts, share, monkeypatch):
     """The same solution as by a factorisation, in fewer cycles than where coarse levels leave both sides alone."""
     from signorini_fx.algebra.linalg.multigrid import ContactPreconditioner
-    from signorini_fx.mechanics.body import contact_map
+    from signorini_fx.mechanics.contact_points import contact_map
 
     cycles, apply = [0], ContactPreconditioner.apply
 

@@ -68,17 +68,17 @@ def test_tests_follow_the_rooms():
 
 
 def test_the_reader_of_imports_reads():
-    """The checks below would notice: forms.py imports ufl, expressions.py imports dolfinx lazily."""
-    assert uses(PACKAGE / "mechanics" / "body" / "forms.py", "ufl") == {"ufl"}
+    """The checks below would notice: contact_forms.py imports ufl, expressions.py imports dolfinx lazily."""
+    assert uses(PACKAGE / "mechanics" / "assembly" / "contact_forms.py", "ufl") == {"ufl"}
     assert uses(PACKAGE / "mechanics" / "statement" / "expressions.py", "dolfinx", everywhere=True)
     assert not uses(PACKAGE / "mechanics" / "statement" / "expressions.py", "dolfinx", everywhere=False)
-    assert uses(PACKAGE / "mechanics" / "body" / "averages.py", "signorini_fx.mechanics.body.forms")
+    assert uses(PACKAGE / "mechanics" / "assembly" / "averages.py", "signorini_fx.mechanics.assembly.contact_forms")
     assert len(MODULES) > 20
 
 
 @pytest.mark.parametrize("name", ["petsc_vec", "assemble_vector", "create_vector", "set_bc", "create_petsc_vector"])
 def test_vectors_of_dolfinx_are_not_made_petscs(name):
-    """See ``body.assembly._summed``: ranks would wait for each other, depending on their garbage collectors."""
+    """See ``assembly.mesh_entities._summed``: ranks would wait for each other as their garbage collectors run."""
     calls = [
         file.name
         for file in MODULES
@@ -129,7 +129,7 @@ def test_every_package_says_what_it_knows():
 def test_imports_point_down():
     """To lower layers, or within one."""
     graph = architecture.graph()
-    assert graph["mechanics.body.forms"] == set()
+    assert graph["mechanics.assembly.contact_forms"] == set()
     assert graph["mechanics.effects.traction"] == {"mechanics.statement.effect", "mechanics.statement.values"}
     assert {"mechanics.model", "mechanics.mesh.tagged", "algebra.linalg.choice"} <= graph["solving.solve_on_mesh"]
     place = {layer: number for number, layer in enumerate(architecture.LAYERS)}

@@ -13,10 +13,10 @@ from two_bodies import assembled, facets, facets_of_piece, forms, grid
 from signorini_fx import Status, solve
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body import paired_points
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.obstacles import paired_points
 from signorini_fx.mechanics.pairs import mortar_coupling as coupling
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scenes.reading import parse_scene

@@ -8,7 +8,7 @@ import pytest
 from scenes import alone
 
 from signorini_fx.algebra.algorithms import strategy
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene

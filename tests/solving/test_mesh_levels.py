@@ -13,10 +13,10 @@ from test_space_patch import rotation
 from two_bodies import assembled, grid
 
 from signorini_fx.algebra.linalg import multigrid
-from signorini_fx.mechanics.body import mesh_levels
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.mesh.points import at_points
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.rigid import mesh_levels
 from signorini_fx.records import History, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene

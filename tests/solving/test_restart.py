@@ -23,8 +23,8 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import unit
 from signorini_fx.errors import SceneError
 from signorini_fx.machine.manifest import MANIFEST
-from signorini_fx.mechanics.body.contact_table import contact_table
 from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.records import History, Status, StepRecord, Timings
 from signorini_fx.results import restart_files
 from signorini_fx.results.files import write_results

@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_entities, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, node_positions
 
 Array = npt.NDArray[np.float64]
 

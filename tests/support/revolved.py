@@ -380,7 +380,7 @@ def _limits(kinds, areas, forces):
 
 def difference(bodies, solution):
     """The largest differences of displacements and pressures from those of ``reference``, relative to the largest."""
-    from signorini_fx.mechanics.body.quadrature import strain_degree
+    from signorini_fx.mechanics.assembly.quadrature import strain_degree
     from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 
     space = solution.displacement.function_space

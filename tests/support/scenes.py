@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mpi4py import MPI
 
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

@@ -6,7 +6,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.mechanics.body import contact_boundary
+from signorini_fx.mechanics.contact_points import contact_boundary
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.scenes.reading import parse_scene
 

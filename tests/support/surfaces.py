@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 
 ELEMENTS = {2: ("P1", "P2"), 3: ("P1", "Q1", "P2", "Q2")}

@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.scenes.reading import parse_scene, read_scene
 

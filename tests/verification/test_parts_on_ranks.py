@@ -12,7 +12,7 @@ from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx.algebra.contact.active_sets import natural_sets
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import facet_vertices
+from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.traction import SurfaceTraction

@@ -13,7 +13,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.mechanics.body.contact_table import contact_table
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.scenes.reading import parse_scene
 

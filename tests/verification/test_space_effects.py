@@ -13,8 +13,8 @@ from scenes import alone
 from spaces import block, box, friction_of, turned_tangents
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.body import contact_boundary
 from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.contact_points import contact_boundary
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status, Timings

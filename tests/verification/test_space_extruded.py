@@ -10,8 +10,8 @@ from spaces import box, turned_tangents
 from test_space_patch import rotation
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
-from signorini_fx.mechanics.body import contact_boundary
 from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.contact_points import contact_boundary
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.solve_on_mesh import contact_task

@@ -15,12 +15,12 @@ from signorini_fx.addons.bounds.round_foundations import is_known, is_round
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, MatrixModuli, Moduli
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.moduli import middles
 from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.effects.springs import Springs
 from signorini_fx.mechanics.effects.temperature import TemperatureChange
+from signorini_fx.mechanics.elasticity.moduli import middles
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Effect, Force

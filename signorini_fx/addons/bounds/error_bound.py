@@ -62,7 +62,7 @@ from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, mome
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
 from signorini_fx.addons.bounds.tightened_stress import TightenedStress
 from signorini_fx.addons.bounds.whole_problem import WholeProblem, of_rank, of_whole
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import ErrorBound, Refused
 from signorini_fx.tuned import DIVISIONS, LITTLE_LIFTED, LITTLE_OF_BOUND, PARTS_OF_EDGE, SAME_LENGTH

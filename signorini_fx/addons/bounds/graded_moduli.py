@@ -23,7 +23,7 @@ from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import BoundPoints, in_region
 from signorini_fx.addons.bounds.initial_stress import FreeStrain, simplex_rule
 from signorini_fx.addons.bounds.simplices import CORNERS_OF_PARTS, TWICE, Moduli, Simplices
-from signorini_fx.mechanics.body.moduli import middles
+from signorini_fx.mechanics.elasticity.moduli import middles
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.cut_simplices import cut
 from signorini_fx.mechanics.statement.expressions import Expression

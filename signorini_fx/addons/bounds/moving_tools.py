@@ -23,8 +23,8 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.rigid import rigid_modes
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
 
 

@@ -60,9 +60,9 @@ from signorini_fx.addons.bounds.spring_facets import SpringFacets
 from signorini_fx.addons.bounds.varying_springs import SpringComponent, SpringReaction, VaryingSprings
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.assembly import facet_entities
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.effects.contact import BondedContact, Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.springs import Springs

@@ -1,7 +1,7 @@
 """What preloaded sections add to the strain of a displacement: their sides are apart by a jump that is known.
 
 With the unit vector n across a section and its shortening s the displacement is that of the elements, which is
-continuous, less s n in all cells beyond the section; ``body.jumps`` takes it from the nodes on the section in the cells
+continuous, less s n in all cells beyond the section; ``loads.jumps`` takes it from the nodes on the section in cells
 beyond it that have such nodes, which is the same function but for a continuous one of the elements.  The jump is the
 same for all displacements that are compared, so that differences of these are continuous, and the proof is that of a
 body without sections with the strain of the jump as a part of each strain, (B15) of docs/bounds.md.
@@ -21,8 +21,8 @@ from dolfinx import fem
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.cell_pieces import pieces_of_cells, rigid_motions
 from signorini_fx.addons.bounds.simplices import Simplices
-from signorini_fx.mechanics.body.jumps import Jump, jumps_in
 from signorini_fx.mechanics.effects.preload import Preload
+from signorini_fx.mechanics.loads.jumps import Jump, jumps_in
 from signorini_fx.mechanics.model import Model
 from signorini_fx.tuned import SAME_LENGTH, SINGULAR
 

@@ -38,7 +38,7 @@ from signorini_fx.addons.bounds.round_off import of_boundary_values, of_strains,
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE
 from signorini_fx.addons.bounds.stress_products import energy, from_strain, product, square
 from signorini_fx.addons.bounds.whole_problem import WholeProblem, of_whole
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.quantities.proved_statements import Interval, Refused

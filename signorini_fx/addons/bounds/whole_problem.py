@@ -19,17 +19,17 @@ from mpi4py import MPI
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.bounded_scene import refuse_unknown, values_of
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import facet_entities
-from signorini_fx.mechanics.body.averages import Averages
-from signorini_fx.mechanics.body.cellwise_stiffness import CellwiseStiffness
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.paired_points import PairedSide, PairedSides
-from signorini_fx.mechanics.body.pieces import find_pieces
+from signorini_fx.mechanics.assembly.averages import Averages
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness
 from signorini_fx.mechanics.mesh.distribution import distributed, domain
 from signorini_fx.mechanics.mesh.files.arrays import combinations
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.paired_points import PairedSide, PairedSides
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 
 T = TypeVar("T")

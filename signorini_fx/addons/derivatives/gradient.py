@@ -31,12 +31,12 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import action, node_positions
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_map import contact_map
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.assembly.mesh_entities import action, node_positions
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.rigid_bodies import Driven
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_map import contact_map
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.results.step_frames import turned
 from signorini_fx.tuned import QUANTITY_CHANGE, ROUND_OFF_OF_DIFFERENCE, WRONG_DERIVATIVE

@@ -27,10 +27,10 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.errors import FormError, SceneError, SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.body.assembly import assemble
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional, Gradient

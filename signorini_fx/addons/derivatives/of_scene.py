@@ -32,9 +32,9 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import alone, contact_of, law_of, moved_since, placed, prepare
 from signorini_fx.mechanics.body.elastic_body import sum_of
-from signorini_fx.mechanics.body.moduli import lame_coefficients
-from signorini_fx.mechanics.body.rigid_bodies import Driven
+from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.features import refuse
 from signorini_fx.mechanics.statement.statement import Statement

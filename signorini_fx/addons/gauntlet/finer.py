@@ -13,7 +13,7 @@ from signorini_fx.addons.decks.node_results import contact_by_node, stress_by_no
 from signorini_fx.addons.decks.tagged_arrays import tagged
 from signorini_fx.addons.gauntlet.solved_drafts import SolvedDraft
 from signorini_fx.errors import SignoriniError
-from signorini_fx.mechanics.body.assembly import node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats, is_straight
 from signorini_fx.mechanics.mesh.halving import halved

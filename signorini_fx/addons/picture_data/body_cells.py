@@ -13,7 +13,7 @@ from signorini_fx.addons.picture_data import sampling
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.tiling import tiling
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_entities
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.results.solution import Solution
 
 Floats = npt.NDArray[np.float64]

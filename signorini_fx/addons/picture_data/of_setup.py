@@ -15,10 +15,10 @@ from signorini_fx.addons.pictures.setup import NamedBoundary, Setup
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compat import geometry_cells
-from signorini_fx.mechanics.body.assembly import facet_entities
-from signorini_fx.mechanics.body.sampled_points import SampledPoints
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.effects.contact import Contact as ContactEffect
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.loads.sampled_points import SampledPoints
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file
 from signorini_fx.mechanics.statement.effect import Effect, Force
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile

@@ -38,7 +38,7 @@ import numpy as np
 from signorini_fx.addons.uniqueness.contact_stiffness import contact_stiffness
 from signorini_fx.addons.uniqueness.proof import components, critical
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import FixedPoint
 from signorini_fx.tuned import WEIGHT_EVALUATIONS, WEIGHT_WORK

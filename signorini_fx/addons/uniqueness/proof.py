@@ -32,7 +32,7 @@ from signorini_fx.addons.uniqueness.contact_stiffness import contact_stiffness
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.state import PointState
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import Uniqueness
 from signorini_fx.tuned import (

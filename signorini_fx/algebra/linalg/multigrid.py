@@ -1,6 +1,6 @@
 """Multigrid for the tangent of contact: one hierarchy for each mesh, truncated where contact holds the body.
 
-The hierarchy is that of coarser meshes, see ``mechanics.body.mesh_levels``, as far as there are any, and below them of
+The hierarchy is that of coarser meshes, see ``mechanics.rigid.mesh_levels``, as far as there are any, and below them of
 smoothed aggregation, for A, the stiffness without contact; it never changes.  Contact adds
 C = B^T D B, which lives on the contact unknowns c and is as large as gamma.  What it holds, the directions in which C
 is no smaller than A, must not move on coarse levels either.  With E the projection onto these directions, the finest

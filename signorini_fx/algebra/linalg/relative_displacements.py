@@ -68,7 +68,7 @@ class RelativeUnknowns:
         operator, lift = (of_all_ranks(comm, part) for part in (contact.operator, contact.lift))
         lift.eliminate_zeros()
         points, fixed = np.diff(lift.indptr) > 0, parallel.gather_rows(comm, contact.fixed)
-        # Across a plane of symmetry there is no relative displacement, see ``body.mirrored_points``.
+        # Across a plane of symmetry there is no relative displacement, see ``obstacles.mirrored_points``.
         movable = abs(operator).sum(axis=1) > SAME_TRACE
         moving = abs(lift) @ movable > 0
         at_points, free = (sp.diags_array(flags.astype(np.float64)) for flags in (moving, ~fixed))

@@ -11,7 +11,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import space_of
-from signorini_fx.mechanics.body.averages import averaging
+from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.shapes.plane import Plane

@@ -25,8 +25,8 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.forms.nonlinear.tangent import Product
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.tuned import HOLDING_STIFFNESS, SAME_INERTIA
 
 Array = npt.NDArray[np.float64]

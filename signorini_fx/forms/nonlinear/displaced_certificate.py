@@ -20,10 +20,10 @@ from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes, sides_of
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
-from signorini_fx.mechanics.body.foundations_on_points import ShapeDistances
-from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
-from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.foundations_on_points import ShapeDistances
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate, judged

@@ -20,7 +20,7 @@ from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, RampStep, StepSizes, Way
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.records import Status
 from signorini_fx.results.solution import StepResult

@@ -12,8 +12,8 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
-from signorini_fx.mechanics.body.rigid_bodies import with_more_unknowns
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
+from signorini_fx.mechanics.rigid.rigid_bodies import with_more_unknowns
 from signorini_fx.tuned import HOLDING_STIFFNESS, ORDER_IN_PLANE
 
 Array = npt.NDArray[np.float64]

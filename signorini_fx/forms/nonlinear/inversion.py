@@ -10,8 +10,8 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import determinants
-from signorini_fx.mechanics.body.cell_gradients import CellSlopes
+from signorini_fx.mechanics.assembly.cell_gradients import CellSlopes
+from signorini_fx.mechanics.assembly.mesh_entities import determinants
 
 
 @dataclass

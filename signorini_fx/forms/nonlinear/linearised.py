@@ -49,23 +49,23 @@ from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces, turned_gaps
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import node_positions
-from signorini_fx.mechanics.body.averages import averaging
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.assembly.averages import averaging
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.foundations_on_points import (
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+from signorini_fx.mechanics.loads.supports import prescribed
+from signorini_fx.mechanics.obstacles.foundations_on_points import (
     FoundationData,
     Foundations,
     NodalFriction,
     ShapeDistances,
 )
-from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness, NodalStiffness
-from signorini_fx.mechanics.body.paired_points import PairedSides
-from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
-from signorini_fx.mechanics.body.sliding_sides import SlidingSides
-from signorini_fx.mechanics.body.supports import prescribed
-from signorini_fx.mechanics.body.turned_supports import TurnedNodes
+from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.promised_law import Law

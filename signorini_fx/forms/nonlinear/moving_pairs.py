@@ -11,11 +11,11 @@ from dolfinx import fem
 
 from signorini_fx.algebra.contact.points import inside
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.averages import from_owners
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
-from signorini_fx.mechanics.body.sliding_sides import SlidingSides
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding

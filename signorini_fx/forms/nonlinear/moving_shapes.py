@@ -19,8 +19,8 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.forms.nonlinear.finite_rotation import across_arms, rigid_motion, turn_of, turned_further
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion
 from signorini_fx.mechanics.statement.rigid_shape import Shape, distance_from
 from signorini_fx.tuned import ALONG_SLIP, MOST_TURNED, NORMAL_DIFFERENCE

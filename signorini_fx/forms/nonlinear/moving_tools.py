@@ -34,10 +34,10 @@ from dolfinx import fem
 from signorini_fx.forms.nonlinear.finite_rotation import across_arms, rigid_motion
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodies, RigidBodyMotion
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
 
 Array = npt.NDArray[np.float64]
 

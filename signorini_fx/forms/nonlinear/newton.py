@@ -34,8 +34,8 @@ from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.shapes_inside import BodyCells
-from signorini_fx.mechanics.body.supports import prescribed
+from signorini_fx.mechanics.loads.supports import prescribed
+from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate

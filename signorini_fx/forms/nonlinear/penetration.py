@@ -13,8 +13,8 @@ from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.bodies_inside import PairedBodies
-from signorini_fx.mechanics.body.shapes_inside import BodyCells
+from signorini_fx.mechanics.obstacles.bodies_inside import PairedBodies
+from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 
 
 def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape], last: Snapshot) -> str:

@@ -16,7 +16,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear.tangent import random_direction
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.body.assembly import assemble
+from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.tuned import SAME_ENTRY, TRIED_STRAIN
 
 

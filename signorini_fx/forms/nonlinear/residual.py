@@ -13,7 +13,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear.inversion import InsideOut
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import assemble
+from signorini_fx.mechanics.assembly.mesh_entities import assemble
 
 Array = npt.NDArray[np.float64]
 

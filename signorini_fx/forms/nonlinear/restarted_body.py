@@ -22,7 +22,7 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.step_sizes import StepSizes
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.body.joint_pressure import JointPressure
+from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Timings
 from signorini_fx.results.solution import StepResult

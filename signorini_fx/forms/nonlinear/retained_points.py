@@ -21,8 +21,8 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import classify
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.records import Status
 from signorini_fx.tuned import FEWEST_LEFT_OUT, RETAINED_REACH
 

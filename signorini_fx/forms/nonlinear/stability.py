@@ -18,7 +18,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.tangent import Product, Tangents, is_derivative, product, product_of_derivative
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.records import Status
 from signorini_fx.tuned import DIFFERENCE_STRAINS
 

@@ -15,7 +15,7 @@ from ufl.algorithms import compute_form_data
 
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.body.assembly import action
+from signorini_fx.mechanics.assembly.mesh_entities import action
 from signorini_fx.tuned import DIFFERENCE_STRAINS, SAME_TANGENT, UNITS_OF_DIFFERENCE
 
 Array = npt.NDArray[np.float64]

@@ -13,10 +13,10 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.averages import from_owners
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.nodal_stiffness import JointStiffness
-from signorini_fx.mechanics.body.paired_points import PairedSides
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.pairs.sliding import along_vectors
 from signorini_fx.records import Finding
 from signorini_fx.results.resultants import moments

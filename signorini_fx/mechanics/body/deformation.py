@@ -16,7 +16,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.cell_gradients import gradients
+from signorini_fx.mechanics.assembly.cell_gradients import gradients
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 
 

@@ -19,13 +19,16 @@ from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
-from signorini_fx.mechanics.body.cellwise_stiffness import cellwise_stiffness
-from signorini_fx.mechanics.body.choice_of_law import elastic_law
-from signorini_fx.mechanics.body.elastic_law import SceneLaw
-from signorini_fx.mechanics.body.foundations_on_points import Foundations, NodalFriction
-from signorini_fx.mechanics.body.initial_strains import check_strains
-from signorini_fx.mechanics.body.jumps import holds, jump_loads, jumps_in
-from signorini_fx.mechanics.body.load_vectors import (
+from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.mechanics.assembly.tried_functions import try_functions
+from signorini_fx.mechanics.elasticity.cellwise_stiffness import cellwise_stiffness
+from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law
+from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
+from signorini_fx.mechanics.elasticity.moduli import check_covers, lame_coefficients, reduced_degree
+from signorini_fx.mechanics.kinematics.trial import fault_of as fault_of_kinematics
+from signorini_fx.mechanics.loads.initial_strains import check_strains
+from signorini_fx.mechanics.loads.jumps import holds, jump_loads, jumps_in
+from signorini_fx.mechanics.loads.load_vectors import (
     AppliedLoad,
     FormCoefficients,
     applied_load,
@@ -37,17 +40,14 @@ from signorini_fx.mechanics.body.load_vectors import (
     group_of,
     load_groups,
 )
-from signorini_fx.mechanics.body.moduli import check_covers, lame_coefficients, reduced_degree
-from signorini_fx.mechanics.body.nodal_effects import links_of
-from signorini_fx.mechanics.body.pieces import find_pieces
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodies
-from signorini_fx.mechanics.body.scene_contact import foundations_of
-from signorini_fx.mechanics.body.supports import Conditions, Supports, at_rest, check_overlap
-from signorini_fx.mechanics.body.tried_functions import try_functions
-from signorini_fx.mechanics.kinematics.trial import fault_of as fault_of_kinematics
+from signorini_fx.mechanics.loads.nodal_effects import links_of
+from signorini_fx.mechanics.loads.supports import Conditions, Supports, at_rest, check_overlap
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, NodalFriction
+from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.effect import Force, Load
 from signorini_fx.mechanics.statement.statement import Statement
@@ -55,7 +55,7 @@ from signorini_fx.records import Inventory, Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, SAME_NUMBER
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.paired_points import PairedSides
+    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
 M = TypeVar("M", bound=Model)
 
@@ -135,7 +135,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         partial(check_covers, statement, tagged),
     )
     if statement.sides[1] is not None:
-        from signorini_fx.mechanics.body.carrying_side import with_chosen_sides
+        from signorini_fx.mechanics.assembly.carrying_side import with_chosen_sides
 
         statement = with_chosen_sides(statement, tagged, facets, lame[1])
     pieces = find_pieces(tagged.mesh)

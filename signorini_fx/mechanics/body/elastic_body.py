@@ -29,28 +29,28 @@ from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCa
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.algebra.method import Settings
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import action
-from signorini_fx.mechanics.body.block_stiffness import block_stiffness, why_not
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_map import block_diagonal, contact_map, with_rotations
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.elastic_law import ElasticLaw
-from signorini_fx.mechanics.body.joint_pattern import JointPattern, joined_stiffness
-from signorini_fx.mechanics.body.mesh_levels import MeshLevel
-from signorini_fx.mechanics.body.nodal_effects import LinkStiffness
-from signorini_fx.mechanics.body.nodal_stiffness import NodalStiffness
-from signorini_fx.mechanics.body.pieces import BodyPieces
-from signorini_fx.mechanics.body.rigid import (
+from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness, why_not
+from signorini_fx.mechanics.assembly.joint_pattern import JointPattern, joined_stiffness
+from signorini_fx.mechanics.assembly.mesh_entities import action
+from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.assembly.pieces import BodyPieces
+from signorini_fx.mechanics.assembly.shared_cache import shared_in
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_map import block_diagonal, contact_map, with_rotations
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes, block_rotation
+from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.loads.nodal_effects import LinkStiffness
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven, with_more_unknowns, without_more
+from signorini_fx.mechanics.rigid.rigid_motions import (
     RigidMotions,
     nearest_motion,
     rigid_motions,
     without_energy,
     without_strain,
 )
-from signorini_fx.mechanics.body.rigid_bodies import Driven, with_more_unknowns, without_more
-from signorini_fx.mechanics.body.shared_cache import shared_in
-from signorini_fx.mechanics.body.turned_supports import TurnedNodes, block_rotation
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS

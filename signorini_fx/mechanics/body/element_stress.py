@@ -11,10 +11,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from signorini_fx.mechanics.body.elastic_law import LawStress
-from signorini_fx.mechanics.body.initial_strains import initial_strain
-from signorini_fx.mechanics.body.jumps import total_jump
+from signorini_fx.mechanics.elasticity.elastic_law import LawStress
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
+from signorini_fx.mechanics.loads.initial_strains import initial_strain
+from signorini_fx.mechanics.loads.jumps import total_jump
 from signorini_fx.mechanics.model import Model
 
 _Floats = npt.NDArray[np.float64]

@@ -19,10 +19,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from signorini_fx.mechanics.body.follower_pressure import FollowerPressures, without_followers
-from signorini_fx.mechanics.body.moduli import reduced_degree
-from signorini_fx.mechanics.body.quadrature import strain_degree
+from signorini_fx.mechanics.assembly.quadrature import strain_degree
+from signorini_fx.mechanics.elasticity.moduli import reduced_degree
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
+from signorini_fx.mechanics.loads.follower_pressure import FollowerPressures, without_followers
 from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

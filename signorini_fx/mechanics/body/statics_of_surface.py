@@ -21,9 +21,9 @@ from scipy.optimize import linprog
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import Reactions, nearest
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.contact_boundary import tangents_of
-from signorini_fx.mechanics.body.rigid import rigid_modes
+from signorini_fx.mechanics.contact_points.contact_boundary import tangents_of
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.tuned import BALANCED, LEANING_NORMAL, LOWERED_LIMITS, SAME_LENGTH
 

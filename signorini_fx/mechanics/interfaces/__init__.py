@@ -1,7 +1,7 @@
 """Interfaces as users of forms state them: a rigid foundation; a pair of two sides, or with ``bonded`` a bond of both.
 
-``effects.contact`` has those of scenes, ``body.foundations_on_points`` all of them on their contact points.  Bolts,
-overclosures and fluids that enter, for which a load step finds shortenings or pressures, are in
+``effects.contact`` has those of scenes, ``obstacles.foundations_on_points`` all of them on their contact points.
+Bolts, overclosures and fluids that enter, for which a load step finds shortenings or pressures, are in
 ``solving.iterated_interfaces``.
 """
 

@@ -206,7 +206,7 @@ class FrictionLaw(Table):
         """The axes of friction at nodes, see ``directed.FrictionAxes``; None: it has no direction; collective.
 
         Args:
-            at: evaluates data at nodes, see ``body.values.NodalValues``.
+            at: evaluates data at nodes, see ``assembly.nodal_values.NodalValues``.
             path: of the law, for errors.
             dimension: of space.
             comm: the ranks.

@@ -144,7 +144,7 @@ class LinearElastic(Material):
 
 def elastic_degree(cell: str, degree: int, geometry: int) -> int:
     """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``, which is
-    0 for quadrilaterals and hexahedra if their maps are affine (``body.quadrature``); see also
+    0 for quadrilaterals and hexahedra if their maps are affine (``assembly.quadrature``); see also
     ``Kinematics.further_degrees``.
 
     The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices and along each axis of

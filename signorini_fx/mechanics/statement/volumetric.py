@@ -1,4 +1,4 @@
-"""How the change of volume enters an element, as far as a scene knows it; on a mesh see ``body.choice_of_law``."""
+"""How the change of volume enters an element, as far as a scene knows it; on a mesh: ``elasticity.choice_of_law``."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class Mean(Quantity):
         from dolfinx import fem
 
         from signorini_fx.machine import parallel
-        from signorini_fx.mechanics.body.assembly import assemble, measure
+        from signorini_fx.mechanics.assembly.mesh_entities import assemble, measure
         from signorini_fx.quantities.differentiable import OfDisplacement
 
         boundary, axis = words

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]

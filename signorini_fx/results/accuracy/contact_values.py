@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from signorini_fx.mechanics.body.contact_table import ContactTable
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 
 

@@ -15,9 +15,9 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import assemble, facet_entities
-from signorini_fx.mechanics.body.contact_table import ContactTable
-from signorini_fx.mechanics.body.load_vectors import measures
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_entities
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.expressions import sample

@@ -14,9 +14,9 @@ from signorini_fx.algebra.linalg import callbacks, petsc_options
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.contact_table import ContactTable
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.records import IterationRecord
 from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.accuracy.mesh_level import LevelResult

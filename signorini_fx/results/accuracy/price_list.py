@@ -22,7 +22,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_table import ContactTable, is_closed
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.contact_values import interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error

@@ -17,11 +17,11 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.blocks import is_by_blocks
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import assemble, measure
-from signorini_fx.mechanics.body.block_stiffness import scalar_matrix
-from signorini_fx.mechanics.body.elastic_law import fields_of
+from signorini_fx.mechanics.assembly.block_stiffness import scalar_matrix
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, measure
+from signorini_fx.mechanics.assembly.quadrature import parallelepipeds, strain_degree
 from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
-from signorini_fx.mechanics.body.quadrature import parallelepipeds, strain_degree
+from signorini_fx.mechanics.elasticity.elastic_law import fields_of
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, PROJECTION_TOLERANCE

@@ -27,8 +27,8 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.families.certificate import JUDGED, REPORTED
@@ -47,7 +47,7 @@ from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import ABOVE_THE_MEAN, CERTIFICATE_TOLERANCE, FAINT, LOST_UNITS, NO_FORCE
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.paired_points import PairedSides
+    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
 Nodal = npt.NDArray[np.float64]
 

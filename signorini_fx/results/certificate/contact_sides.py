@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.mechanics.body.assembly import node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.paired_points import PairedSides
+    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
     from signorini_fx.results.certificate.paired_claim import Claim
 
 Nodal = npt.NDArray[np.float64]

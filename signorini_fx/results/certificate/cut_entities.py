@@ -17,7 +17,7 @@ from dolfinx.mesh import Mesh, entities_to_geometry
 from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.quadrature import has_affine_parts
+from signorini_fx.mechanics.assembly.quadrature import has_affine_parts
 from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.expressions import Expression, in_space
 from signorini_fx.tuned import AFFINE, NO_PART

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components, laplacian
 from scipy.sparse.linalg import spsolve
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_nodes
-from signorini_fx.mechanics.body.joint_pressure import Flags
+from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
+from signorini_fx.mechanics.contact_points.joint_pressure import Flags
 from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.promised_law import PreviousStep, Tractions

@@ -17,7 +17,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.averages import from_owners
+from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.results.certificate.held_distances import at_nodes
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.partner_points import PartnerPoints, SideFacets, partner_points, turned_ways

@@ -20,12 +20,12 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import adjugates, assemble
-from signorini_fx.mechanics.body.choice_of_law import volume_forces
-from signorini_fx.mechanics.body.jumps import Jump, jumps_in
-from signorini_fx.mechanics.body.load_vectors import FormCoefficients, compile_loads
-from signorini_fx.mechanics.body.moduli import reduced_degree
-from signorini_fx.mechanics.body.quadrature import strain_degree
+from signorini_fx.mechanics.assembly.mesh_entities import adjugates, assemble
+from signorini_fx.mechanics.assembly.quadrature import strain_degree
+from signorini_fx.mechanics.elasticity.choice_of_law import volume_forces
+from signorini_fx.mechanics.elasticity.moduli import reduced_degree
+from signorini_fx.mechanics.loads.jumps import Jump, jumps_in
+from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Points, Resistance

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.mechanics.body.follower_pressure import degree_of, following
 from signorini_fx.mechanics.body.nonlinear_law import at_rest, cells_of, volume_degree
+from signorini_fx.mechanics.loads.follower_pressure import degree_of, following
 from signorini_fx.mechanics.materials.nonlinear import (
     Hyperelastic,
     PathDependent,

@@ -12,8 +12,8 @@ import scipy.sparse as sp
 from dolfinx import fem
 from mpi4py import MPI
 
-from signorini_fx.mechanics.body.averages import from_owners, to_owners
-from signorini_fx.mechanics.body.paired_points import PairedSides
+from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
+from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.tuned import SLIVER
 
 Array = npt.NDArray[np.float64]

@@ -21,8 +21,8 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_nodes, node_positions
-from signorini_fx.mechanics.body.averages import from_owners
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
 from signorini_fx.results.certificate.mortar_integrals import MortarIntegrals, error_of_integrals
 from signorini_fx.results.certificate.paired_claim import Claim
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature

@@ -22,7 +22,7 @@ from dolfinx import fem
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import facet_entities, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, node_positions
 from signorini_fx.results.certificate.common_polygons import (
     common_polygons,
     near_lines,

@@ -11,10 +11,10 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.joint_pressure import JointPressure
-from signorini_fx.mechanics.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.overclosure import Overclosure
 from signorini_fx.mechanics.statement.statement import Statement
 

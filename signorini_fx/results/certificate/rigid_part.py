@@ -10,7 +10,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.pieces import find_pieces
+from signorini_fx.mechanics.assembly.pieces import find_pieces
 
 Array = npt.NDArray[np.float64]
 

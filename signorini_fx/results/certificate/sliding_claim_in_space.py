@@ -25,8 +25,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_entities, node_positions
-from signorini_fx.mechanics.body.averages import from_owners
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, node_positions
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.common_polygons import (

@@ -13,9 +13,9 @@ import scipy.sparse as sp
 from dolfinx import fem
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body import forms
-from signorini_fx.mechanics.body.assembly import adjugates, facet_entities, node_positions, over_ranks
-from signorini_fx.mechanics.body.shared_cache import shared_in
+from signorini_fx.mechanics.assembly import contact_forms
+from signorini_fx.mechanics.assembly.mesh_entities import adjugates, facet_entities, node_positions, over_ranks
+from signorini_fx.mechanics.assembly.shared_cache import shared_in
 from signorini_fx.results.certificate.rigid_part import RigidPart
 from signorini_fx.tuned import ZERO_SUM
 
@@ -123,7 +123,7 @@ class SurfaceQuadrature:
     def _integrated(self, boundary: Any, factor: Array | None, moved: Array | None = None) -> Array:
         """See ``moments`` and ``_facets``."""
         total, degree = self.zero(), self._shapes.degree
-        rule = basix.make_quadrature(self._facet, forms.lumped_degree(degree, self._geometry.degree))
+        rule = basix.make_quadrature(self._facet, contact_forms.lumped_degree(degree, self._geometry.degree))
         if self.across == 2 and (factor is None or degree > 1):  # the nodal rule, which has the same integrals
             places, weights = {
                 1: ([0.0, 1.0], [0.5, 0.5]),  # trapezoidal rule
@@ -166,7 +166,8 @@ class SurfaceQuadrature:
 
         Where contact averages the test functions are dual to the hats on each facet.
         """
-        rule = basix.make_quadrature(self._facet, forms.lumped_degree(self._shapes.degree, self._geometry.degree))
+        degree = contact_forms.lumped_degree(self._shapes.degree, self._geometry.degree)
+        rule = basix.make_quadrature(self._facet, degree)
         size = len(self.zero())
         integrals = sp.csr_array((size, size))
         for facets in self._facets(boundary, rule[0], rule[1], factor):

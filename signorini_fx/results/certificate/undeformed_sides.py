@@ -15,8 +15,8 @@ import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_nodes
-from signorini_fx.mechanics.body.averages import from_owners
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
 from signorini_fx.results.certificate.mortar_integrals import along_normals
 from signorini_fx.results.certificate.sliding_claim import Chain, SlidingClaim
 from signorini_fx.results.certificate.supports import PrescribedNodes

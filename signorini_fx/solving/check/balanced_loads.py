@@ -15,9 +15,9 @@ from signorini_fx.algebra.contact.motions import total_work
 from signorini_fx.algebra.contact.reactions import Reactions, nearest, reactions
 from signorini_fx.algebra.contact.statics import escape, null_space, squeezed
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.motion_names import names_of
 from signorini_fx.mechanics.body.statics_of_surface import LimitSurface, Unproved, balanced, excluded, surface_of
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.motion_names import names_of
 from signorini_fx.records import PROVED_FOR_BODY, Finding, Status
 
 _Rows = npt.NDArray[np.float64]

@@ -18,12 +18,12 @@ from mpi4py import MPI
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.assembly import facet_entities, facet_vertices
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.deformation import Deformation
-from signorini_fx.mechanics.body.motion_names import MOST_LISTED, rounded
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.motion_names import MOST_LISTED, rounded
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.mechanics.statement.point_values import PointValues

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import facet_entities
-from signorini_fx.mechanics.body.cut_loads import PARTS, SIMPLICES, cut_rule
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.loads.cut_loads import PARTS, SIMPLICES, cut_rule
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample

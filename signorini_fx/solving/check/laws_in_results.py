@@ -8,9 +8,9 @@ import numpy as np
 
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.foundations_on_points import NodalFriction
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.laws.at_points import fault_in_result
+from signorini_fx.mechanics.obstacles.foundations_on_points import NodalFriction
 from signorini_fx.records import Finding
 
 

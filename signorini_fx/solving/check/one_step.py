@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding
 from signorini_fx.tuned import CLOSED_GAP, NOTABLE_SHEAR, ONE_DIRECTION, SHEAR_OF_TILT

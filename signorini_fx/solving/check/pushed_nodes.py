@@ -3,7 +3,7 @@
 No displacement is admissible there, so that no contact pressure keeps the node outside: the supports take whatever it
 would be.  The node transmits nothing in contact (``complementarity.trial_pressure``), and the scene must be told of it,
 before it is solved, too: supports alone decide how deep it is.  Of two bodies it is a node that supports hold on both
-sides, and that has no contact point (``body.held_pairs``).
+sides, and that has no contact point (``obstacles.held_pairs``).
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.averages import from_owners
-from signorini_fx.mechanics.body.contact_state import ContactState
+from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.body.discretisation import placed
-from signorini_fx.mechanics.body.motion_names import rounded
-from signorini_fx.mechanics.body.rigid_bodies import Driven
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.rigid.motion_names import rounded
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.records import Finding
 from signorini_fx.tuned import SAME_LENGTH
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.paired_points import PairedSides
+    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
 Array = npt.NDArray[np.float64]
 

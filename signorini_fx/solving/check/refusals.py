@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
-from signorini_fx.mechanics.body.first_sets import first_sets
+from signorini_fx.mechanics.contact_points.first_sets import first_sets
 from signorini_fx.mechanics.model import Model
 
 

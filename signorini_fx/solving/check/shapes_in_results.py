@@ -7,7 +7,7 @@ from typing import Any
 
 from dolfinx import fem
 
-from signorini_fx.mechanics.body.shapes_inside import BodyCells
+from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.records import Finding
 
 

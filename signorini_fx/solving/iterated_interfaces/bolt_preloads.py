@@ -1,7 +1,7 @@
 """Sections across bolts that are shortened, by a given length or until a force goes through them.
 
 The section need not be flat: it may consist of any facets, here of those closest to a plane.  What is beyond it jumps
-against what is before it, see ``body.jumps``.  In a load step in which forces tighten sections the shortenings are
+against what is before it, see ``loads.jumps``.  In a load step in which forces tighten sections the shortenings are
 found at which these forces go through them: the forces N(s) grow with the shortenings s, and are linear in them while
 no contact point changes its state.  The contact problem is solved for one s after the other, by the method of C. G.
 Broyden, Math. Comp. 19 (1965) 577-593, which for one section is that of secants.
@@ -23,11 +23,11 @@ from signorini_fx.algebra.algorithms.task import Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.body.assembly import facet_nodes, node_positions
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.joint_pressure import JointPressure
-from signorini_fx.mechanics.body.jumps import Jump
+from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.mechanics.effects.preload import Preload
+from signorini_fx.mechanics.loads.jumps import Jump
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import SolidBody

@@ -20,11 +20,11 @@ from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.joint_loads import JointLoads
-from signorini_fx.mechanics.body.joint_pressure import Flags, JointPressure, Stage, work_on_motions
-from signorini_fx.mechanics.body.load_vectors import AppliedLoad
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.joint_pressure import Flags, JointPressure, Stage, work_on_motions
+from signorini_fx.mechanics.loads.joint_loads import JointLoads
+from signorini_fx.mechanics.loads.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Status
 from signorini_fx.results.mechanics import SolidBody

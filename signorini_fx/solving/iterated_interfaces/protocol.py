@@ -11,11 +11,11 @@ from dolfinx import fem
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.mechanics.body.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.body.contact_state import ContactState
-from signorini_fx.mechanics.body.joint_pressure import JointPressure
-from signorini_fx.mechanics.body.jumps import Jump
-from signorini_fx.mechanics.body.load_vectors import AppliedLoad
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
+from signorini_fx.mechanics.loads.jumps import Jump
+from signorini_fx.mechanics.loads.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding

@@ -1,0 +1,131 @@
+"""Which side of a contact of two bodies carries the contact points: the softer one, of equally soft ones the finer one.
+
+The multipliers of a mortar method live on one side.  On the finer or softer one they resolve what the other side can
+follow; on a much stiffer one the error is larger and Krylov methods converge slowly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.tuned import COARSER_FACETS, STIFFER_BODY
+
+Facets = Mapping[str, npt.NDArray[np.int32]]
+
+
+@dataclass(frozen=True)
+class SideFigures:
+    """What the choice depends on, of all ranks.
+
+    Attributes:
+        name: of the boundary.
+        stiffness: the mean shear modulus behind its facets, stress.
+        size: the mean extent of its facets, length.
+    """
+
+    name: str
+    stiffness: float
+    size: float
+
+    @classmethod
+    def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Any) -> SideFigures:
+        """Those of a boundary; collective.
+
+        Args:
+            name: of the boundary.
+            tagged: the mesh.
+            shear_modulus: a constant or a cell-wise function, stress.
+        """
+        mesh, facets = tagged.mesh, tagged.facets(name)
+        cells = facet_entities(mesh, facets)[:, 0]
+        if isinstance(shear_modulus, fem.Function):
+            stiffness = shear_modulus.x.array[shear_modulus.function_space.dofmap.list[cells, 0]]
+        else:
+            stiffness = np.full(len(facets), float(shear_modulus.value))
+        extent = np.linalg.norm(np.ptp(facet_vertices(mesh, facets), axis=1), axis=1)
+        sums = parallel.global_sum(mesh.comm, np.array([len(facets), stiffness.sum(), extent.sum()]))
+        return cls(name, float(sums[1] / sums[0]), float(sums[2] / sums[0]))
+
+    def better(self, opposite: SideFigures) -> str | None:
+        """Why this side should rather carry the points: it is softer, or as soft and finer; None: it should not."""
+        softer, finer = opposite.stiffness / self.stiffness, opposite.size / self.size
+        if softer > STIFFER_BODY:
+            return f"{softer:.2g} times softer"
+        return f"{finer:.2g} times finer" if softer > 1 / STIFFER_BODY and finer > COARSER_FACETS else None
+
+
+def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Any) -> Statement:
+    """The scene with ``boundary`` and ``against`` exchanged where the points are on the latter; itself if on none;
+    collective.
+
+    With ``points = "auto"`` sides stay where values of the gap or the friction are functions, which were written for
+    ``boundary``, where a load enters, and where other contacts or supports need the facets.
+
+    Args:
+        statement: what is stated of the problem.
+        tagged: its mesh.
+        facets: of every boundary that the scene names.
+        shear_modulus: see ``SideFigures.of``.
+
+    Raises:
+        SceneError: the points are asked for on facets that another contact needs.
+    """
+    contacts = list(statement.contact)
+    problems = []
+    for number, effect in enumerate(statement.contact):
+        if effect.against is None or effect.points == "boundary":
+            continue
+        if effect.points == "auto":
+            ours, theirs = (SideFigures.of(name, tagged, shear_modulus) for name in (effect.boundary, effect.against))
+            entered = any(effect.boundary in load.enters for load in statement.joint_loads.values())
+            if theirs.better(ours) is None or not _plain(effect) or entered:
+                continue
+        taken = [
+            name for k, contact in enumerate(contacts) if k != number for name in (contact.boundary, contact.against)
+        ]
+        if effect.points == "auto":
+            taken += [support.where for support in statement.displacement]
+        if (existing := _sharing(effect.against, taken, tagged, facets)) is not None:
+            if effect.points == "against":
+                message = f"{effect.against!r} shares facets with {existing!r} of another contact: leave the points on"
+                problems.append((f"contact[{number}].points", f"{message} {effect.boundary!r}"))
+            continue
+        contacts[number] = effect.model_copy(
+            update={
+                "boundary": effect.against,
+                "against": effect.boundary,
+                "points": "auto" if effect.points == "auto" else "boundary",
+            }
+        )
+    if problems:
+        raise SceneError(problems)
+    if all(contact is existing for contact, existing in zip(contacts, statement.contact, strict=True)):
+        return statement
+    return statement.changed(contact=tuple(contacts))
+
+
+def _plain(effect: Any) -> bool:
+    """Whether gap and friction are numbers."""
+    return all(isinstance(value, int | float) for value in (effect.gap, *effect.friction.parameters.values()))
+
+
+def _sharing(name: str, boundaries: list[str | None], tagged: TaggedMesh, facets: Facets) -> str | None:
+    """The first of some boundaries that shares facets with one; None: none does; collective."""
+    for boundary in boundaries:
+        if boundary is None or boundary not in facets:
+            continue
+        shared = np.intersect1d(facets[name], facets[boundary]).size
+        if parallel.global_sum(tagged.mesh.comm, np.array(shared)):
+            return boundary
+    return None

@@ -1,0 +1,137 @@
+"""Stiffness between the components of single nodes, beside that of forms, such as curved foundations add, and between
+the nodes of two sides that slide on each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from signorini_fx.mechanics.assembly.averages import from_owners
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointStiffness:
+    """Between the components of some nodes, the same on every rank.
+
+    Attributes:
+        nodes: global numbers, shape (m,).
+        matrix: force per length, symmetric where it is added to a tangent, scipy sparse, shape (m d, m d).
+    """
+
+    nodes: npt.NDArray[np.int64]
+    matrix: sp.csr_array
+
+    def scaled(self, factor: float) -> JointStiffness:
+        """Times a factor."""
+        return JointStiffness(self.nodes, factor * self.matrix)
+
+    def times(self, displacement: fem.Function) -> Array:
+        """See ``NodalStiffness``; collective."""
+        space = displacement.function_space
+        index_map, dim = space.dofmap.index_map, space.dofmap.index_map_bs
+        owned = displacement.x.array.reshape(-1, dim)[: index_map.size_local]
+        forces = (self.matrix @ from_owners(owned, self.nodes, space.mesh.comm).ravel()).reshape(-1, dim)
+        here = (self.nodes >= index_map.local_range[0]) & (self.nodes < index_map.local_range[1])
+        at_owned = np.zeros((index_map.size_local, dim))
+        np.add.at(at_owned, self.nodes[here] - index_map.local_range[0], forces[here])
+        return at_owned.ravel()
+
+    def entries(
+        self, dim: int, fixed: npt.NDArray[np.bool_] | None, comm: MPI.Comm
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Array]:
+        """Global rows, columns and values of what ``fixed`` leaves, see ``NodalStiffness.add_to``, shape (e,) each;
+        collective.
+        """
+        free = np.ones(self.nodes.size * dim)
+        if fixed is not None:
+            rows = (~fixed).reshape(-1, dim).astype(np.float64)
+            free = from_owners(rows, self.nodes, comm).ravel()
+        row, column = np.repeat(np.arange(free.size), np.diff(self.matrix.indptr)), self.matrix.indices
+        free_entries = np.flatnonzero((free[row] > 0) & (free[column] > 0))
+        unknowns = (dim * self.nodes[:, None] + np.arange(dim)).ravel()
+        return unknowns[row[free_entries]], unknowns[column[free_entries]], self.matrix.data[free_entries]
+
+    def add_to(self, matrix: PETSc.Mat, dim: int, fixed: npt.NDArray[np.bool_] | None) -> None:
+        """See ``NodalStiffness``; entries for which the matrix has no room are made; collective."""
+        rows, columns, values = self.entries(dim, fixed, matrix.comm.tompi4py())
+        first, last = matrix.getOwnershipRange()
+        here = (rows >= first) & (rows < last)
+        shape = (last - first, matrix.getSize()[1])
+        added = sp.csr_array((values[here], (rows[here] - first, columns[here])), shape=shape)
+        csr = added.indptr.astype(PETSc.IntType), added.indices.astype(PETSc.IntType), added.data
+        more = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
+        matrix.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        more.destroy()
+
+
+@dataclass(frozen=True)
+class NodalStiffness:
+    """A block for each of some nodes.
+
+    Attributes:
+        nodes: owned nodes of this rank, local numbers, each once, shape (n,).
+        blocks: force per length, symmetric, shape (n, d, d).
+        joint: between nodes, which is added to them.
+    """
+
+    nodes: npt.NDArray[np.int64]
+    blocks: Array
+    joint: tuple[JointStiffness, ...] = ()
+
+    @classmethod
+    def none(cls, dimension: int) -> NodalStiffness:
+        """At no node."""
+        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, dimension, dimension)))
+
+    @classmethod
+    def summed(
+        cls, nodes: npt.NDArray[np.integer], blocks: Array, joint: tuple[JointStiffness, ...] = ()
+    ) -> NodalStiffness:
+        """Blocks of contact points, of which a node may have several."""
+        each, position = np.unique(nodes, return_inverse=True)
+        sums = np.zeros((each.size, *blocks.shape[1:]))
+        np.add.at(sums, position, blocks)
+        return cls(each.astype(np.int64), sums, joint)
+
+    @property
+    def without_joints(self) -> NodalStiffness:
+        """The blocks alone."""
+        return NodalStiffness(self.nodes, self.blocks)
+
+    def times(self, displacement: fem.Function) -> Array:
+        """The forces of a displacement at the unknowns of this rank, shape (owned dofs,); collective."""
+        space = displacement.function_space
+        dim, owned = self.blocks.shape[1], space.dofmap.index_map.size_local
+        forces = np.zeros((owned, dim))
+        forces[self.nodes] = np.einsum("nij,nj->ni", self.blocks, displacement.x.array.reshape(-1, dim)[self.nodes])
+        return np.asarray(sum((joint.times(displacement) for joint in self.joint), forces.ravel()))
+
+    def add_to(self, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_] | None = None) -> None:
+        """Add it to a matrix with a row for each unknown, which is assembled; collective.
+
+        Args:
+            matrix: of a form on the same space.
+            fixed: whose rows and columns are left out, shape (owned dofs,); None: none are.
+        """
+        dim, blocks = self.blocks.shape[1], self.blocks
+        if fixed is not None:
+            free = ~fixed.reshape(-1, dim)[self.nodes]
+            blocks = blocks * (free[:, :, None] & free[:, None, :])
+        first = matrix.getOwnershipRange()[0]
+        rows = (first + self.nodes[:, None] * dim + np.arange(dim)).astype(PETSc.IntType)
+        if rows.size:
+            ends, columns = np.arange(0, blocks.size + 1, dim, dtype=PETSc.IntType), np.repeat(rows, dim, axis=0)
+            added = {"addv": PETSc.InsertMode.ADD_VALUES, "rowmap": rows.ravel()}
+            matrix.setValuesIJV(ends, columns.ravel(), blocks.ravel(), **added)
+        matrix.assemble()
+        for joint in self.joint:
+            joint.add_to(matrix, dim, fixed)

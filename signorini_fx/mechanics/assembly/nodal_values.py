@@ -1,0 +1,110 @@
+"""Data of a foundation at points of the boundary: numbers, callables, UFL expressions and Functions."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from signorini_fx.errors import FormError
+from signorini_fx.machine import compat, parallel
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.statement.expressions import in_space, real_numbers
+from signorini_fx.tuned import LARGEST_NUMBER
+
+Array = npt.NDArray[np.float64]
+
+
+class NodalValues:
+    """Evaluates data at the nodes of a vector Lagrange space that belong to a part of the boundary.
+
+    UFL expressions are compiled once, and evaluated in the cells at these nodes only, so that they may be singular
+    elsewhere.  Of an expression that jumps between cells any of its values is taken.
+
+    Args:
+        space: the displacements.
+        facets: of the part, local numbers; their cells are those of this rank.
+    """
+
+    def __init__(self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> None:
+        self._space = space
+        self._dimension = int(space.mesh.geometry.dim)
+        mark = fem.Function(space)
+        nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets)
+        mark.x.array.reshape(-1, self._dimension)[nodes] = 1.0
+        mark.x.scatter_forward()
+        self.nodes = np.flatnonzero(mark.x.array.reshape(-1, self._dimension)[:, 0])
+        self._compiled: dict[int, tuple[fem.Expression, fem.Function, Any]] = {}
+
+    @cached_property
+    def _cells(self) -> npt.NDArray[np.int32]:
+        """The cells of this rank at the nodes."""
+        return np.flatnonzero(np.isin(self._space.dofmap.list, self.nodes).any(axis=1)).astype(np.int32)
+
+    def __call__(self, value: Any, name: str, components: int = 1, minimum: float = -np.inf) -> Array:
+        """The values at all nodes of this rank, ghosts included; nan where no facet is; collective.
+
+        Args:
+            value: see ``Foundation``.
+            name: of the argument, for errors.
+            components: 1, or d for a vector.
+            minimum: the smallest value allowed.
+
+        Returns:
+            Shape (nodes,) or (nodes, d).
+
+        Raises:
+            FormError: the value cannot be evaluated, or is not finite or too small somewhere.
+        """
+        comm, error = self._space.mesh.comm, None
+        x = node_positions(self._space)
+        nodal_values = np.full((len(x), components), np.nan)
+        try:
+            if hasattr(value, "ufl_shape"):
+                expression, function, _ = self._expression(value, components)
+                function.interpolate(expression, cells0=self._cells)
+                nodal_values[self.nodes] = function.x.array.reshape(-1, self._space.dofmap.bs)[self.nodes, :components]
+            else:
+                point_values = real_numbers(value(in_space(x[self.nodes])) if callable(value) else value)
+                if point_values.ndim < 2 and components > 1:  # one vector for all points
+                    point_values = point_values[:, None]
+                rows = (
+                    np.broadcast_to(point_values[:components], (components, self.nodes.size))
+                    if components > 1
+                    else point_values
+                )
+                nodal_values[self.nodes] = np.broadcast_to(rows, (components, self.nodes.size)).T
+            at = nodal_values[self.nodes]
+            bad = np.flatnonzero((~(np.abs(at) <= LARGEST_NUMBER) | (at < minimum)).any(axis=1))
+            if bad.size:
+                position = ", ".join(f"{c:g}" for c in x[self.nodes[bad[0]], : self._dimension])
+                wanted = f"a number of at most {LARGEST_NUMBER:g}" + (
+                    "" if minimum == -np.inf else ", and not negative"
+                )
+                wrong = ", ".join(f"{c:g}" for c in at[bad[0]])
+                error = FormError([(name, f"is {wrong} at ({position}); it must be {wanted}")])
+        except Exception as failure:  # of the user's callable, perhaps on one rank only
+            error = FormError([(name, f"cannot be evaluated at the contact points: {failure}")])
+        parallel.raise_together(comm, error)
+        return nodal_values[:, 0] if components == 1 else nodal_values
+
+    def _expression(self, value: Any, components: int) -> tuple[fem.Expression, fem.Function, Any]:
+        """The compiled expression, and a Function of the displacements for it; the value stays with them."""
+        compiled = self._compiled.get(id(value))
+        if compiled is None:
+            shape = tuple(value.ufl_shape)
+            if shape != (() if components == 1 else (components,)):
+                raise ValueError(f"it has the shape {shape}")
+            domain = ufl.domain.extract_unique_domain(value)
+            if domain is not None and domain != self._space.mesh.ufl_domain():
+                raise ValueError("it is given on another mesh")
+            vector = value if components > 1 else ufl.as_vector([value] + [0.0] * (self._dimension - 1))
+            with compiling():
+                expression = fem.Expression(vector, compat.interpolation_points(self._space.element))
+            compiled = self._compiled[id(value)] = expression, fem.Function(self._space), value
+        return compiled

@@ -1,0 +1,454 @@
+"""The contact boundary: its nodes with weights and directions, and the traces tau_N y and tau_T y.
+
+With the nodal rule of ``contact_forms`` the products on Gamma_c are sums over nodes,
+(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom; that
+rank may own none of the facets around it.  A node of two contact boundaries has two entries here, one for each normal.
+Where the nodes have no such rule the contact points are the vertices, at which z_i is an average (``averages.py``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise, permutations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+import ufl
+from dolfinx import default_scalar_type, fem
+from mpi4py import MPI
+
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.assembly import contact_forms
+from signorini_fx.mechanics.assembly.averages import Averages, AveragingForms, averaged_points
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_nodes, measure, node_positions
+from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+from signorini_fx.mechanics.kinematics import of_components
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics.space import SPACE
+from signorini_fx.mechanics.laws.directed import FrictionAxes
+from signorini_fx.mechanics.statement.rigid_motion import RigidBody
+from signorini_fx.tuned import PARALLEL, SAME_DIRECTION
+
+
+@dataclass(frozen=True)
+class MovingFoundation:
+    """The motion of rigid foundations at n contact points, where it is an unknown, see ``rigid_bodies``.
+
+    Attributes:
+        modes: displacement of the foundation of each point for each of the k unknowns, shape (n, d, k).
+        fixed: which unknowns are prescribed, shape (k,).
+        stiffness: of springs to the ground, force / length, shape (k,).
+        number: of the foundation of each unknown, from 0, shape (k,).
+        bodies: these foundations, shape (t,).
+        length: at which a rotation moves by one.
+    """
+
+    modes: Nodal
+    fixed: npt.NDArray[np.bool_]
+    stiffness: npt.NDArray[np.float64]
+    number: npt.NDArray[np.int64]
+    bodies: Sequence[RigidBody]
+    length: float
+
+    @property
+    def loose(self) -> npt.NDArray[np.bool_]:
+        """Which unknowns contact alone holds, shape (k,)."""
+        return ~self.fixed & (self.stiffness == 0.0)
+
+
+@dataclass(frozen=True)
+class ContactBoundary:
+    """The contact nodes of this rank, n of them.
+
+    Attributes:
+        comm: the ranks that share the boundary.
+        nodes: local number of the node (block of the function space), shape (n,).
+        x: position, length, shape (n, d).
+        weight: w_i, the area (in the plane: length) that belongs to the node, shape (n,).
+        normal: outward unit normal n_i, shape (n, d).
+        part: position of the effect in ``statement.contact`` that the node belongs to, shape (n,).
+        free: which displacement components are not prescribed, shape (n, d); where points average, at some node.
+        segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a facet); in the
+            plane in order along the facet, in space as basix has them.
+        global_nodes: global number of the node, shape (n,).
+        averages: how each point averages the displacement around it; None: it takes that of its node.
+        axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d); None: the
+            axes of space.
+        moving: foundations whose motion is an unknown; None: there are none.
+        friction_axes: of friction that depends on the direction; None: none does.
+        kinematics: of displacements with these components on these cells, whatever the scene is.
+        without_area: part and global number of nodes of pairs whose functions have no area, as on an axis of
+            revolution, shape (m, 2).
+        pushing: the force of a unit pressure on the body of its node, per area and negative, shape (n, d), where that
+            acts along derivatives of the gap; None: ``normal``.
+    """
+
+    comm: MPI.Comm
+    nodes: npt.NDArray[np.int32]
+    x: Nodal
+    weight: Nodal
+    normal: Nodal
+    part: npt.NDArray[np.int32]
+    free: npt.NDArray[np.bool_]
+    segments: npt.NDArray[np.int64]
+    global_nodes: npt.NDArray[np.int64]
+    averages: Averages | None = None
+    axes: Nodal | None = None
+    moving: MovingFoundation | None = None
+    friction_axes: FrictionAxes | None = None
+    kinematics: Kinematics = SPACE
+    without_area: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    pushing: Nodal | None = None
+
+    def check_friction_axes(self, path: str) -> None:
+        """See ``FrictionAxes.check``; collective."""
+        assert self.friction_axes is not None
+        self.friction_axes.check(self.normal, lambda: self.points.movable, path, self.comm)
+
+    @property
+    def size(self) -> int:
+        """Number of contact nodes on this rank."""
+        return int(self.nodes.size)
+
+    @cached_property
+    def centre(self) -> Nodal:
+        """Where the force of each point acts on a rigid body, length, shape (n, d)."""
+        return self.x if self.averages is None else self.averages.arm
+
+    @property
+    def paired(self) -> bool:
+        """Whether points are those of two bodies."""
+        return self.averages is not None and self.averages.paired
+
+    @property
+    def selection(self) -> Averages:
+        """Each point takes the displacement of its node: what others average, said alike."""
+        itself = sp.eye_array(self.size, format="csr")
+        return Averages(itself, self.global_nodes, self.x, ~self.free, lift=itself)
+
+    @property
+    def reached(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the nodes that the displacement at the points is made of, shape (m,): their own, or those
+        of ``averages``.
+        """
+        return self.global_nodes if self.averages is None else self.averages.nodes
+
+    @cached_property
+    def tangents(self) -> Nodal:
+        """Tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction depends on the direction, see
+        ``laws.directed``.
+        """
+        return self._axes if self.friction_axes is None else self._axes * self.friction_axes.scale
+
+    @cached_property
+    def cotangents(self) -> Nodal:
+        """Their dual basis, shape (n, d, d - 1), with which components of displacements along the tangents make a
+        vector; that of forces is made with the tangents.
+        """
+        return self._axes if self.friction_axes is None else self._axes / self.friction_axes.scale
+
+    @cached_property
+    def _axes(self) -> Nodal:
+        """Orthonormal tangents, see ``tangents_of``; where a component perpendicular to the normal is prescribed, one
+        of them is along it; those of friction with a direction along its axes.
+
+        Normals of a curved surface are off a support's plane by round-off of its cells, and so is that tangent off the
+        plane across the normal.  Where nothing is free it need not be: the tractions there may be of any size.
+        """
+        tangents = tangents_of(self.normal)
+        if self.normal.shape[1] == 2:
+            return tangents
+        for axis in range(3):
+            held_across = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= SAME_DIRECTION)
+            along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(held_across), 3))
+            if self.axes is not None:
+                along = self.axes[held_across, :, axis]
+            tangents[held_across] = np.stack((along, np.cross(self.normal[held_across], along)), axis=2)
+        return tangents if self.friction_axes is None else self.friction_axes.directions(self.normal, tangents)
+
+    @property
+    def frames(self) -> Nodal:
+        """(n, T) of each node, one direction per column, shape (n, d, d)."""
+        return np.concatenate((self.normal[:, :, None], self.tangents), axis=2)
+
+    @property
+    def coframes(self) -> Nodal:
+        """Their dual basis, (n, T^-T), with which components of displacements make a vector, shape (n, d, d)."""
+        return np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
+
+    @property
+    def frames_in_axes(self) -> Nodal:
+        """Orthonormal ``frames`` in the components that ``free`` is told in, shape (n, d, d)."""
+        frames = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
+        return frames if self.axes is None else np.einsum("nji,njk->nik", self.axes, frames)
+
+    @property
+    def _components(self) -> Nodal:
+        """Sizes of the components of the normal that ``free`` is told of, shape (n, d)."""
+        normal = self.normal if self.axes is None else np.einsum("ij,ijk->ik", self.normal, self.axes)
+        return np.abs(normal)
+
+    @cached_property
+    def points(self) -> ContactPoints:
+        """The same without coordinates, for the core."""
+        frames = self.frames_in_axes
+        movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
+        if self.moving is not None:
+            orthonormal = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
+            moves = np.einsum("nij,nik->njk", orthonormal, self.moving.modes[:, :, ~self.moving.fixed])
+            on_moving = moves.any(axis=(1, 2))
+            movable[on_moving] = onto_range(
+                movable[on_moving] + np.einsum("nik,njk->nij", moves[on_moving], moves[on_moving])
+            )
+        return ContactPoints(self.comm, self.weight, movable, self.x, self._shared)
+
+    def aligned(self) -> tuple[npt.NDArray[np.int32], Nodal] | None:
+        """The nodes whose unknowns must be turned so that each component of a relative displacement is one of them, and
+        their frames, shapes (m,) and (m, d, d); None: there are none on any rank; collective.
+
+        A component that is prescribed stays in its place.
+
+        Raises:
+            SceneError: contact points average, a contact node has two normals, or a prescribed component is along
+                neither its normal nor a tangent.
+        """
+        sizes = np.abs(self.frames_in_axes)
+        frames = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
+        across = 1.0 - sizes.max(axis=2) >= PARALLEL
+        for reason, applies in (
+            (
+                "contact of two bodies ties several unknowns to each other",
+                self.paired,
+            ),
+            (
+                "contact points of quadratic tetrahedra average over several nodes, of which none can be tied",
+                self.averages is not None,
+            ),
+            ("a contact node has two normals", np.unique(self.nodes).size < self.size),
+            ("a contact node is prescribed askew to its normal", bool((across & ~self.free).any())),
+        ):
+            if parallel.any_rank(self.comm, applies):
+                text = f"exact cannot be used here: {reason}; use ssn, alm or path-following"
+                raise SceneError([("solver.algorithm", text)])
+        off = across.any(axis=1)
+        for point, component in np.argwhere(~self.free & off[:, None]):
+            pair = [component, sizes[point, component].argmax()]
+            for directions in (sizes[point], frames[point]):
+                directions[:, pair] = directions[:, pair[::-1]]
+        return (self.nodes[off], frames[off]) if parallel.any_rank(self.comm, bool(off.any())) else None
+
+    @property
+    def _shared(self) -> SharedNodes:
+        """The points that share a node with another one; none of those that average."""
+        reaches = np.ones(self.size) if self.averages is None else np.diff(self.averages.shares.indptr)
+        alone = np.flatnonzero(reaches == 1)
+        _, node, times = np.unique(self.nodes[alone], return_inverse=True, return_counts=True)
+        alone = alone[times[node] > 1]
+        order = alone[np.argsort(self.nodes[alone], kind="stable")]
+        nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
+        pairs = [pair for group in nodes for pair in permutations(map(int, group), 2)]
+        points, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        coframes = np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
+        return SharedNodes(points, beside, np.einsum("nji,nj->ni", coframes[points], self.normal[beside]))
+
+    def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
+        return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ijk->ik", y, self.tangents)
+
+    def nodal_forces(self, pressure: Nodal, shear: Nodal) -> Nodal:
+        """Nodal w (lambda n + T mu), shape (n, d): (lambda, tau_N .) + (mu, tau_T .), minus the forces on the body; of
+        points with ``pushing`` with that for n.
+        """
+        along = self.normal if self.pushing is None else self.pushing
+        traction = pressure[:, None] * along + np.einsum("ik,ijk->ij", shear, self.tangents)
+        return self.weight[:, None] * traction
+
+
+def tangents_of(normal: Nodal) -> Nodal:
+    """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
+
+    In the plane t = (-n_2, n_1): for a body above its foundation it points along x[0].  In space they are any two unit
+    vectors of a right-handed frame (n, t_1, t_2) (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8), which must not be
+    compared from node to node.
+    """
+    if normal.shape[1] == 2:
+        return np.stack((-normal[:, 1], normal[:, 0]), axis=1)[:, :, None]
+    x, y, z = normal.T
+    sign = np.where(z < 0, -1.0, 1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first = np.stack((1.0 + sign * x * x * a, sign * b, -sign * x), axis=1)
+    second = np.stack((b, sign + y * y * a, -y), axis=1)
+    return np.stack((first, second), axis=2)
+
+
+def join(parts: list[ContactBoundary]) -> ContactBoundary:
+    """Several contact boundaries as one list of nodes."""
+    fields: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes", "without_area")
+    }
+    averages = [part.averages for part in parts]
+    if any(averages):  # the others take the displacement of their nodes
+        averages = [part.selection if part.averages is None else part.averages for part in parts]
+    axes = [part.axes for part in parts if part.axes is not None]
+    pushing = None
+    if any(part.pushing is not None for part in parts):
+        pushing = np.concatenate([part.normal if part.pushing is None else part.pushing for part in parts])
+    return ContactBoundary(
+        parts[0].comm,
+        **fields,
+        averages=Averages.joined([average for average in averages if average is not None]) if any(averages) else None,
+        axes=np.concatenate(axes) if axes else None,
+        friction_axes=FrictionAxes.joined([part.friction_axes for part in parts], [part.size for part in parts]),
+        kinematics=parts[0].kinematics,
+        pushing=pushing,
+    )
+
+
+def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32], factor: Any = None) -> fem.Form:
+    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the surface measure."""
+    mesh = space.mesh
+    degree, geometry = space.element.basix_element.degree, compat.geometry_degree(mesh)
+    rule = contact_forms.nodal_rule(degree, geometry, mesh.topology.dim)
+    if factor is None:
+        factor = fem.Constant(mesh, default_scalar_type(1.0))
+    elif degree == 1:  # exactly: on the axis of a body of revolution the nodal rule has the weight zero
+        rule = {"quadrature_degree": contact_forms.lumped_degree(degree, geometry)}
+    ds = measure(mesh, [facets], rule)(1)
+    return fem.form(contact_forms.contact_form(factor, z, ufl.FacetNormal(mesh), ds))
+
+
+def contact_part(
+    space: fem.FunctionSpace,
+    form: fem.Form | AveragingForms,
+    facets: npt.NDArray[np.int32],
+    index: int,
+    fixed: npt.NDArray[np.bool_],
+    turned: TurnedNodes | None = None,
+    least: float = 0.0,
+) -> ContactBoundary:
+    """Points, weights and normals of one contact boundary from the assembled unit contact form; collective.
+
+    Nodes whose weight is no larger than ``least`` times the largest one are no points.
+    """
+    dim = space.mesh.geometry.dim
+    averages = None
+    if isinstance(form, AveragingForms):
+        nodes, weight, moments, averages = averaged_points(space, form, fixed)
+        normal = moments / np.linalg.norm(moments, axis=1, keepdims=True)
+        free = averages.any_of(~averages.fixed)
+    else:
+        weighted_normals = assemble(form).reshape(-1, dim)
+        size = np.linalg.norm(weighted_normals, axis=1)
+        least *= parallel.largest(space.mesh.comm, size)
+        nodes = np.flatnonzero(size > least).astype(np.int32)
+        weight, normal = size[nodes], weighted_normals[nodes] / size[nodes, None]
+        free = ~fixed.reshape(-1, dim)[nodes]
+    return ContactBoundary(
+        comm=space.mesh.comm,
+        nodes=nodes,
+        x=node_positions(space)[nodes, :dim],
+        weight=weight,
+        normal=normal,
+        part=np.full(nodes.size, index, dtype=np.int32),
+        free=free,
+        segments=segments_of(space, facets, index, vertices=averages is not None),
+        global_nodes=space.dofmap.index_map.local_to_global(nodes),
+        averages=averages,
+        axes=None if turned is None else turned.frames_at(nodes),
+        kinematics=of_components(space.mesh.topology.dim, dim),
+    )
+
+
+def no_points(space: fem.FunctionSpace) -> ContactBoundary:
+    """The contact boundary of a body without contact."""
+    dim, nowhere = space.mesh.geometry.dim, np.zeros(0, dtype=np.int32)
+    return ContactBoundary(
+        comm=space.mesh.comm,
+        nodes=nowhere,
+        x=np.zeros((0, dim)),
+        weight=np.zeros(0),
+        normal=np.zeros((0, dim)),
+        part=nowhere,
+        free=np.zeros((0, dim), dtype=bool),
+        segments=segments_of(space, nowhere, 0, vertices=False),
+        global_nodes=nowhere.astype(np.int64),
+        kinematics=of_components(space.mesh.topology.dim, dim),
+    )
+
+
+def segments_of(
+    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, *, vertices: bool
+) -> npt.NDArray[np.int64]:
+    """The part and the global numbers of the nodes, or of the vertices alone, of each facet, see
+    ``ContactBoundary.segments``.
+    """
+    side, local_nodes = space.mesh.topology.dim - 1, facet_nodes(space, facets)
+    # Vertices come first, then inner nodes: along a facet in the plane the second vertex is the last node.
+    if vertices:
+        local_nodes = local_nodes[:, : side + 1]  # of triangles: no other facets average
+    if side == 1:
+        local_nodes = local_nodes[:, [0, *range(2, local_nodes.shape[1]), 1]]
+    nodes = space.dofmap.index_map.local_to_global(local_nodes.ravel()).reshape(local_nodes.shape)
+    return np.column_stack((np.full(len(local_nodes), part, dtype=np.int64), nodes))
+
+
+def in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Positions, shape (n, d), relative to their extent and rounded: otherwise round-off would order points that are
+    meant to be in line.
+    """
+    extent = float(np.ptp(x, axis=0).max()) if len(x) > 1 else 0.0
+    return np.asarray(np.round(x / extent, 9)) if extent > 0 else np.zeros_like(x)
+
+
+def chains(
+    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
+) -> tuple[list[range], npt.NDArray[np.int64], list[bool]]:
+    """Connected pieces of the boundary, the order of the nodes along them, and whether each piece is closed.
+
+    A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
+    not depend on the numbering of nodes and the number of ranks.  Nodes of segments that are no points are left out.
+    """
+    x = in_line(x)
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
+    neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
+    for part, *nodes in segments:
+        path = [row_of[number] for node in nodes if (number := (int(part), int(node))) in row_of]
+        for a, b in pairwise(path):
+            neighbours[a].append(b)
+            neighbours[b].append(a)
+
+    def key(row: int) -> tuple[int, float, float]:
+        return int(numbers[row, 0]), float(x[row, 0]), float(x[row, 1])
+
+    pieces: list[range] = []
+    order: list[int] = []
+    closed: list[bool] = []
+    seen: set[int] = set()
+    ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
+    sorted_rows = sorted(neighbours, key=key)
+    paths: list[list[int]] = []
+    for start in [*ends, *sorted_rows]:
+        if start in seen:
+            continue
+        chain = [start]
+        seen.add(start)
+        while (
+            following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)
+        ) is not None:
+            chain.append(following)
+            seen.add(following)
+        paths.append(chain)
+    for chain in sorted(paths, key=lambda rows: key(rows[0])):
+        pieces.append(range(len(order), len(order) + len(chain)))
+        order += chain
+        closed.append(len(chain) > 2 and chain[0] in neighbours[chain[-1]])
+    return pieces, np.array(order, dtype=np.int64), closed

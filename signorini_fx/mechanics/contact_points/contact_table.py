@@ -1,0 +1,231 @@
+"""The contact boundary as a table: nodes of all ranks in a fixed order, and in the plane the zones on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algebra.contact.nodal_vectors import length
+from signorini_fx.machine import parallel
+from signorini_fx.machine.display import clean, html_table
+from signorini_fx.mechanics.contact_points.contact_boundary import chains, in_line
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+
+# Rows of a table that a notebook shows.
+_SHOWN_ROWS = 20
+
+
+@dataclass(frozen=True, repr=False)
+class ContactTable:
+    """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
+
+    Attributes:
+        columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in space open, stick or slip;
+            ``friction`` is the same without open, or none where the bound is 0, whether or not the node is in contact
+            (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in space,
+            and of a section in space, they are lengths of vectors, whose components follow as ``u_t_x`` and so
+            on.  Where two bodies are in contact, ``against`` names the other boundary.
+        chains: the connected pieces of the boundary, as ranges of rows; in space none.  The column ``to_next`` has the
+            distance to the next node along a piece; at the last node it is positive where the piece is closed.
+        nodes: position of the boundary in ``statement.contact`` and global number of the node, shape (rows, 2); None
+            for a table that belongs to no mesh.
+        facets: in space the rows at the nodes of each facet, as basix has them, facets in the order of the ranks, -1
+            for nodes that are no contact nodes, shape (facets, nodes of a facet); None in the plane.
+    """
+
+    columns: dict[str, npt.NDArray[Any]]
+    chains: list[range]
+    nodes: npt.NDArray[np.int64] | None = None
+    facets: npt.NDArray[np.int64] | None = None
+
+    def __repr__(self) -> str:
+        return f"<ContactTable: {len(self.columns['x'])} nodes, columns {', '.join(self.columns)}>"
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks: the first rows, without round-off in positions."""
+        x = [self.columns[axis] for axis in "xyz" if axis in self.columns]
+        extent = max((float(np.ptp(column)) for column in x if column.size), default=0.0)
+        first = {name: column[:_SHOWN_ROWS].tolist() for name, column in self.columns.items()}
+        rows = list(zip(*(clean(c, extent) if name in "xyz" else c for name, c in first.items()), strict=True))
+        return html_table(tuple(self.columns), rows, f"{len(self.columns['x'])} contact nodes, the first {len(rows)}")
+
+    @property
+    def touching(self) -> int:
+        """How many nodes are in contact."""
+        return int(np.count_nonzero(self.columns["state"] != "open"))
+
+    @property
+    def paths(self) -> list[npt.NDArray[np.int64]]:
+        """The rows along each connected piece; at the end of a closed one its first row again."""
+        to_next = self.columns.get("to_next")
+        closed = [to_next is not None and to_next[chain.stop - 1] > 0 for chain in self.chains]
+        return [np.array([*c, *c[:1]] if loop else c) for c, loop in zip(self.chains, closed, strict=True)]
+
+    def arc(self, path: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        """Arc length at the rows of one of ``paths``, from its first row."""
+        s = np.array(self.columns["s"][path])
+        if is_closed(path):
+            s[-1] = s[-2] + self.columns["to_next"][path[-2]]
+        return s
+
+    def unrolled(self, path: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], slice]:
+        """Rows and arc length along one of ``paths``, and which of the intervals between them are its own.
+
+        A closed path goes round three times, so that the round in the middle has no ends.
+        """
+        s, count = self.arc(path), len(path) - 1
+        if not is_closed(path):
+            return path, s, slice(0, count)
+        rows = np.concatenate((path[:-1], path[:-1], path))
+        return rows, np.concatenate((s[:-1] - s[-1], s[:-1], s + s[-1])), slice(count, 2 * count)
+
+    def runs(self, mask: npt.NDArray[np.bool_]) -> list[tuple[npt.NDArray[np.int64], int, int]]:
+        """Runs of neighbouring rows where ``mask`` holds: the path that each is on, its first and its last row.
+
+        A run across the first row of a closed piece is one; one all around goes from the first row to the last.
+        """
+        runs = []
+        for path in self.paths:
+            rows = path[:-1] if is_closed(path) else path
+            inside = mask[rows].astype(np.int64)
+            enters = np.diff(inside, prepend=0, append=0)
+            starts, stops = np.flatnonzero(enters == 1), np.flatnonzero(enters == -1)
+            first, last = rows[starts], rows[stops - 1]
+            if is_closed(path) and len(first) > 1 and inside[0] and inside[-1]:
+                first, last = first[1:], np.append(last[1:-1], last[0])
+            runs += [(path, int(a), int(b)) for a, b in zip(first, last, strict=True)]
+        return runs
+
+    def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
+        """The ``runs`` of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""
+        x, y = self.columns["x"], self.columns["y"]
+        return [[[float(x[row]), float(y[row])] for row in ends] for _, *ends in self.runs(mask)]
+
+
+def is_closed(path: npt.NDArray[np.int64]) -> bool:
+    """Whether a path of rows ends where it began."""
+    return path.size > 1 and bool(path[0] == path[-1])
+
+
+def contact_table(
+    contact: ContactState, names: Sequence[str], against: Sequence[str | None] | None = None
+) -> ContactTable:
+    """Gather the contact nodes of all ranks and put them in order; the same on every rank, and on any number of ranks.
+
+    In the plane the order is that along the boundary, which has no counterpart on a surface: there it is that of the
+    coordinates.
+
+    Args:
+        contact: the nodes of this rank.
+        names: name of the boundary of each effect in ``statement.contact``.
+        against: that of the other body of each; None: there is none at all, nor a column for it.
+    """
+    boundary = contact.boundary
+    dim = boundary.x.shape[1] - boundary.kinematics.out_of_section
+    numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
+    scalars = {
+        "gap": contact.gap,
+        "u_n": contact.u_n,
+        "pressure": contact.pressure,
+        "bound": contact.bound,
+        "touching": contact.in_contact,
+        "side": contact.sliding_side(),
+        "weight": boundary.weight,
+    }
+    if contact.joint is not None:
+        scalars["water"] = contact.joint.pressure
+    vectors = {
+        "x": boundary.x[:, :dim],
+        "n": boundary.normal[:, :dim],
+        "u_t": contact.displaced(contact.u_t),
+        "shear": contact.tangential(contact.shear),
+        "slip": contact.displaced(contact.slip_length),
+    }
+    rows = parallel.gather_rows(boundary.comm, np.column_stack((*scalars.values(), *vectors.values())))
+    x = rows[:, len(scalars) : len(scalars) + dim]
+    segments = parallel.gather_rows(boundary.comm, boundary.segments)
+    if dim == 2:
+        least = 2 if boundary.averages is None else None  # a node on an axis of revolution has no weight
+        carrying = np.concatenate((numbers, parallel.gather_rows(boundary.comm, boundary.without_area)))
+        pieces, order, closed = chains(numbers, with_points(carrying, segments, least), x)
+        facets = None
+    else:
+        pieces, order, closed = [], _by_position(numbers[:, 0], x), []
+        facets = _rows_of(numbers[order], segments)
+    rows, part = rows[order], numbers[order, 0]
+    ends = np.cumsum([len(scalars), *(values.shape[1] for values in vectors.values())])
+    of = dict(zip(scalars, rows.T, strict=False))
+    parts = {name: rows[:, a:b] for name, a, b in zip(vectors, ends, ends[1:], strict=False)}
+    slipping = np.array(["slip-", "stick", "slip+"] if boundary.x.shape[1] == 2 else ["", "stick", "slip"])
+    state = slipping[of["side"].astype(int) + 1]
+    columns: dict[str, npt.NDArray[Any]] = {
+        **dict(zip("xyz", parts["x"].T, strict=False)),
+        "gap": of["gap"],
+        "u_n": of["u_n"],
+        **_components("u_t", parts["u_t"]),
+        "pressure": of["pressure"],
+        **_components("shear", parts["shear"]),
+        "bound": of["bound"],
+        **({"water": of["water"]} if "water" in of else {}),
+        "state": np.where(of["touching"] > 0, state, "open"),
+        "friction": np.where(of["bound"] > 0, state, "none"),
+        **_components("slip", parts["slip"]),
+        "boundary": np.array(names)[part.astype(int)],
+        **({} if against is None else {"against": np.array([body or "" for body in against])[part.astype(int)]}),
+        **(_along(parts["x"], pieces, closed) if dim == 2 else {}),
+        **dict(zip(("n_x", "n_y", "n_z"), parts["n"].T, strict=False)),
+        "weight": of["weight"],
+    }
+    return ContactTable(columns, pieces, numbers[order], facets)
+
+
+def with_points(
+    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], least: int | None = None
+) -> npt.NDArray[np.int64]:
+    """The facets of which every node carries a point: between two bodies not all do.
+
+    Args:
+        numbers: part and global node of each point, shape (n, 2).
+        segments: see ``ContactBoundary.segments``.
+        least: how many nodes carry points at least; None: all of them.
+    """
+    base = int(max(segments[:, 1:].max(initial=0), numbers[:, 1].max(initial=0))) + 1
+    carrying = np.isin(segments[:, :1] * base + segments[:, 1:], numbers[:, 0] * base + numbers[:, 1])
+    return segments[carrying.sum(axis=1) >= (carrying.shape[1] if least is None else least)]
+
+
+def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """``ContactTable.facets`` from the part and the global number of each row and ``ContactBoundary.segments``."""
+    base = int(segments[:, 1:].max(initial=0)) + 1
+    row_keys, wanted = numbers[:, 0] * base + numbers[:, 1], segments[:, :1] * base + segments[:, 1:]
+    order = np.argsort(row_keys)
+    rows = order[np.minimum(np.searchsorted(row_keys[order], wanted), row_keys.size - 1)]
+    return np.where(row_keys[rows] == wanted, rows, -1)
+
+
+def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.NDArray[np.float64]]:
+    """A tangential vector as columns: itself in the plane; its length and its components in space."""
+    if vectors.shape[1] == 1:
+        return {name: vectors[:, 0]}
+    return {name: length(vectors), **{f"{name}_{axis}": vectors[:, k] for k, axis in enumerate("xyz")}}
+
+
+def _along(x: npt.NDArray[np.float64], pieces: list[range], closed: list[bool]) -> dict[str, npt.NDArray[np.float64]]:
+    """Arc length along each connected piece, from its beginning, and the distance from each node to the next one."""
+    along, to_next = np.zeros(len(x)), np.zeros(len(x))
+    for chain, loop in zip(pieces, closed, strict=True):
+        rows = slice(chain.start, chain.stop)
+        to_next[rows] = np.hypot(*(np.roll(x[rows], -1, axis=0) - x[rows]).T)
+        along[chain.start + 1 : chain.stop] = np.cumsum(to_next[chain.start : chain.stop - 1])
+        if not loop:
+            to_next[chain.stop - 1] = 0.0
+    return {"s": along, "to_next": to_next}
+
+
+def _by_position(part: npt.NDArray[np.int64], x: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    """The order by boundary, then by coordinates, rounded so that round-off does not decide."""
+    return np.lexsort((*in_line(x).T[::-1], part)).astype(np.int64)

@@ -1,0 +1,144 @@
+"""Elasticity of materials that are not isotropic: the stiffness in each cell, and its form.
+
+Stress and strain are vectors of the components ``Kinematics.pairs``, of shear strains twice epsilon_ij.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.elasticity.moduli import graded, middles
+from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
+from signorini_fx.mechanics.materials.protocol import PAIRS, Array
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.tuned import NOT_ORTHONORMAL, ZERO_IN_SOLUTION
+
+
+@dataclass(frozen=True)
+class CellwiseStiffness:
+    """The stiffness of all cells, with the axes in their middle.
+
+    Attributes:
+        stiffness: stresses, of plane strain with a last row for that out of the plane, from strains, shape (rows, m).
+        of_free_strain: the stress that takes an initial strain back which is one where a material expands alike in all
+            directions, shape (rows,).
+    """
+
+    stiffness: fem.Function
+    of_free_strain: fem.Function
+
+    @property
+    def at_cells(self) -> Array:
+        """Of the cells of this rank, ghosts included, shape (cells, rows, m)."""
+        values = self.stiffness.x.array.reshape(-1, *self.stiffness.ufl_shape)
+        return np.asarray(values[self.stiffness.function_space.dofmap.list[:, 0]])
+
+    def stress(self, strain: Any, initial: Any = None) -> list[Any]:
+        """Its components, of strains as a vector and initial strains, UFL."""
+        rows = range(self.stiffness.ufl_shape[0])
+        stress = [ufl.dot(self.stiffness[k, :], strain) for k in rows]
+        return stress if initial is None else [stress[k] - initial * self.of_free_strain[k] for k in rows]
+
+
+def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:
+    """That of a scene; None: all of its materials are isotropic; collective.
+
+    Raises:
+        SceneError: the axes have no direction in some cell; or a plane body would not stay plane.
+    """
+    if all(material.isotropic for material in statement.material):
+        return None
+    kinematics, plane = statement.kinematics_in(tagged.dimension), statement.material[0].hypothesis == "plane stress"
+    columns = [PAIRS.index(pair) for pair in kinematics.pairs]
+    rows = [*columns, *([PAIRS.index((2, 2))] if kinematics.prevented else [])]
+    across = [k for k in range(len(PAIRS)) if k not in columns]
+    moduli, free = (
+        fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, shape)))
+        for shape in ((len(rows), len(columns)), (len(rows),))
+    )
+    at_cells, free_at_cells = moduli.x.array.reshape(-1, len(rows), len(columns)), free.x.array.reshape(-1, len(rows))
+    problems = []
+    for number, material in enumerate(statement.material):
+        if material.region is not None and material.region not in tagged.regions:
+            continue  # which is reported elsewhere
+        count = len(moduli.function_space.dofmap.list)
+        cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
+        axes = np.asarray(material.axes(middles(tagged, cells)))
+        if parallel.any_rank(tagged.mesh.comm, axes.shape != (len(cells), 3, 3)):
+            wanted = f"axes of {material.words} must have the shape (n, 3, 3) for points of the shape (3, n)"
+            problems.append((f"material[{number}]", wanted))
+            continue
+        if parallel.any_rank(tagged.mesh.comm, not np.isfinite(axes).all()):
+            wanted = f"direction and second of {material.words} must be finite, not zero and not parallel"
+            wanted += " in the middle of each cell"
+            problems.append((f"material[{number}]", wanted))
+            continue
+        askew = np.abs(axes.swapaxes(1, 2) @ axes - np.eye(3)).max(initial=0.0)
+        if parallel.any_rank(tagged.mesh.comm, bool(askew > NOT_ORTHONORMAL)):
+            wanted = f"axes of {material.words} must be unit vectors at right angles"
+            problems.append((f"material[{number}]", wanted))
+            continue
+        turned = _turned(axes)
+        whole = turned @ material.stiffness @ turned.swapaxes(1, 2)
+        off = np.abs(whole[:, [4, 5], :4]).max(initial=0.0) if len(columns) < len(PAIRS) else 0.0
+        if parallel.any_rank(tagged.mesh.comm, bool(off > ZERO_IN_SOLUTION * np.abs(whole).max(initial=0.0))):
+            problems.append(
+                (f"material[{number}]", "a plane body needs a plane of symmetry: shear across it is not free")
+            )
+            continue
+        stress = turned @ (material.stiffness[:, :3] @ np.array(material.free_strain))
+        stiffness, free_stress = whole[:, rows][:, :, columns], stress[:, rows]
+        if plane:
+            stiffness = np.linalg.inv(np.linalg.inv(whole)[:, rows][:, :, columns])
+            held = whole[:, rows][:, :, across] @ np.linalg.inv(whole[:, across][:, :, across])
+            free_stress = free_stress - np.einsum("nij,nj->ni", held, stress[:, across])
+        at_cells[moduli.function_space.dofmap.list[cells, 0]] = stiffness
+        free_at_cells[free.function_space.dofmap.list[cells, 0]] = free_stress
+    if problems:
+        raise SceneError(problems)
+    share = graded(statement, tagged, "grading")
+    if share is not None:
+        at_cells *= share.x.array[:, None, None]
+        free_at_cells *= share.x.array[:, None]
+    return CellwiseStiffness(moduli, free)
+
+
+def _turned(axes: Array) -> Array:
+    """The components of a stress from those along the axes, shape (cells, 6, 6) (W. L. Bond, Bell Syst. Tech. J. 22
+    (1943) 1-72); its transpose turns the strain back.
+    """
+    bond_matrices = np.empty((len(axes), 6, 6))
+    for p, (i, j) in enumerate(PAIRS):
+        for q, (a, b) in enumerate(PAIRS):
+            bond_matrices[:, p, q] = axes[:, i, a] * axes[:, j, b] + (axes[:, i, b] * axes[:, j, a] if a != b else 0)
+    return bond_matrices
+
+
+def strain_components(y: Any, kinematics: Kinematics, *, on_axis: bool = False) -> Any:
+    """The components of the strain as a vector, UFL; ``on_axis``: see ``Kinematics.strain``."""
+    epsilon = kinematics.strain(y, on_axis=on_axis)
+    return ufl.as_vector([epsilon[i, j] * (1 if i == j else 2) for i, j in kinematics.pairs])
+
+
+def cellwise_form(y: Any, z: Any, moduli: CellwiseStiffness, degree: int, kinematics: Kinematics) -> Any:
+    """a(y, z) with the stiffness of each cell; the arguments are those of ``materials.isotropic.elastic_forms``."""
+    first, second = strain_components(y, kinematics), strain_components(z, kinematics)
+    stress = ufl.as_vector(moduli.stress(first)[: len(first)])
+    around = kinematics.measure(position(z))
+    return ufl.inner(stress, second) * around * ufl.dx(metadata={"quadrature_degree": degree})
+
+
+def free_strain_form(z: Any, strain: Any, moduli: CellwiseStiffness, degree: int, kinematics: Kinematics) -> Any:
+    """The work of the stress of an initial strain; see ``materials.isotropic.initial_strain_forms``."""
+    test = strain_components(z, kinematics)
+    stress = ufl.as_vector([moduli.of_free_strain[k] for k in range(len(test))])
+    around = kinematics.measure(position(z))
+    return strain * ufl.inner(stress, test) * around * ufl.dx(metadata={"quadrature_degree": degree})

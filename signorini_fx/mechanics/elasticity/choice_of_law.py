@@ -1,0 +1,55 @@
+"""Which elastic law a scene has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dolfinx import fem
+
+from signorini_fx.mechanics.assembly.pieces import BodyPieces
+from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness, cellwise_stiffness
+from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw, VolumeForces
+from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw, PressureForces
+from signorini_fx.mechanics.elasticity.moduli import lame_coefficients, reduced_degree
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.mechanics.statement.volumetric import treatment_of
+from signorini_fx.records import Inventory
+
+# Lame parameters, the stiffness of each cell, and the degree of the reduced term, see ``SceneLaw``.
+Moduli = tuple[tuple[Any, Any], CellwiseStiffness | None, int | None]
+
+
+def elastic_law(
+    statement: Statement,
+    tagged: TaggedMesh,
+    space: fem.FunctionSpace,
+    inventory: Inventory,
+    pieces: BodyPieces | None = None,
+    moduli: Moduli | None = None,
+) -> SceneLaw:
+    """That of a scene on its mesh; collective.
+
+    Args:
+        statement: what is stated of the problem.
+        tagged: its mesh.
+        space: of the displacement.
+        inventory: where forms are compiled.
+        pieces: into which the mesh falls; None: only terms and stresses are asked for.
+        moduli: those of the scene; None: they are computed.
+    """
+    lame, stiffness, reduced = moduli or (
+        lame_coefficients(statement, tagged),
+        cellwise_stiffness(statement, tagged),
+        reduced_degree(statement, tagged.mesh),
+    )
+    if treatment_of(statement).pressed:
+        return MixedLaw(statement, tagged, space, lame, pieces, inventory)
+    if stiffness is not None:
+        return CellwiseLaw(statement, tagged, space, lame, stiffness)
+    return IsotropicLaw(statement, tagged, space, lame, reduced)
+
+
+def volume_forces(statement: Statement) -> VolumeForces:
+    """The second opinion of the law of a scene."""
+    return PressureForces() if treatment_of(statement).pressed else VolumeForces()

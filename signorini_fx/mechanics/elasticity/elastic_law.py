@@ -1,0 +1,443 @@
+"""The elastic law of a body on its mesh: all that assembles, shows and judges a stress asks it, and knows no kind.
+
+Two laws have the displacement as their only unknown: that of isotropic materials, whose change of volume may be
+integrated with fewer points, and that of others.  Another one adds a pressure, see ``elasticity.choice_of_law``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+import basix
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from petsc4py import PETSc
+
+from signorini_fx.machine import compat, parallel
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, stiffness_form
+from signorini_fx.mechanics.assembly.quadrature import strain_degree
+from signorini_fx.mechanics.elasticity.cellwise_stiffness import (
+    CellwiseStiffness,
+    cellwise_form,
+    free_strain_form,
+    strain_components,
+)
+from signorini_fx.mechanics.elasticity.moduli import poisson_of
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.materials.isotropic import elastic_forms, initial_strain_forms
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Inventory
+
+_Floats = npt.NDArray[np.float64]
+# Which of the parts of a body, its cells, and stresses at their vertices -> that out of the plane, see ``LawStress``.
+OutOfPlane = Callable[[int, npt.NDArray[np.int32], _Floats], _Floats]
+# A function, and the expression that it is to be interpolated from.
+Interpolation = tuple[fem.Function, fem.Expression]
+
+
+@dataclass(frozen=True)
+class LawStress:
+    """The stress of a displacement by a law, UFL.
+
+    Attributes:
+        sigma: shape (d, d), or with the components out of the plane (3, 3).
+        outward: the stress out of the plane; None: there is none.
+        out_of_plane: that stress of others, shape (c, v, m), see ``ElementStress.outward_of``; None: it is one of them.
+        compliance: components tau of a difference of stresses -> C^-1 tau : tau.
+        modulus: see ``ElementStress``.
+        shear_modulus: see ``ElementStress``.
+        interpolated: what ``sigma`` does not see of the displacement itself.
+        prevented: what of the initial strains the stress out of the plane has beside the other stresses.
+    """
+
+    sigma: Any
+    outward: Any
+    out_of_plane: OutOfPlane | None
+    compliance: Callable[[Any], Any]
+    modulus: Any
+    shear_modulus: Any
+    interpolated: Sequence[Interpolation] = ()
+    prevented: Interpolation | None = None
+
+
+class ElasticLaw:
+    """A law whose only unknown is the displacement; its methods are collective.
+
+    Attributes:
+        pressed: whether a pressure is an unknown too, so that the matrix is indefinite.
+    """
+
+    pressed: ClassVar[bool] = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the forms of a(., .)."""
+        return ("elasticity",)
+
+    @property
+    def reduced(self) -> int | None:
+        """Quadrature degree of the volumetric term where it is reduced, else None."""
+        return None
+
+    @property
+    def count(self) -> int:
+        """Unknowns beside the displacement that this rank owns."""
+        return 0
+
+    # --- forms ---
+
+    def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
+        """a(y, z) on displacements as terms to be compiled one by one, UFL."""
+        raise NotImplementedError
+
+    def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
+        """The work of an initial strain, as terms to be compiled one by one, see ``work``."""
+        raise NotImplementedError
+
+    def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
+        """That of a jump of the displacement, likewise."""
+        return self.terms(jump, z)
+
+    def names_of(self, effect: str) -> tuple[str, ...]:
+        """What ``strain_terms`` and ``jump_terms`` of an effect are called."""
+        return effect, f"reduced volumetric {effect}"
+
+    def work(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
+        """Of these terms, compiled, at the owned unknowns of the displacement, and of the pressure."""
+        return sum((assemble(form) for form in forms), np.zeros(owned)), None
+
+    def compiled(self, space: fem.FunctionSpace, inventory: Inventory) -> tuple[fem.Form, ...]:
+        """The terms of a(., .)."""
+        terms = self.terms(ufl.TrialFunction(space), ufl.TestFunction(space))
+        across = space.mesh.topology.dim
+        return tuple(
+            inventory.compile(name, partial(stiffness_form, term, across))
+            for name, term in zip(self.names, terms, strict=True)
+        )
+
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+        """The stress of a displacement, which jumps have ``moved``, with initial strains, None without any, UFL."""
+        raise NotImplementedError
+
+    # --- unknowns beside the displacement: there are none ---
+
+    def joined(
+        self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, turning: PETSc.Mat | None, fixed: npt.NDArray[np.bool_]
+    ) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
+        """The matrix of all unknowns, and what turns them into displacements, with and without rigid bodies.
+
+        Args:
+            stiffness: of the displacement, prescribed rows and columns empty but for the diagonal.
+            rotation: from its unknowns to displacements; None: they are the same.
+            turning: that without rigid bodies.
+            fixed: the prescribed unknowns of the displacement of this rank.
+        """
+        stiffness.setOption(PETSc.Mat.Option.SPD, True)
+        return stiffness, rotation, turning
+
+    def lifted(self, prescribed: fem.Function, swelling: _Floats | None = None) -> _Floats:
+        """The load at the other unknowns, of prescribed displacements and the ``swelling`` of a load: (count,)."""
+        return np.empty(0)
+
+    def displacement(self, space: fem.FunctionSpace, values: _Floats, name: str = "displacement") -> fem.Function:
+        """A displacement, zero so far, with the other unknowns, shape (count,)."""
+        return fem.Function(space, name=name)
+
+    def unknowns(self, displacement: fem.Function) -> _Floats:
+        """These of a displacement, shape (count,)."""
+        return np.empty(0)
+
+    def energy(self, displacement: fem.Function) -> float:
+        """Twice the energy that a(., .) on displacements does not count."""
+        return 0.0
+
+    def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
+        """Whether an incompressible body cannot change its volume, because of what is held.
+
+        Args:
+            vector: from forces at the nodes to those at the unknowns that ``held`` is of.
+            held: unknowns of this rank.
+        """
+        return False
+
+    def listed(self) -> tuple[str, tuple[str, ...], int] | None:
+        """The other unknowns as ``check`` lists them: what they are, the forms, and their global number."""
+        return None
+
+
+class VolumeForces:
+    """The second opinion on what a law has beside the displacement, here nothing, by NumPy alone.
+
+    Each method is given what integrates, ``results.certificate.nodal_forces.NodalForces``.
+    """
+
+    pressed: ClassVar[bool] = False
+
+    def hooke(self, material: Any, young: _Floats, poisson: _Floats) -> tuple[_Floats, _Floats]:
+        """(a, b) of the stress a epsilon + b tr(epsilon) I that displacements cause by themselves."""
+        first, second = material.hooke_of(young, poisson)
+        return first, second
+
+    def forces(self, nodal: Any, displacement: fem.Function) -> _Floats:
+        """Those of the others, shape (nodes, d), on this rank alone."""
+        return np.zeros(1)
+
+    def strained(
+        self, nodal: Any, strain: Callable[[Any], _Floats], degree: int, displacement: fem.Function | None
+    ) -> tuple[_Floats, float]:
+        """Minus the forces of initial strains, shape (nodes, d), and their energy, on this rank alone."""
+        forces, energy = nodal.stress_work(nodal.zero(), degree, strain)
+        return forces, energy
+
+    def moved(self, displacement: fem.Function) -> fem.Function:
+        """Another displacement, zero so far, with the other unknowns of this one."""
+        return fem.Function(displacement.function_space)
+
+    def dilation(
+        self, nodal: Any, displacement: fem.Function, step: float, scale: float
+    ) -> tuple[_Floats, _Floats] | None:
+        """How far the volume changes otherwise than a pressure says; None: there is none; collective."""
+        return None
+
+
+def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:
+    """A displacement, and what else its law has found with it."""
+    return displacement, *getattr(displacement, "further", ())
+
+
+@dataclass(frozen=True)
+class SceneLaw(ElasticLaw):
+    """That of the materials of a scene.
+
+    Attributes:
+        statement: what is stated of the problem.
+        tagged: its mesh.
+        space: of the displacement.
+        lame: Lame parameters as coefficients, of other materials their means.
+    """
+
+    statement: Statement
+    tagged: TaggedMesh
+    space: fem.FunctionSpace
+    lame: tuple[Any, Any]
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Of the body."""
+        return self.statement.kinematics_in(self.tagged.dimension)
+
+    @property
+    def degree(self) -> int:
+        """Of the quadrature of a(., .); collective."""
+        return strain_degree(self.space, self.kinematics)
+
+    def prevented(self, stress: Any, initial: Any) -> Interpolation | None:
+        """``stress`` times an initial strain where the strain out of the plane is prevented."""
+        if initial is None or not self.kinematics.prevented:
+            return None
+        return interpolation(stress * initial, fem.functionspace(self.tagged.mesh, ("DG", 1)))
+
+    def lateral(self, part: int, cells: npt.NDArray[np.int32], tau: _Floats) -> _Floats:
+        """``OutOfPlane`` of an isotropic material."""
+        poisson = np.reshape(poisson_of(self.statement.material[part], self.tagged, cells), (-1, 1))
+        return np.asarray(poisson * (tau[..., 0] + tau[..., 1]))
+
+
+@dataclass(frozen=True)
+class IsotropicLaw(SceneLaw):
+    """Sigma = 2 mu epsilon + lambda theta I, with the volumetric strain theta as the stiffness sees it.
+
+    Both strains are without the initial one, and with the jumps across sections.  Without reduced integration theta is
+    tr(epsilon).  A reduced volumetric term sees tr(epsilon) at the points of its rule only.  Between them it may have
+    any value, and lambda times it is any multiple of the true stress if Poisson's ratio is near 1/2.  There theta is
+    interpolated between these points: constant in a cell with one point, bilinear or trilinear with two along each
+    axis.  This is the pressure of the method with two fields that reduced integration is equivalent to (Malkus and
+    Hughes, Comput. Methods Appl. Mech. Engrg. 15 (1978) 63-81).
+    """
+
+    reduced: int | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """See ``ElasticLaw``."""
+        return ("elasticity", "reduced volumetric elasticity")[: 1 if self.reduced is None else 2]
+
+    def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
+        """See ``ElasticLaw``."""
+        return elastic_forms(y, z, *self.lame, self.degree, self.reduced, kinematics=self.kinematics)
+
+    def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
+        """See ``ElasticLaw``."""
+        directions = self.statement.material[0].directions
+        more = {"directions": directions, "kinematics": self.kinematics}
+        return initial_strain_forms(z, strain, *self.lame, degree, self.reduced, **more)
+
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+        """See ``ElasticLaw``."""
+        (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
+        elastic = kinematics.strain(moved, on_axis=True)
+        theta, prevented = ufl.tr(elastic), None
+        if initial is not None:
+            elastic -= initial * ufl.Identity(elastic.ufl_shape[0])
+            theta -= self.statement.material[0].directions * initial
+            prevented = self.prevented(mu * (3 * lame + 2 * mu) / (lame + mu), initial)  # E times the initial strain
+        interpolated = []
+        if self.reduced is not None:
+            at_points = fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), self.reduced))
+            interpolated.append(interpolation(theta, at_points))
+            theta = interpolated[-1][0]
+            theta.name = "volumetric strain"
+        mean = lame * theta
+        sigma = 2 * mu * elastic + mean * ufl.Identity(elastic.ufl_shape[0])
+        outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None
+        if kinematics.prevented:
+            outward = mean if initial is None else mean - 2 * mu * initial
+        return LawStress(
+            sigma,
+            outward,
+            self.lateral if kinematics.prevented else None,
+            lambda tau: compliance(tau, kinematics, lame, mu),
+            lame + 2 * mu,
+            mu,
+            interpolated,
+            prevented,
+        )
+
+
+@dataclass(frozen=True)
+class CellwiseLaw(SceneLaw):
+    """By the stiffness of each cell.
+
+    Attributes:
+        stiffness: of all cells.
+    """
+
+    stiffness: CellwiseStiffness
+
+    def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
+        """See ``ElasticLaw``."""
+        return (cellwise_form(y, z, self.stiffness, self.degree, self.kinematics),)
+
+    def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
+        """See ``ElasticLaw``."""
+        return (free_strain_form(z, strain, self.stiffness, degree, self.kinematics),)
+
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+        """See ``ElasticLaw``."""
+        kinematics, moduli, dim = self.kinematics, self.stiffness, len(y)
+        components = moduli.stress(strain_components(moved, kinematics, on_axis=True), initial)
+        pairs = [*kinematics.pairs, *([(2, 2)] if kinematics.prevented else [])]
+        at = {pair: k for k, (i, j) in enumerate(pairs) for pair in ((i, j), (j, i))}
+        sigma = ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)])
+        outward, prevented, at_cells = (
+            components[at[2, 2]] if dim == 2 and (2, 2) in at else None,
+            None,
+            moduli.at_cells,
+        )
+        if initial is not None and kinematics.prevented:
+            m, free = len(kinematics.pairs), moduli.of_free_strain
+            values = free.x.array.reshape(-1, m + 1)[free.function_space.dofmap.list[:, 0]]
+            ratios = at_cells[:, m:] @ np.linalg.inv(at_cells[:, :m])
+            share = fem.Function(fem.functionspace(self.tagged.mesh, ("DG", 0)))
+            share.x.array[share.function_space.dofmap.list[:, 0]] = values[:, m] - np.einsum(
+                "ck,ck->c", ratios[:, 0], values[:, :m]
+            )
+            prevented = self.prevented(share, initial)
+        of_cells = np.arange(len(at_cells), dtype=np.int32)
+        return cellwise_stress(y, sigma, outward, (at_cells, of_cells), shear_modulus=self.lame[1], prevented=prevented)
+
+
+def cellwise_stress(
+    y: fem.Function,
+    sigma: Any,
+    outward: Any,
+    moduli: tuple[_Floats, npt.NDArray[np.int32]],
+    *,
+    shear_modulus: Any = None,
+    prevented: Interpolation | None = None,
+) -> LawStress:
+    """That of moduli which are constant in each cell; collective.
+
+    Args:
+        y: the displacement.
+        sigma: see ``LawStress``.
+        outward: see ``LawStress``.
+        moduli: the components of the stress, see ``Kinematics.pairs``, and out of the plane if there is such a stress,
+            over those of the strain, of shear twice epsilon_ij, of each cell, shape (cells, rows, m), and the number
+            of each cell among them.
+        shear_modulus: see ``LawStress``.
+        prevented: see ``LawStress``.
+
+    Raises:
+        numpy.linalg.LinAlgError: some strain has no stress, on all ranks.
+    """
+    mesh, (at_cells, numbers) = y.function_space.mesh, moduli
+    dim, m = int(mesh.geometry.dim), at_cells.shape[2]
+    inverse: Any = at_cells[:, :m]
+    error = None
+    try:
+        inverse = np.linalg.inv(inverse)
+    except np.linalg.LinAlgError as found:
+        error = found
+    parallel.raise_together(mesh.comm, error)
+    largest = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    largest.x.array[:] = at_cells[:, range(dim), range(dim)].max(axis=1)
+    flexibility = fem.Function(fem.functionspace(mesh, ("DG", 0, (m, m))))
+    flexibility.x.array[:] = inverse.ravel()
+    ratios = at_cells[:, m:] @ inverse
+
+    def out_of_plane(part: int, cells: npt.NDArray[np.int32], tau: _Floats) -> _Floats:
+        return np.asarray(np.einsum("cm,cvm->cv", ratios[numbers[cells], 0], tau))
+
+    return LawStress(
+        sigma,
+        outward,
+        out_of_plane if m < at_cells.shape[1] else None,
+        lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau),
+        largest,
+        shear_modulus,
+        prevented=prevented,
+    )
+
+
+def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
+    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``.
+
+    Args:
+        tau: the components.
+        kinematics: of the body.
+        lame: first Lame parameter; None: it may be infinite, and follows from Poisson's ratio.
+        mu: second Lame parameter.
+        poisson: nu, which counts without ``lame``; not in plane stress.
+    """
+    normal = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i == j]
+    shear = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i != j]
+    trace = sum(normal[1:], normal[0])
+    square = sum((entry**2 for entry in normal[1:]), normal[0] ** 2)
+    sheared = sum((2 * entry**2 for entry in shear[1:]), 2 * shear[0] ** 2)
+    share = poisson / (1 + poisson if len(normal) == 3 else 1)
+    if lame is not None:
+        share = lame / (len(normal) * lame + 2 * mu)
+    return (square + sheared - share * trace**2) / (2 * mu)
+
+
+def interpolation(value: Any, space: fem.FunctionSpace) -> Interpolation:
+    """A function of a space that is to have a value."""
+    with compiling():
+        expression = fem.Expression(value, compat.interpolation_points(space.element), dtype=default_scalar_type)
+    return fem.Function(space), expression
+
+
+def _at_points(cell: str, degree: int) -> Any:
+    """The discontinuous element whose nodes are the points of a Gauss rule: one point, or two along each axis."""
+    if degree == 1:
+        return basix.ufl.element("DG", cell, 0)
+    return basix.ufl.element("DQ", cell, 1, lagrange_variant=basix.LagrangeVariant.gl_warped, discontinuous=True)

@@ -1,0 +1,510 @@
+"""The pressure of a mixed element: a field of degree 1, whose unknowns follow those of the displacement.
+
+It is continuous within each material, and jumps between them.  With several materials it has one component for each,
+which counts in the cells of this material alone; those of nodes elsewhere are zero.
+
+With the forms of ``MixedLaw`` the unknowns (y, p) of the body have
+
+    K = [A B^T; B -C],   b = [f; -B y_D - s],
+
+with C = 0 for nu = 1/2, the prescribed displacements y_D, and the work s of initial strains.  K is symmetric and
+indefinite.  Contact acts on the displacement alone, and what is left of K on its unknowns once all others are
+eliminated is positive semi-definite.
+
+The unknowns of the pressure are multiples of Young's modulus over the spacing of the nodes.  So the three blocks have
+entries of one size in any units, which a factorisation that does not scale needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, ClassVar
+
+import basix
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem, la
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+from signorini_fx.algebra.linalg.factorisation import has_package
+from signorini_fx.machine import compat, parallel
+from signorini_fx.machine.fenicsx import needs_fenicsx
+from signorini_fx.mechanics.assembly.mesh_entities import adjugates, assemble, over_ranks
+from signorini_fx.mechanics.assembly.pieces import BodyPieces
+from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, VolumeForces, compliance
+from signorini_fx.mechanics.elasticity.moduli import isotropic
+from signorini_fx.mechanics.kinematics.protocol import position
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Inventory
+from signorini_fx.tuned import SAME_ENTRY
+
+_Floats = npt.NDArray[np.float64]
+
+
+class MixedDisplacement(fem.Function):
+    """The displacement of a mixed element, with the pressure that belongs to it.
+
+    Attributes:
+        hydrostatic: p = -lambda tr(epsilon), for nu = 1/2 minus the mean stress; a stress, positive in compression;
+            of several materials discontinuous between cells.  With initial strains see
+            ``MixedLaw.strain_terms``.
+    """
+
+    def __init__(self, space: fem.FunctionSpace, hydrostatic: fem.Function, name: str = "displacement") -> None:
+        super().__init__(space, name=name)
+        self.hydrostatic = hydrostatic
+
+    @property
+    def further(self) -> tuple[fem.Function]:
+        """See ``elasticity.elastic_law.fields_of``."""
+        return (self.hydrostatic,)
+
+
+def hydrostatic_of(displacement: fem.Function) -> fem.Function:
+    """The pressure of a displacement.
+
+    Raises:
+        ValueError: it has none, such as a copy of one that has.
+    """
+    if not isinstance(displacement, MixedDisplacement):
+        raise ValueError("this displacement is without the pressure that belongs to it: take that of the solution")
+    return displacement.hydrostatic
+
+
+@dataclass(frozen=True)
+class PressureSpace:
+    """The unknowns of the pressure, m at each vertex for m materials.
+
+    Attributes:
+        own: the space of these.
+        part: number of the material of each cell of this rank, ghosts included, shape (cells,).
+    """
+
+    own: fem.FunctionSpace
+    part: npt.NDArray[np.int32]
+
+    @classmethod
+    def of(cls, statement: Statement, tagged: TaggedMesh) -> PressureSpace:
+        """That of the materials of a scene."""
+        m = len(statement.material)
+        part = np.zeros(len(compat.geometry_cells(tagged.mesh)), dtype=np.int32)
+        for number, material in enumerate(statement.material):
+            if m > 1:
+                part[tagged.cells(str(material.region))] = number
+        return cls(fem.functionspace(tagged.mesh, ("Lagrange", 1, (m,)) if m > 1 else ("Lagrange", 1)), part)
+
+    @property
+    def materials(self) -> int:
+        """M, their number."""
+        return int(self.own.dofmap.index_map_bs)
+
+    @cached_property
+    def _component(self) -> fem.Function:
+        """1 in the component of the material of each cell, 0 in the others."""
+        space = fem.functionspace(self.own.mesh, ("DG", 0, (self.materials,)))
+        indicator = fem.Function(space)
+        indicator.x.array.reshape(-1, self.materials)[space.dofmap.list[:, 0], self.part] = 1.0
+        return indicator
+
+    def scalar(self, q: Any) -> Any:
+        """A function or an argument of the space as a pressure, UFL."""
+        return q if self.materials == 1 else ufl.inner(self._component, q)
+
+    @property
+    def rows(self) -> npt.NDArray[np.int32]:
+        """The unknowns of the pressure in each cell of this rank, shape (cells, vertices)."""
+        return self.own.dofmap.list * self.materials + self.part[:, None]
+
+    def alive(self) -> npt.NDArray[np.bool_]:
+        """Which of the unknowns that this rank owns are at a vertex of their material, shape (count,); collective."""
+        return self.over_cells(np.ones(self.rows.shape)) > 0
+
+    def over_cells(self, values: _Floats) -> _Floats:
+        """The mean of values in cells, shape (cells, vertices), at each unknown of this rank, shape (count,), zero
+        where it has no cell; collective.
+        """
+        sums = [fem.Function(self.own) for _ in range(2)]
+        for function, added in zip(sums, (values, np.ones(values.shape)), strict=True):
+            np.add.at(function.x.array, self.rows, added)
+            function.x.scatter_reverse(la.InsertMode.add)
+        total, times = (function.x.array[: self.count] for function in sums)
+        return total / np.maximum(times, 1.0)
+
+    @property
+    def count(self) -> int:
+        """Unknowns that this rank owns."""
+        return int(self.own.dofmap.index_map.size_local) * self.materials
+
+
+@dataclass(frozen=True)
+class MixedLaw(SceneLaw):
+    """Sigma = 2 mu epsilon - p I, with the pressure p as an unknown; in plane strain -p is the stress out of the plane
+    as well.
+
+    Attributes:
+        pieces: into which the mesh falls, of which bodies that are not joined have a pressure each; None: nobody asks
+            what is enclosed.
+        inventory: what was compiled and assembled.
+    """
+
+    pieces: BodyPieces | None
+    inventory: Inventory
+
+    pressed: ClassVar[bool] = True
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """See ``ElasticLaw``."""
+        return "elasticity", "divergence", "compressibility"
+
+    @cached_property
+    def pressures(self) -> PressureSpace:
+        """Of the unknowns of the pressure."""
+        return PressureSpace.of(self.statement, self.tagged)
+
+    @cached_property
+    def moduli(self) -> tuple[Any, Any]:
+        """Mu and 1 / lambda as coefficients."""
+        mu, yields = isotropic(
+            self.statement,
+            self.tagged,
+            lambda young, nu: (young / (2 * (1 + nu)), (1 + nu) * (1 - 2 * nu) / (young * nu)),
+        )
+        return mu, yields
+
+    @cached_property
+    def incompressible(self) -> npt.NDArray[np.bool_]:
+        """The parts of the body with nu = 1/2, of one material and joined: which cells of this rank, ghosts included,
+        are in each of them, shape (parts, cells).
+        """
+        yields, part, pieces = self.moduli[1], self.pressures.part, self.pieces
+        assert pieces is not None
+        soft = [number for number, material in enumerate(self.statement.material) if material.poisson == 0.5]
+        joined, last = pieces.assembly[pieces.of_cell], int(pieces.assembly.max()) + 1
+        part_cells = [(part == number) & (joined == assembly) for number in soft for assembly in range(last)]
+        parts = np.array(part_cells, dtype=bool).reshape(len(part_cells), joined.size)
+        cell_yields = (
+            yields.x.array[yields.function_space.dofmap.list[:, 0]] if isinstance(yields, fem.Function) else 0.0
+        )
+        sums = parallel.global_sum(
+            self.space.mesh.comm, np.array([parts.sum(axis=1), (parts * (cell_yields > 0)).sum(axis=1)])
+        )
+        return np.asarray(parts[(sums[0] > 0) & (sums[1] == 0)])  # and nu = 1/2 in all of its cells
+
+    @cached_property
+    def unit(self) -> float:
+        """Of the unknowns of the pressure, stress."""
+        scales = Scales(self.tagged.dimension, self.statement.young, self.tagged.size)
+        return self.statement.young / scales.spacing(int(self.space.dofmap.index_map.size_global))
+
+    @property
+    def own(self) -> fem.FunctionSpace:
+        """Of the unknowns of the pressure."""
+        return self.pressures.own
+
+    @property
+    def count(self) -> int:
+        """See ``ElasticLaw``."""
+        return self.pressures.count
+
+    @cached_property
+    def forms(self) -> tuple[fem.Form, ...]:
+        """The compiled forms of A, B and -C."""
+        terms = self._terms(ufl.TrialFunction(self.space), ufl.TestFunction(self.space), ufl.TrialFunction(self.own))
+        return tuple(
+            self.inventory.compile(name, partial(fem.form, term)) for name, term in zip(self.names, terms, strict=True)
+        )
+
+    def compiled(self, space: fem.FunctionSpace, inventory: Inventory) -> tuple[fem.Form, ...]:
+        """See ``ElasticLaw``: A."""
+        return self.forms[:1]
+
+    def _terms(self, y: Any, z: Any, p: Any) -> tuple[Any, ...]:
+        """A, B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in multiples of a unit.
+
+            2 mu (epsilon(y), epsilon(z)) - (p, div z),    -(div y, q) - (p, q) / lambda
+
+        (L. R. Herrmann, AIAA J. 3 (1965) 1896-1900).  With a continuous pressure of one degree less than the
+        displacement it is the element of C. Taylor and P. Hood, Comput. Fluids 1 (1973) 73-100, which is stable for
+        nu = 1/2 too.
+        """
+        p, q = self.pressures.scalar(p), self.pressures.scalar(ufl.TestFunction(self.own))
+        (mu, compressibility), kinematics = self.moduli, self.kinematics
+        unit = fem.Constant(self.space.mesh, default_scalar_type(self.unit))
+        trial_strain, around = kinematics.strain(y), kinematics.measure(position(z))
+        shearing, dilation = ufl.inner(trial_strain, kinematics.strain(z)), ufl.tr(trial_strain)
+        dx = ufl.dx(metadata={"quadrature_degree": self.degree})
+        densities = 2 * mu * shearing, -unit * dilation * q, -(unit**2) * compressibility * p * q
+        return tuple(density * around * dx for density in densities)
+
+    def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
+        """See ``ElasticLaw``: the work of e I in the constraint, ((3 + 2 mu / lambda) e, q).
+
+        With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I, as without the
+        strain, which enters the constraint alone: div y + p / lambda = (3 + 2 mu / lambda) e, where the factor is
+        (1 + nu) / nu.
+        """
+        q, dx = self.pressures.scalar(ufl.TestFunction(self.own)), ufl.dx(metadata={"quadrature_degree": degree})
+        (swelling,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
+        return (swelling * strain * q * self.kinematics.measure(position(q)) * dx,)
+
+    def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
+        """See ``ElasticLaw``: the second one is of the change of volume."""
+        return self._terms(jump, z, fem.Function(self.own))[:2]
+
+    def names_of(self, effect: str) -> tuple[str, ...]:
+        """See ``ElasticLaw``."""
+        return effect, f"divergence of {effect}"
+
+    def work(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
+        """See ``ElasticLaw``: of a strain on the pressure alone, of a jump on both."""
+        *of_displacement, of_pressure = forms
+        if not of_displacement:
+            return np.zeros(owned), assemble(of_pressure)
+        return super().work(of_displacement, owned)[0], np.asarray(assemble(of_pressure) / self.unit)
+
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+        """See ``ElasticLaw``."""
+        (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)
+        young, poisson, modulus = isotropic(
+            self.statement,
+            self.tagged,
+            lambda elastic_modulus, nu: (elastic_modulus, nu, elastic_modulus / (1 - nu**2)),
+        )
+        elastic = kinematics.strain(moved, on_axis=True)
+        sigma = 2 * mu * elastic - pressure * ufl.Identity(elastic.ufl_shape[0])
+        outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None
+        return LawStress(
+            sigma,
+            -pressure if kinematics.prevented else outward,
+            self.lateral if kinematics.prevented else None,
+            lambda tau: compliance(tau, kinematics, None, mu, poisson),
+            modulus,
+            mu,
+            prevented=self.prevented(young, initial),
+        )
+
+    def _matrix(self, number: int) -> PETSc.Mat:
+        form = self.forms[number]
+        self.inventory.matrices.append(self.names[number])
+        matrix = fem_petsc.assemble_matrix(form)
+        matrix.assemble()
+        return matrix
+
+    @cached_property
+    def divergence(self) -> PETSc.Mat:
+        """B, from displacements at the nodes."""
+        return self._matrix(1)
+
+    @cached_property
+    def compressibility(self) -> PETSc.Mat:
+        """-C, with its pattern where it is zero; unknowns that count for nothing have an entry like those of B."""
+        matrix = self._matrix(2)
+        if self.pressures.materials > 1:
+            size = self.divergence.norm(PETSc.NormType.NORM_INFINITY)
+            diagonal = matrix.getDiagonal()
+            diagonal.getArray()[~self.pressures.alive()] = -size
+            matrix.setDiagonal(diagonal)
+        return matrix
+
+    def joined(
+        self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, turning: PETSc.Mat | None, fixed: npt.NDArray[np.bool_]
+    ) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
+        """See ``ElasticLaw``: K.
+
+        Raises:
+            InstallationError: PETSc has no MUMPS.
+        """
+        if not has_package("mumps"):
+            raise needs_fenicsx("PETSc has no MUMPS, which a mixed element needs: its matrix is indefinite")
+        divergence = self.divergence.copy() if rotation is None else self.divergence.matMult(rotation)
+        free = divergence.createVecRight()
+        free.getArray()[:] = ~fixed
+        divergence.diagonalScale(R=free)
+        blocks = [[stiffness, divergence.transpose(PETSc.Mat())], [divergence, self.compressibility]]
+        matrix = PETSc.Mat().createNest(blocks, comm=stiffness.comm).convert("aij")
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        embedding = self._embedding(stiffness, rotation, matrix)
+        return matrix, embedding, embedding
+
+    def _embedding(self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, joined: PETSc.Mat) -> PETSc.Mat:
+        """[Q 0], from the unknowns of K to displacements, with Q ``rotation``."""
+        rows, first = stiffness.getSizes()[0], stiffness.getOwnershipRange()[0]
+        if rotation is None:
+            starts = np.arange(rows[0] + 1, dtype=PETSc.IntType)
+            columns, values = first + starts[:-1], np.ones(rows[0])
+        else:
+            rows = rotation.getSizes()[0]
+            starts, columns, values = rotation.getValuesCSR()  # Q turns the nodes of each rank within it
+        csr = (starts, (columns + joined.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
+        return PETSc.Mat().createAIJ((rows, joined.getSizes()[1]), csr=csr, comm=stiffness.comm)
+
+    def lifted(self, prescribed: fem.Function, swelling: _Floats | None = None) -> _Floats:
+        """See ``ElasticLaw``: -B y_D, with the ``swelling`` of a load, see ``AppliedLoad``."""
+        displacement, divergences = self.divergence.createVecs()
+        displacement.getArray()[:] = prescribed.x.array[: displacement.getLocalSize()]
+        self.divergence.mult(displacement, divergences)
+        lifted = -np.array(divergences.getArray(readonly=True))
+        return lifted if swelling is None else lifted - self.unit * swelling
+
+    def displacement(self, space: fem.FunctionSpace, values: _Floats, name: str = "displacement") -> fem.Function:
+        """See ``ElasticLaw``."""
+        pressure = fem.Function(self.own, name="hydrostatic pressure")
+        pressure.x.array[: self.count] = self.unit * values
+        pressure.x.scatter_forward()
+        if self.pressures.materials > 1:
+            cellwise = fem.Function(fem.functionspace(space.mesh, ("DG", 1)), name=pressure.name)
+            cellwise.x.array[cellwise.function_space.dofmap.list] = pressure.x.array[self.pressures.rows]
+            pressure = cellwise
+        return MixedDisplacement(space, pressure, name)
+
+    def unknowns(self, displacement: fem.Function) -> _Floats:
+        """See ``ElasticLaw``."""
+        pressure = hydrostatic_of(displacement)
+        values = pressure.x.array[: self.count]
+        if self.pressures.materials > 1:
+            values = self.pressures.over_cells(pressure.x.array[pressure.function_space.dofmap.list])
+        return np.asarray(values / self.unit)
+
+    def energy(self, displacement: fem.Function) -> float:
+        """See ``ElasticLaw``: (p, p) / lambda, that of the change of volume."""
+        pressure, product = self.compressibility.createVecs()
+        pressure.getArray()[:] = self.unknowns(displacement)
+        self.compressibility.mult(pressure, product)
+        return -float(pressure.dot(product))
+
+    @cached_property
+    def constant(self) -> list[_Floats]:
+        """The forces of a constant pressure in each incompressible part at the owned unknowns of the displacement."""
+        forces, ones = [], np.ones(self.pressures.rows.shape)
+        for cells in self.incompressible:
+            force, pressure = self.divergence.createVecs()
+            pressure.getArray()[:] = self.pressures.over_cells(ones * cells[:, None]) > 0
+            self.divergence.multTranspose(pressure, force)
+            forces.append(np.array(force.getArray(readonly=True)))
+        return forces
+
+    def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
+        """See ``ElasticLaw``: whether pressures that are constant in incompressible parts do no work."""
+        if not self.constant:
+            return False
+        forces = [np.array(vector(force).getArray(readonly=True)) for force in self.constant]
+        columns, comm = np.column_stack(forces), self.space.mesh.comm
+        columns /= np.sqrt(parallel.global_sum(comm, (columns**2).sum(axis=0)))
+        triangle: Any = np.linalg.qr(columns[~held], mode="r")  # whose singular values are those of all rows
+        triangles = parallel.gather_rows(comm, triangle)
+        square = np.vstack((triangles, np.zeros((len(forces), len(forces)))))
+        return bool(np.linalg.svd(square, compute_uv=False)[-1] <= SAME_ENTRY)
+
+    def listed(self) -> tuple[str, tuple[str, ...], int]:
+        """See ``ElasticLaw``."""
+        return "pressure of the mixed element", self.names[1:], int(self.own.dofmap.index_map.size_global)
+
+
+class PressureForces(VolumeForces):
+    """The second opinion on a pressure."""
+
+    pressed: ClassVar[bool] = True
+
+    def hooke(self, material: Any, young: _Floats, poisson: _Floats) -> tuple[_Floats, _Floats]:
+        """See ``VolumeForces``."""
+        return young / (1 + poisson), np.zeros(1)
+
+    def forces(self, nodal: Any, displacement: fem.Function) -> _Floats:
+        """See ``VolumeForces``: -(p, div z)."""
+        return -self._pressed(nodal, displacement)[0]
+
+    def strained(
+        self, nodal: Any, strain: Callable[[Any], _Floats], degree: int, displacement: fem.Function | None
+    ) -> tuple[_Floats, float]:
+        """See ``VolumeForces``: no forces; of the energy what they add to that of a displacement."""
+        energy = 0.0 if displacement is None else self._swollen(nodal, displacement, strain, degree)[1]
+        return nodal.zero(), energy
+
+    def moved(self, displacement: fem.Function) -> fem.Function:
+        """See ``VolumeForces``."""
+        return MixedDisplacement(displacement.function_space, hydrostatic_of(displacement))
+
+    def dilation(self, nodal: Any, displacement: fem.Function, step: float, scale: float) -> tuple[_Floats, _Floats]:
+        """The weak form of tr(epsilon) + p / lambda = 0, with the initial strains of a load step times ``scale``, see
+        ``MixedLaw.strain_terms``.
+
+        Returns:
+            The residual with the functions of the pressure, and their integrals, volumes, both with shape (owned
+            vertices times materials,).
+        """
+        space, _ = self._dilating(nodal)
+        _, residual, volume = self._pressed(nodal, displacement)
+        for jump, beyond in nodal.jumps():
+            moved = MixedDisplacement(nodal.space, fem.Function(hydrostatic_of(displacement).function_space))
+            moved.x.array[:] = (scale * jump.amount(step) * jump.at_nodes).ravel()
+            residual = residual + self._pressed(beyond, moved)[1]
+        strain, degree = nodal.strain(step, scale)
+        if strain is not None:
+            residual = residual - self._swollen(nodal, displacement, strain, degree)[0]
+        return over_ranks(residual, space), over_ranks(volume, space)
+
+    def _dilating(self, nodal: Any) -> tuple[fem.FunctionSpace, npt.NDArray[np.int32]]:
+        """The functions that the pressure is tested with, one of each material at each vertex, and those of each cell,
+        shape (cells, vertices).
+        """
+        m = len(nodal.statement.material)
+        space = fem.functionspace(nodal.tagged.mesh, ("Lagrange", 1, (m,)))
+        (number,) = nodal.of_materials(lambda material: (float(nodal.statement.material.index(material)),))
+        return space, space.dofmap.list * m + number[:, None].astype(np.int32)
+
+    def _swollen(
+        self, nodal: Any, displacement: fem.Function, strain: Callable[[Any], _Floats], degree: int
+    ) -> tuple[_Floats, float]:
+        """The work of the initial strains e in the constraint, k (e, q), by all functions, and what they add to
+        a(y, y) / 2 for the energy of the stress, k (e, p) / 2 - mu k (e, e), on this rank alone.
+        """
+        pressure, (space, rows) = hydrostatic_of(displacement), self._dilating(nodal)
+        p = pressure.x.array[pressure.function_space.dofmap.list]
+        work, energy = np.zeros_like(fem.Function(space).x.array), 0.0
+        hat = basix.create_element(basix.ElementFamily.P, nodal.cell_type, 1).tabulate(
+            0, basix.make_quadrature(nodal.cell_type, degree)[0]
+        )[0, ..., 0]
+        young, poisson = nodal.young_and_poisson()
+        numbers = (1 + poisson) / poisson, young / (2 * (1 + poisson))
+        for part, size in nodal.cells(degree):
+            initial_strain = strain(part)
+            swelling, mu = (m[:, None] if m.size == 1 else m[part.cells, None] for m in numbers)
+            weighted = swelling * size * nodal.around(part) * initial_strain
+            np.add.at(work, rows[part.cells], weighted @ hat)
+            energy += float(np.sum(weighted * (p[part.cells] @ hat.T / 2 - mu * initial_strain)))
+        return work, energy
+
+    def _pressed(self, nodal: Any, displacement: fem.Function) -> tuple[_Floats, _Floats, _Floats]:
+        """(p, div z), shape (nodes, d), and the rest of ``dilation``, on this rank alone."""
+        pressure, (space, rows) = hydrostatic_of(displacement), self._dilating(nodal)
+        p = pressure.x.array[pressure.function_space.dofmap.list]
+        hats, y = basix.create_element(basix.ElementFamily.P, nodal.cell_type, 1), displacement.x.array
+        y = y.reshape(-1, nodal.dimension)
+        young, poisson = nodal.young_and_poisson()
+        compressibility = (1 + poisson) * (1 - 2 * poisson) / (young * poisson)
+        forces, (residual, volume) = nodal.zero(), np.zeros((2, *fem.Function(space).x.array.shape))
+        points, _ = basix.make_quadrature(nodal.cell_type, nodal.degree)
+        hat, turning = hats.tabulate(0, points)[0, ..., 0], nodal.kinematics.third_column
+        for part, size in nodal.cells(nodal.degree):
+            cells, table = part.cells, part.table
+            inverse, determinant = adjugates(nodal.jacobian(cells, table))
+            slope = np.zeros((nodal.dimension, *size.shape, table.shape.shape[-1]))
+            slope[: len(inverse)] = np.einsum("kqn,kjcq->jcqn", table.slope, inverse / determinant)  # along x_j
+            for axis, share in enumerate(() if turning is None else turning[2]):
+                slope[axis] += share * table.shape / nodal.positions(part)[..., 0, None]
+            size = size * nodal.around(part)
+            inside = p[cells] @ hat.T
+            yields = compressibility[:, None] if compressibility.size == 1 else compressibility[cells, None]
+            work = np.einsum("cq,jcqn->cnj", size * inside, slope)
+            np.add.at(forces, nodal.cell_nodes[cells], work)
+            dilation = np.einsum("jcqn,cnj->cq", slope, y[nodal.cell_nodes[cells]])
+            np.add.at(residual, rows[cells], (size * (dilation + yields * inside)) @ hat)
+            np.add.at(volume, rows[cells], size @ hat)
+        return forces, residual, volume

@@ -1,0 +1,116 @@
+"""Pressure that follows a body at finite strains, along the inward normal of the deformed boundary, per deformed area.
+
+Per undeformed area it is, by Nanson's formula, the traction -p cof(F) N with cof(F) = J F^-T.  Its tangent has a part
+that is not symmetric where p differs from place to place, or where the boundary that it acts on ends at an edge that is
+not held (K. Schweizerhof, E. Ramm, Comput. Struct. 18 (1984) 1099-1114).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from signorini_fx.mechanics.assembly.mesh_entities import measure
+from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
+from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
+from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Inventory
+
+
+def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = False) -> Any:
+    """The traction of a pressure on the deformed boundary, per undeformed area, UFL, a stress, shape (d,).
+
+        F -= ufl.inner(follower_pressure(p, u), v) * ds(1)
+
+    Args:
+        pressure: p, positive where it pushes on the body; a number, a Constant, or anything of UFL.
+        u: the displacement, length.
+        axisymmetric: whether the mesh is half of a section, x[0] is the radius, and the integral has its factor.
+    """
+    kinematics = AXISYMMETRIC if axisymmetric else CARTESIAN[int(u.function_space.mesh.geometry.dim)]
+    return _traction(pressure, u, kinematics)
+
+
+def _traction(pressure: Any, u: fem.Function, kinematics: Kinematics) -> Any:
+    """See ``follower_pressure``."""
+    mesh, dim = u.function_space.mesh, len(u)
+    gradient = ufl.Identity(3) + kinematics.gradient(u)
+    outward = ufl.FacetNormal(mesh)
+    normal = ufl.as_vector([outward[k] if k < dim else 0 for k in range(3)])
+    along = ufl.cofac(gradient) * normal
+    return -pressure * ufl.as_vector([along[k] for k in range(dim)])
+
+
+def follows(statement: Statement, effect: Any) -> bool:
+    """Whether an effect has a pressure that follows the body: where materials know finite strains."""
+    return bool(getattr(effect, "pressure_acts", False)) and any(
+        getattr(material, "finite", False) for material in statement.material
+    )
+
+
+def following(statement: Statement) -> list[Any]:
+    """The tractions of a statement whose pressure follows the body."""
+    return [effect for effect in statement.effects.get("traction", ()) if follows(statement, effect)]
+
+
+def without_followers(statement: Statement) -> Statement:
+    """The same without pressures that follow the body."""
+    if not following(statement):
+        return statement
+    tractions = (
+        effect.model_copy(update={"pressure": 0.0}) if follows(statement, effect) else effect
+        for effect in statement.effects["traction"]
+    )
+    return statement.changed(traction=tuple(tractions))
+
+
+def degree_of(effect: Any, element: int) -> int:
+    """The degree of quadrature of a pressure that follows the body, for elements of a degree."""
+    return int(effect.degree(element)) + element
+
+
+@dataclass(frozen=True)
+class FollowerPressures:
+    """The pressures of a scene that follow its body.
+
+    Attributes:
+        form: their work with a test function, negative as in a residual, UFL; None: there is none.
+        effects: the tractions.
+        factors: their load factors of now.
+        on: gives their values at a time.
+    """
+
+    form: Any | None
+    effects: Sequence[Any]
+    factors: Sequence[fem.Constant]
+    on: FormCoefficients
+
+    @classmethod
+    def of(cls, statement: Statement, tagged: TaggedMesh, u: fem.Function) -> FollowerPressures:
+        """Those of a statement at the displacement ``u``."""
+        space, effects, mesh = u.function_space, following(statement), u.function_space.mesh
+        on = FormCoefficients(statement, tagged, space, Inventory())
+        factors = [fem.Constant(mesh, np.float64(0.0)) for _ in effects]
+        kinematics, v = statement.kinematics_in(tagged.dimension), ufl.TestFunction(space)
+        ds, around = measure(mesh, [tagged.facets(effect.where) for effect in effects], {}), kinematics.measure
+        works = [
+            -ufl.inner(_traction(factor * on.value(effect.pressure), u, kinematics), v)
+            * around(position(u))
+            * ds(number, metadata={"quadrature_degree": degree_of(effect, statement.element.degree)})
+            for number, (effect, factor) in enumerate(zip(effects, factors, strict=True), start=1)
+        ]
+        return cls(sum(works[1:], works[0]) if works else None, effects, factors, on)
+
+    def move_to(self, step: float) -> None:
+        """Take the values of a place in the lists of factors."""
+        self.on.move_to(step)
+        for effect, factor in zip(self.effects, self.factors, strict=True):
+            factor.value = self.on.statement.now(effect, step)[0]

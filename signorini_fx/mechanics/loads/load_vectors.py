@@ -1,0 +1,490 @@
+"""Loads and prescribed displacements as right-hand sides, grouped by their load factors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from itertools import count
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from mpi4py import MPI
+
+from signorini_fx.errors import SceneError
+from signorini_fx.extensions import is_of_package
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_vertices, measure
+from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law
+from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
+from signorini_fx.mechanics.elasticity.moduli import of_materials
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.loads.cut_loads import CutRule, cut_rule
+from signorini_fx.mechanics.loads.nodal_effects import forces_at_nodes
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
+from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Load, Resistance
+from signorini_fx.mechanics.statement.effect_trial import fault_of
+from signorini_fx.mechanics.statement.expressions import Expression, sample
+from signorini_fx.mechanics.statement.load_path import factor_at
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Inventory
+from signorini_fx.tuned import LARGEST_NUMBER, ZERO_SUM
+
+# The rules of loads that jumps cut, by the identity of the load: two of them may be equal.
+Cuts = Mapping[int, CutRule]
+NO_CUTS: Cuts = {}
+
+
+@dataclass(frozen=True)
+class AppliedLoad:
+    """The loads and prescribed displacements that share one list of load factors, as the scene has them.
+
+    Those that depend on the time are separate, and have the values of one time.
+
+    Attributes:
+        factors: one number per load step.
+        names: of the forms.
+        forms: the compiled terms of L; none if there are prescribed displacements only.
+        forces: L at the owned dofs, shape (owned dofs,).
+        prescribed: zero, with its prescribed displacements put in.
+        grows: whether its factors multiply it in a ramp from nothing.
+        again: from a place in the lists of factors to the same at the time of that place, collective; None: it does not
+            depend on the time.
+        driven: what drives rigid bodies; None: nothing.
+        balanced: whether its forces balance each other in each cell, as those of initial strains do.
+        entry: the entry of the scene that it is of alone; None: of several.
+        amount: what multiplies it in place of factors, at a place in the lists of these; None: factors do.
+        swelling: of an initial strain its work at the owned unknowns of a pressure, volumes; None: its forces say it.
+    """
+
+    factors: tuple[float, ...]
+    names: tuple[str, ...]
+    forms: tuple[fem.Form, ...]
+    forces: npt.NDArray[np.float64]
+    prescribed: fem.Function
+    grows: bool = True
+    again: Callable[[float], AppliedLoad] | None = None
+    driven: Driven | None = None
+    balanced: bool = False
+    entry: Load | None = None
+    amount: Callable[[float], float] | None = None
+    swelling: npt.NDArray[np.float64] | None = None
+
+    def factor(self, step: float) -> float:
+        """Its factor at a place in the lists of factors."""
+        if self.amount is not None:
+            return self.amount(step)
+        return factor_at(self.factors, step) if self.grows else 1.0
+
+    def at(self, step: float) -> AppliedLoad:
+        """The same at the time of a place; itself if it does not depend on it; collective."""
+        return self if self.again is None else self.again(step)
+
+    @property
+    def drives(self) -> bool:
+        """Whether it drives rigid bodies."""
+        return self.driven is not None and bool(self.driven.forces.any() or self.driven.motion.any())
+
+    @property
+    def acting(self) -> npt.NDArray[np.float64]:
+        """Its forces, or ``swelling``."""
+        return self.forces if self.swelling is None else self.swelling
+
+    @property
+    def pushing(self) -> npt.NDArray[np.float64]:
+        """The forces that may do work on rigid motions, shape (owned dofs,): round-off does none."""
+        return np.zeros_like(self.forces) if self.balanced else self.forces
+
+    @property
+    def start(self) -> npt.NDArray[np.float64]:
+        """The prescribed displacements at the owned dofs, shape (owned dofs,)."""
+        values: npt.NDArray[np.float64] = self.prescribed.x.array[: self.forces.size]
+        return values
+
+
+@dataclass(frozen=True)
+class FormCoefficients:
+    """Values of a scene as UFL, ``statement.effect.Coefficients``.
+
+    Attributes:
+        statement: what is stated of the problem.
+        tagged: its mesh.
+        space: of the displacement; a callable is interpolated at its nodes.
+        inventory: where integrals over boundaries are compiled.
+    """
+
+    statement: Statement
+    tagged: TaggedMesh
+    space: fem.FunctionSpace
+    inventory: Inventory
+
+    @cached_property
+    def _time(self) -> fem.Constant:
+        return fem.Constant(self.space.mesh, default_scalar_type(self.statement.time_at(0)))
+
+    def move_to(self, step: float) -> None:
+        """Give expressions of the time t the value at the time of a place in the lists of factors."""
+        self._time.value = self.statement.time_at(step)
+
+    @property
+    def normal(self) -> Any:
+        """Outward unit normal."""
+        return ufl.FacetNormal(self.space.mesh)
+
+    @property
+    def position(self) -> Any:
+        """X."""
+        return ufl.SpatialCoordinate(self.space.mesh)
+
+    @cached_property
+    def density(self) -> Any:
+        """Mass per volume: a constant, or a function that is constant in each cell."""
+        (density,) = of_materials(self.statement, self.tagged, lambda material: (material.density or 0.0,))
+        return density
+
+    @cached_property
+    def expansion(self) -> Any:
+        """Coefficient of thermal expansion: a constant, or a function that is constant in each cell."""
+        (expansion,) = of_materials(self.statement, self.tagged, lambda material: (material.expansion or 0.0,))
+        return expansion
+
+    @cached_property
+    def elastic(self) -> SceneLaw:
+        """The elastic law, with coefficients of its own."""
+        return elastic_law(self.statement, self.tagged, self.space, self.inventory)
+
+    def value_in(self, region: str | None, value: Any) -> Any:
+        """A value in the cells of a region, 0 in the others; see ``BodyCoefficients``."""
+        if region is None:
+            return self.value(value)
+        cells = self.tagged.cells(region)
+        indicator = fem.Function(fem.functionspace(self.space.mesh, ("DG", 0)))
+        indicator.x.array[indicator.function_space.dofmap.list[cells, 0]] = 1.0
+        return indicator * self.value(value, cells)
+
+    @cached_property
+    def _totals(self) -> dict[tuple[str, Any], fem.Constant]:
+        return {}
+
+    @property
+    def around(self) -> Any:
+        """By what areas and lengths of the mesh are multiplied, see ``Kinematics.measure``."""
+        return self.kinematics.measure(self.position)
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Of the body."""
+        return self.statement.kinematics_in(self.tagged.dimension)
+
+    def whole(self, effect: Effect) -> float:
+        """``total`` as a number."""
+        return float(self.total(effect).value)
+
+    def total(self, effect: Effect) -> Any:
+        """The integral of ``effect.weighting`` over the boundary of the effect; collective.
+
+        Raises:
+            SceneError: it is zero.
+        """
+        boundary, spread, mesh = str(effect.where), effect.weighting, self.space.mesh
+        if (boundary, spread) not in self._totals:
+            rule = cut_rule(effect, self) if isinstance(effect, Force) else None
+            (where,) = measures(
+                self.space, [effect], self.tagged.facets, NO_CUTS if rule is None else {id(effect): rule}
+            )
+            degree = {"quadrature_degree": effect.degree(self.space.element.basix_element.degree)}
+            density = self.value(spread) * self.around
+            form = self.inventory.compile(f"total of {effect.name}", lambda: fem.form(density * where(metadata=degree)))
+            cut = 0.0 if rule is None else float(np.sum(rule.size * rule.value(spread)))
+            integral = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form) + cut)))
+            corners = facet_vertices(mesh, self.tagged.facets(boundary))
+            largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
+            size = self.tagged.size
+            scales = Scales(self.tagged.dimension, self.statement.young, size, self.kinematics.depth(size))
+            if not abs(integral) > ZERO_SUM * largest * scales.surface:
+                path = next(path for path, candidate in self.statement.listed() if candidate is effect)
+                raise SceneError(
+                    [(f"{path}.spread", f"its integral over {boundary!r} is {integral:g}: it must not be 0")]
+                )
+            self._totals[boundary, spread] = fem.Constant(mesh, default_scalar_type(integral))
+        return self._totals[boundary, spread]
+
+    def value(self, value: Any, cells: npt.NDArray[np.int32] | None = None) -> Any:
+        """A value as a coefficient; a callable is interpolated in some cells, without them in all."""
+        mesh = self.space.mesh
+        if isinstance(value, float):
+            return fem.Constant(mesh, default_scalar_type(value))
+        if isinstance(value, Expression):
+            return value.ufl(mesh, self._time)
+        if hasattr(value, "ufl_domain"):
+            return value
+        function = fem.Function(fem.functionspace(mesh, ("Lagrange", self.space.element.basix_element.degree)))
+        error: SceneError | None = None
+        try:
+            function.interpolate(lambda x: sample(value, x), cells0=cells)
+        except Exception as failure:  # of a user's function, perhaps on one rank only
+            path = _path_of(value, self.statement)
+            error = SceneError([(path, f"cannot be evaluated at the nodes of the whole mesh: {failure}")])
+        parallel.raise_together(mesh.comm, error)
+        return function
+
+    def vector(self, values: tuple[Any, ...]) -> Any:
+        """Values along the axes as a vector, shape (d,)."""
+        return ufl.as_vector([self.value(value) for value in values[: self.space.mesh.geometry.dim]])
+
+
+def _path_of(value: Any, statement: Statement) -> str:
+    """Where a scene has a value."""
+    keys = ((path, key, field) for path, entry in statement.listed() for key, field in vars(entry).items())
+    return next((f"{path}.{key}" for path, key, field in keys if field is value), "scene")
+
+
+Facets = Callable[[str], npt.NDArray[np.int32]]
+
+
+def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets, cuts: Cuts = NO_CUTS) -> list[Any]:
+    """Integration over what each effect acts on, the body, or the facets of its boundary, without what jumps cut."""
+    surfaces = [
+        np.setdiff1d(facets(effect.where), cuts[id(effect)].entities) if id(effect) in cuts else facets(effect.where)
+        for effect in effects
+        if effect.where is not None
+    ]
+    ds = measure(space.mesh, surfaces, {})
+    number = count(1)
+    in_body = iter(_in_body(space.mesh, [cuts.get(id(effect)) for effect in effects if effect.where is None]))
+    return [next(in_body) if effect.where is None else ds(next(number)) for effect in effects]
+
+
+def _in_body(mesh: Any, rules: list[CutRule | None]) -> list[Any]:
+    """Integration over the cells that no jump of a load cuts, for each load in the body."""
+    if all(rule is None for rule in rules):
+        return [ufl.dx] * len(rules)
+    every = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
+    cells = [every if rule is None else np.setdiff1d(every, rule.entities) for rule in rules]
+    # All integrals over cells of one form share their data.
+    dx = ufl.Measure("dx", domain=mesh, subdomain_data=list(enumerate(cells, start=1)))
+    return [dx(number) for number in range(1, len(rules) + 1)]
+
+
+class LoadGroup(NamedTuple):
+    """What loads have in common that are assembled into one vector.
+
+    Attributes:
+        factors: one for each load step.
+        grows: whether they multiply the loads in a ramp from nothing.
+        timed: whether the loads depend on the time.
+        balanced: whether they are initial strains, whose forces balance each other.
+    """
+
+    factors: tuple[float, ...]
+    grows: bool
+    timed: bool
+    balanced: bool
+
+
+def load_groups(statement: Statement) -> dict[LoadGroup, list[Load]]:
+    """The loads of the scene by what they share, without those that are zero or that an interface assembles."""
+    groups: dict[LoadGroup, list[Load]] = {}
+    for load in statement.loads:
+        if load.acts and load.grouped:
+            groups.setdefault(group_of(statement, load), []).append(load)
+    return groups
+
+
+def group_of(statement: Statement, load: Load) -> LoadGroup:
+    """The key of a load in ``load_groups``."""
+    grows = not load.timed or load.factors is not None
+    return LoadGroup(statement.factors_of(load), grows, load.timed, isinstance(load, InitialStrain))
+
+
+# From a time, to prescribed displacements and supports along no axis with their values.
+SupportsAt = Callable[[float], tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], TurnedNodes | None]]
+
+
+def applied_load(
+    group: LoadGroup, loads: list[Load], on: FormCoefficients, z: Any, supports: SupportsAt
+) -> AppliedLoad:
+    """Compile and assemble the loads that share their factors; collective.
+
+    Args:
+        group: what they have in common.
+        loads: all of one group.
+        on: the mesh with its quadrature, times and materials.
+        z: the test function of L.
+        supports: the prescribed displacements at a place in the lists of factors.
+    """
+    return _assembled(group, loads, on, z, supports, None, 0)
+
+
+def _assembled(
+    group: LoadGroup,
+    loads: list[Load],
+    on: FormCoefficients,
+    z: Any,
+    supports: SupportsAt,
+    compiled: tuple[tuple[str, ...], tuple[fem.Form, ...]] | None,
+    step: float,
+) -> AppliedLoad:
+    """The loads at a place in the lists of factors, ``step``, for the other arguments see ``applied_load``; collective.
+
+    ``compiled`` are the names and forms of an earlier place; None: they are compiled here.
+    """
+    factors, grows, timed, balanced = group
+    space = on.space
+    on.move_to(step)
+    at_step = {id(load): on.statement.now(load, step)[1] for load in loads if isinstance(load, Force)}
+    cuts = {key: rule for key, moved in at_step.items() if (rule := cut_rule(moved, on)) is not None}
+    names, forms = compiled = compile_loads(loads, on, z, cuts) if cuts or compiled is None else compiled
+    prescribed = fem.Function(space)
+    axes, turned = supports(step)
+    for effect, support in axes:  # the later one applies where two meet
+        dofs, _ = support.dof_indices()
+        prescribed.x.array[dofs] = 0.0
+        if any(effect is one for one in loads):
+            support.set(prescribed.x.array)
+            prescribed.x.scatter_forward()
+    if turned is not None:
+        turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    forces, swelling = on.elastic.work(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
+    for key, rule in cuts.items():
+        forces = forces + rule.integrals(at_step[key].density_at(rule), space)
+    paths = {id(effect): path for path, effect in on.statement.listed()}
+    for load in loads:
+        if load.nodal:
+            path = paths.get(id(load), load.label)
+            forces = forces + forces_at_nodes(at_step[id(load)], path, space, on.tagged)
+    # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
+    reassemble = partial(_assembled, group, loads, on, z, supports, None if cuts else compiled) if timed else None
+    return AppliedLoad(
+        factors, names, forms, forces, prescribed, grows, reassemble, balanced=balanced, swelling=swelling
+    )
+
+
+def driving_load(
+    rigid: RigidBodies, number: int, statement: Statement, space: fem.FunctionSpace, step: float = 0
+) -> AppliedLoad:
+    """What drives one of the rigid bodies, at the time of a place in the lists of factors; collective."""
+    timed = rigid.bodies[number].motion.driven_in_time
+    return AppliedLoad(
+        (1.0,) * statement.steps,
+        (),
+        (),
+        np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs),
+        fem.Function(space),
+        not timed,
+        partial(driving_load, rigid, number, statement, space) if timed else None,
+        rigid.driven(number, statement.time_at(step)),
+    )
+
+
+def compile_loads(
+    loads: Sequence[Load], on: FormCoefficients, z: Any, cuts: Cuts = NO_CUTS
+) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
+    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, without what jumps cut,
+    or those of initial strains, see ``materials.isotropic.initial_strain_forms``, and their names.
+    """
+    if strains := [load for load in loads if isinstance(load, InitialStrain)]:
+        return _compiled_strains(strains, on, z)
+    formed = (load for load in loads if isinstance(load, Force) and not load.nodal)
+    forces = sorted(formed, key=lambda load: load.where is not None)
+    name, form = _compiled(forces, lambda load: ufl.inner(load.density(on), z), on, cuts)
+    return ((), ()) if form is None else ((name,), (form,))
+
+
+def _compiled_strains(
+    strains: Sequence[InitialStrain], on: FormCoefficients, z: Any
+) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
+    name, total_strain = " + ".join(strain.name for strain in strains), sum(strain.strain(on) for strain in strains)
+    terms = on.elastic.strain_terms(z, total_strain, strains[0].degree(on.space.element.basix_element.degree))
+    names = on.elastic.names_of(name)[: len(terms)]
+    return names, tuple(
+        on.inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True)
+    )
+
+
+def compile_resistance(on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:
+    """The terms of a(., .) that resist the displacement on the boundary, compiled together, and their name."""
+    y = ufl.TrialFunction(on.space)
+    acting = [effect for effect in on.statement.of(Resistance) if effect.acts and not effect.nodal]
+    return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), on)
+
+
+def _compiled(
+    effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients, cuts: Cuts = NO_CUTS
+) -> tuple[str, fem.Form | None]:
+    """The integrals of effects over what each of them acts on, and their name; "" and None without effects."""
+    if not effects:
+        return "", None
+    space, inventory = on.space, on.inventory
+    element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets, cuts)
+    terms = [
+        integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(element)})
+        for effect, d in zip(effects, where, strict=True)
+    ]
+    name = " + ".join(effect.name for effect in effects)
+    return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
+
+
+def check_resistances(statement: Statement, tagged: TaggedMesh) -> None:
+    """Whether what resists the displacement is finite and not negative at vertices and middles of facets; collective.
+
+    Raises:
+        SceneError: an expression is not.
+    """
+    problems = []
+    for path, effect in statement.listed():
+        if effect.where is None or not isinstance(effect, Resistance):
+            continue
+        corners = facet_vertices(tagged.mesh, tagged.facets(effect.where))
+        points = np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]).T
+        for key, value in effect.given.items():
+            values = sample(value, points)
+            if parallel.any_rank(tagged.mesh.comm, not ((values >= 0) & (values <= LARGEST_NUMBER)).all()):
+                wanted = f"a number from 0 to {LARGEST_NUMBER:g} everywhere on {effect.where!r}"
+                problems.append((f"{path}.{key}", f"must be {wanted}"))
+    if problems:
+        raise SceneError(problems)
+
+
+def check_effects(statement: Statement, tagged: TaggedMesh) -> None:
+    """Whether effects of other packages are what they say, see ``effect_trial``; collective.
+
+    Raises:
+        SceneError: one is not.
+    """
+    problems, comm = [], tagged.mesh.comm
+    for path, effect in statement.listed():
+        if is_of_package(type(effect)) or not effect.acts:
+            continue
+        x = tagged.mesh.geometry.x
+        if effect.where is not None:
+            x = facet_vertices(tagged.mesh, tagged.facets(effect.where)).reshape(-1, 3)
+        now = effect.at_time(statement.time_at(0))
+        fault = fault_of(now, x[:, : tagged.mesh.geometry.dim].astype(np.float64))
+        problems += [(path, other) for other in sorted({other for other in comm.allgather(fault) if other})[:1]]
+    if problems:
+        raise SceneError(problems)
+
+
+def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
+    """Whether all loads and prescribed displacements are finite, with finite squares; collective.
+
+    Raises:
+        SceneError: an expression is not.
+    """
+    problems = []
+    where = f"an expression is not finite, or larger than {LARGEST_NUMBER:g}, somewhere on its boundary"
+    if parallel.any_rank(comm, not all((np.abs(load.start) <= LARGEST_NUMBER).all() for load in loads)):
+        problems.append(("displacement", where))
+    elif parallel.any_rank(comm, not all((np.abs(load.acting) <= LARGEST_NUMBER**2).all() for load in loads)):
+        problems.append(("traction, body_force", f"{where} or in the body"))  # stresses times lengths
+    if problems:
+        raise SceneError(problems)

@@ -1,0 +1,331 @@
+"""Prescribed displacements: Dirichlet conditions along the axes, and supports along no axis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import default_scalar_type, fem, la
+from dolfinx import mesh as dmesh
+
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices, node_positions
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport, TurnedNodes
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.kinematics import KINDS
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.expressions import in_space, sample
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.tuned import SAME_POSITION
+
+Conditions = list[tuple[PrescribedDisplacement, fem.DirichletBC]]
+
+
+@dataclass(frozen=True)
+class Supports:
+    """What supports prescribe on a mesh.
+
+    Attributes:
+        conditions: the prescribed displacements of the first load step, one component each.
+        skew: those along the normals of flat boundaries across no axis.
+        turned: the nodes of these; None: there are none.
+        fixed: the prescribed components at the owned nodes, in the frames of turned ones, shape (owned dofs,).
+    """
+
+    conditions: Conditions
+    skew: list[SkewSupport]
+    turned: TurnedNodes | None
+    fixed: npt.NDArray[np.bool_]
+    _of: Callable[[Statement], tuple[Conditions, list[SkewSupport]]]
+    _statement: Statement
+
+    @classmethod
+    def of(
+        cls,
+        statement: Statement,
+        space: fem.FunctionSpace,
+        facets: dict[str, npt.NDArray[np.int32]],
+        tagged: TaggedMesh,
+    ) -> Supports:
+        """Those of a scene; collective."""
+
+        def found(statement: Statement) -> tuple[Conditions, list[SkewSupport]]:
+            return dirichlet_conditions(statement, space, facets, tagged), skew_supports(
+                statement, space, facets, tagged
+            )
+
+        conditions, skew = found(statement)
+        owned = space.dofmap.index_map.size_local * space.mesh.geometry.dim
+        fixed = prescribed(space, [condition for _, condition in conditions])[0][:owned]
+        return cls(conditions, skew, turned_nodes(statement, space, conditions, skew, fixed), fixed, found, statement)
+
+    def at(self, step: float) -> tuple[Conditions, TurnedNodes | None]:
+        """The conditions and the turned nodes at a place in the lists of factors; collective."""
+        statement = self._statement
+        if not any(effect.timed for effect in statement.displacement):
+            return self.conditions, self.turned
+        moved = tuple(effect.at_time(statement.time_at(step)) for effect in statement.displacement)
+        axes, skew = self._of(statement.changed(displacement=moved))
+        updated = [replace(initial, values=current.values) for initial, current in zip(self.skew, skew, strict=True)]
+        pairs = [(effect, support) for (effect, _), (_, support) in zip(self.conditions, axes, strict=True)]
+        return pairs, None if self.turned is None else replace(self.turned, supports=updated)
+
+
+def dirichlet_conditions(
+    statement: Statement, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+) -> Conditions:
+    """Dirichlet conditions, one per component; where two meet the later one applies."""
+    dim = space.mesh.topology.dim - 1
+    supports = []
+    for index, effect in enumerate(statement.displacement):
+        if not effect.holding:
+            continue
+        for component, value in components(effect, index, tagged):
+            subspace = space.sub(component)
+            if effect.at is not None:
+                node = node_at(space, effect, index, tagged, statement.bodies)
+                dofs = (space.mesh.geometry.dim * node + component).astype(np.int32)
+                at = in_space(np.array([effect.at]))
+                support = fem.dirichletbc(default_scalar_type(sample(value, at)[0]), dofs, subspace)
+            elif isinstance(value, float):
+                dofs = fem.locate_dofs_topological(subspace, dim, facets[str(effect.boundary)])
+                support = fem.dirichletbc(default_scalar_type(value), dofs, subspace)
+            else:
+                collapsed, _ = subspace.collapse()
+                pair = fem.locate_dofs_topological((subspace, collapsed), dim, facets[str(effect.boundary)])
+                function = fem.Function(collapsed)
+                function.interpolate(lambda x, value=value: sample(value, x))
+                support = fem.dirichletbc(function, pair, subspace)
+            supports.append((effect, support))
+    components_on_axis = statement.kinematics_in(tagged.dimension).zero_on_axis
+    nodes = np.flatnonzero(on_axis(node_positions(space), tagged)) if components_on_axis else np.zeros(0, np.int64)
+    for component in components_on_axis:
+        dofs = (space.mesh.geometry.dim * nodes + component).astype(np.int32)
+        support = fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component))
+        supports.append((_ON_AXIS[components_on_axis], support))
+    return supports
+
+
+# What holds the nodes on the axis of revolution, by the components of their displacements that are zero.
+_ON_AXIS = {
+    kind.zero_on_axis: PrescribedDisplacement(
+        boundary="on the axis", **{"xyz"[component]: 0.0 for component in kind.zero_on_axis or (0,)}
+    )
+    for kind in KINDS
+}
+
+
+def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
+    """Which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
+    return np.asarray(np.abs(x[:, 0]) <= SAME_POSITION * tagged.size)
+
+
+def node_at(
+    space: fem.FunctionSpace,
+    effect: PrescribedDisplacement,
+    index: int,
+    tagged: TaggedMesh,
+    bodies: Sequence[str] = (),
+) -> Any:
+    """The node of this rank at the point of an effect, ghosts included, shape (1,) or (0,); collective.
+
+    Args:
+        space: the displacements.
+        effect: is prescribed at a point.
+        index: of the effect in the scene, for errors.
+        tagged: the mesh.
+        bodies: regions that are bodies with meshes of their own, for errors.
+
+    Raises:
+        SceneError: there is none on any rank, or there are several.
+    """
+    point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
+    away = np.linalg.norm(x - point, axis=1)
+    near = away <= SAME_POSITION * tagged.size
+    if effect.region is not None:
+        near &= _of_region(space, tagged, effect.region)
+    candidates = np.flatnonzero(near)
+    if not parallel.any_rank(tagged.mesh.comm, candidates.size > 0):
+        nearest = parallel.gather_rows(tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]])
+        nearest_point = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
+        at = ", ".join(f"{value:.6g}" for value in nearest_point)
+        raise SceneError([(f"displacement[{index}].at", f"no node of the mesh is at {effect.place}; near is ({at})")])
+    owned = candidates[candidates < space.dofmap.index_map.size_local]
+    count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
+    if count > 1:
+        nodes = {body: np.isin(owned, space.dofmap.list[tagged.cells(body)]).any() for body in bodies}
+        touching_bodies = [
+            body for body, has_node in nodes.items() if parallel.any_rank(tagged.mesh.comm, bool(has_node))
+        ]
+        of = (
+            f" of the bodies {' and '.join(map(repr, touching_bodies))}"
+            if touching_bodies
+            else " of parts that do not share their nodes"
+        )
+        message = (
+            f"{count} nodes of the mesh are at {effect.place},{of}: which one is meant is not known; name its region, "
+            "or choose a point at which there is one node, or a boundary of one of them"
+        )
+        raise SceneError([(f"displacement[{index}].at", message)])
+    return candidates
+
+
+def _of_region(space: fem.FunctionSpace, tagged: TaggedMesh, region: str) -> npt.NDArray[np.bool_]:
+    """Which nodes of this rank, ghosts included, belong to cells of a region, shape (nodes,); collective."""
+    mark = fem.Function(space)
+    at = mark.x.array.reshape(-1, space.dofmap.index_map_bs)
+    at[space.dofmap.list[tagged.cells(region)].ravel()] = 1.0
+    mark.x.scatter_reverse(la.InsertMode.add)
+    mark.x.scatter_forward()
+    return np.asarray(mark.x.array.reshape(at.shape)[:, 0] > 0)
+
+
+def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:
+    """(component, value) of each prescribed component of a displacement effect."""
+    if effect.normal is None:
+        return [(k, value) for k, value in enumerate(effect.components) if value is not None]
+    normal = flat_normal(effect, index, tagged)
+    if np.abs(normal).max() < 1.0:
+        return []  # a skew support
+    axis = int(np.abs(normal).argmax())
+    sign, value = float(normal[axis]), effect.normal
+    return [(axis, sign * value if isinstance(value, float) else lambda x: sign * sample(value, x))]
+
+
+def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
+    """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,); collective."""
+    normal = _flat_normal(effect, index, tagged)
+    return np.pad(normal, (0, tagged.mesh.geometry.dim - normal.size))
+
+
+def _flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
+    """Of cells in their own dimension."""
+    mesh = tagged.mesh
+    facets = tagged.facets(str(effect.boundary))
+    dim = mesh.topology.dim
+    points = facet_vertices(mesh, facets)[:, :, :dim].reshape(-1, dim)
+    low, high = parallel.global_bounds(mesh.comm, points)
+    inside = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
+    outward = parallel.global_sum(mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0))
+    flat = np.flatnonzero(high - low <= 1e-9 * tagged.size)
+    if flat.size == 1:
+        return np.asarray(np.eye(dim)[flat[0]] * np.sign(outward[flat[0]]))
+    # From the facets themselves: as sharp as round-off allows, which their points all together are not.
+    corners = facet_vertices(mesh, facets)[:, :, :dim]
+    along = corners[:, 1:dim] - corners[:, :1]
+    across = np.column_stack((along[:, 0, 1], -along[:, 0, 0])) if dim == 2 else np.cross(along[:, 0], along[:, 1])
+    across = across * np.sign(across @ outward[:dim])[:, None]
+    normal = parallel.global_sum(mesh.comm, across.sum(axis=0))
+    normal = normal / max(float(np.linalg.norm(normal)), 1e-300)
+    heights = points @ normal
+    low, high = parallel.global_bounds(mesh.comm, heights[:, None])
+    if float(high[0] - low[0]) > 1e-9 * tagged.size:
+        message = f"boundary {effect.boundary!r} is not flat: use bilateral contact without friction"
+        raise SceneError([(f"displacement[{index}].normal", message)])
+    return np.asarray(normal)
+
+
+def skew_supports(
+    statement: Statement, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+) -> list[SkewSupport]:
+    """The supports along the normal of a flat boundary across no axis; collective."""
+    supports = []
+    for index, effect in enumerate(statement.displacement):
+        if effect.normal is None or not effect.holding:
+            continue
+        normal = flat_normal(effect, index, tagged)
+        if np.abs(normal).max() < 1.0:
+            nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets[str(effect.boundary)])
+            values = sample(effect.normal, node_positions(space)[nodes].T)
+            supports.append(SkewSupport(effect, index, nodes, normal, values))
+    return supports
+
+
+def prescribed(
+    space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+    """Which dofs of this rank Dirichlet conditions prescribe, and to what, ghosts included, shape (dofs,); zero where
+    nothing is prescribed.  Where conditions meet the last one applies.
+    """
+    index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
+    values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
+    fixed = np.zeros(values.size, dtype=bool)
+    for condition in bcs:
+        condition.set(values)
+        fixed[condition.dof_indices()[0]] = True
+    return fixed, values
+
+
+def turned_nodes(
+    statement: Statement,
+    space: fem.FunctionSpace,
+    supports: Conditions,
+    skew: list[SkewSupport],
+    fixed: npt.NDArray[np.bool_],
+) -> TurnedNodes | None:
+    """The nodes with skew supports, whose entries of ``fixed`` become those of their frames; None: there are none."""
+    if not skew:
+        return None
+    dim = space.mesh.geometry.dim
+    axes = np.full((len(node_positions(space)), dim), -1)
+    on_the_axis = _ON_AXIS[statement.kinematics.zero_on_axis]
+    position = {id(effect): index for index, effect in enumerate((*statement.displacement, on_the_axis))}
+    for effect, support in supports:
+        axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]
+    turned = TurnedNodes.of(skew, axes)
+    on_rank = turned.nodes < fixed.size // dim
+    fixed.reshape(-1, dim)[turned.nodes[on_rank]] = turned.fixed[on_rank]
+    return turned
+
+
+def at_rest(
+    space: fem.FunctionSpace,
+    supports: Sequence[tuple[PrescribedDisplacement, fem.DirichletBC]],
+    turned: TurnedNodes | None,
+    fixed: npt.NDArray[np.bool_],
+) -> npt.NDArray[np.bool_]:
+    """Which of the prescribed dofs are zero at all times, shape (owned dofs,); of turned nodes in their frames."""
+    values = prescribed(space, [support for _, support in supports])[1]
+    for effect, support in supports:
+        if effect.timed:
+            values[support.dof_indices()[0]] = np.nan
+    dim = space.mesh.geometry.dim
+    displacements = values.reshape(-1, dim)
+    if turned is not None:
+        still = (displacements[turned.nodes] == 0).all(axis=1)
+        for skew_support in turned.supports:
+            moves = skew_support.nodes[(skew_support.values != 0) | skew_support.effect.timed]
+            still &= ~np.isin(turned.nodes, moves)
+        displacements[turned.nodes] = np.where(still, 0.0, np.nan)[:, None]
+    return np.asarray(fixed & (displacements.ravel()[: fixed.size] == 0))
+
+
+def check_overlap(
+    statement: Statement, boundary: ContactBoundary, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+) -> None:
+    """Refuse a prescribed normal displacement on contact facets, where it contradicts the contact condition."""
+    problems = []
+    for index, support in enumerate(statement.displacement):
+        if support.at is not None:  # as where a supported side ends at the contact
+            continue
+        axes = [component for component, _ in components(support, index, tagged)]
+        prescribed = np.eye(tagged.mesh.geometry.dim)[axes] if axes else flat_normal(support, index, tagged)[None]
+        for part, effect in enumerate(statement.contact):
+            shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size
+            total = int(parallel.global_sum(boundary.comm, np.array(shared)))
+            slope = np.abs(boundary.normal[boundary.part == part] @ prescribed.T).max(initial=0.0)
+            if total and parallel.global_max(boundary.comm, slope) > 1e-8:
+                problems.append(
+                    (
+                        f"displacement[{index}]",
+                        f"boundary {support.boundary!r} prescribes the normal displacement on {total} facets of the "
+                        f"contact boundary {effect.boundary!r}: remove them from one of the two",
+                    )
+                )
+    if problems:
+        raise SceneError(problems)

@@ -1,0 +1,215 @@
+"""Whether two bodies lie inside each other, or have passed through each other: what contact at the points of a pair
+cannot see.
+
+The nodes of each side are looked for in the cells of other pieces of the mesh than their own.  In contact they may be
+there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of the nearest facet of the other side, and at the
+end of a step no farther than the points of the pair look for partners.  In space cells of degree 1 are divided into
+tetrahedra, and facets into triangles.  Two bodies have passed through each other if
+they lie inside each other on the straight way between two displacements.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
+from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE
+
+Array = npt.NDArray[np.float64]
+
+# Parts of a cell in space, and of a facet, by how many nodes it has.
+_TETRAHEDRA = {4: [[0, 1, 2, 3]], 8: [[0, k, m, 7] for k, m in ((1, 3), (3, 2), (2, 6), (6, 4), (4, 5), (5, 1))]}
+_TRIANGLES = {3: [[0, 1, 2]], 4: [[0, 1, 2], [1, 3, 2]]}
+# The nodes of a cell of the plane along its outline, by how many it has.
+_AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6, 3, 7, 2, 5]}
+
+
+@dataclass(frozen=True)
+class PairedBodies:
+    """The two bodies of a pair.
+
+    Attributes:
+        cells: of this rank.
+        sides: of the pair.
+        piece: of each cell, shape (c,).
+        of_node: piece of each node of both sides, those of the slave first, shape (m,).
+    """
+
+    cells: BodyCells
+    sides: SlidingSides
+    piece: npt.NDArray[np.int64]
+    of_node: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, cells: BodyCells, sides: SlidingSides) -> PairedBodies:
+        """Those of a pair; collective."""
+        space, pieces = cells.space, find_pieces(cells.space.mesh)
+        nodal = np.zeros(len(cells.x))
+        every = space.dofmap.list
+        nodal[every.ravel()] = np.repeat(pieces.of_cell[: len(every)], every.shape[1])
+        owned = space.dofmap.index_map.size_local
+        of_node = from_owners(nodal[:owned, None], sides.nodes, sides.comm)[:, 0].astype(np.int64)
+        return cls(cells, sides, np.asarray(pieces.of_cell[: len(cells.nodes)]), of_node)
+
+    def inside(self, begun: Array, ended: Array) -> InsideBody | None:
+        """Where the bodies lie inside each other at the end, or on the straight way to it; None: nowhere; collective.
+
+        Args:
+            begun: places of the nodes of this rank, see ``BodyCells.placed``.
+            ended: likewise.
+        """
+        comm = self.sides.comm
+        low, high = _boxes(ended, self.cells.nodes)
+        lengths = np.linalg.norm(high - low, axis=1)
+        total, count = parallel.global_sum(comm, np.array([lengths.sum(), lengths.size]))
+        way = parallel.largest(comm, np.linalg.norm(ended - begun, axis=1), 0.0) / (SHAPE_INSIDE * total / count)
+        steps = math.ceil(min(max(float(way), 1.0), MOST_PLACES))
+        for share in np.arange(1, steps + 1) / steps:
+            # Contact at the end would not see what is deeper than its reach.
+            seen = self.sides.reach if share == 1.0 else math.inf
+            if (deep := self._deepest((1.0 - share) * begun + share * ended, seen)) is not None:
+                return deep
+        return None
+
+    def _deepest(self, places: Array, at_most: float) -> InsideBody | None:
+        """The node that is deepest in the other body, of those that are too deep; collective.
+
+        Args:
+            places: of the nodes of this rank, see ``BodyCells.placed``.
+            at_most: depth from which a node is too deep whatever the facets, length.
+        """
+        sides = self.sides
+        owned, count = sides.space.dofmap.index_map.size_local, sides.slave.nodes.size
+        at = sides.gathered(np.ascontiguousarray(places[:owned]))
+        within = parallel.global_sum(sides.comm, self._within(places, at).astype(np.int64)) > 0
+        deepest: InsideBody | None = None
+        for nodes, first, surface in (
+            (np.arange(count), count, sides.master.surface),
+            (np.arange(count, len(at)), 0, sides.slave.surface),
+        ):
+            inner = nodes[within[nodes]]
+            if not inner.size:
+                continue
+            apart, size = (_from_chords if surface.dimension == 2 else _from_triangles)(surface, at[first:], at[inner])
+            nearest = apart.argmin(axis=1)
+            depth = apart[np.arange(inner.size), nearest]
+            for k in np.flatnonzero(depth > np.minimum(SHAPE_INSIDE * size[nearest], at_most)):
+                if deepest is None or depth[k] > deepest.depth:
+                    deepest = InsideBody(float(depth[k]), tuple(at[inner[k]].tolist()))
+        return deepest
+
+    def _within(self, places: Array, at: Array) -> npt.NDArray[np.bool_]:
+        """Which points, shape (m, d), are in a cell of this rank of another piece than their own."""
+        within = np.zeros(len(at), dtype=bool)
+        nodes = self.cells.nodes
+        if not len(nodes):
+            return within
+        near_others = self._near_others(places, at)
+        dim, piece, nodes = places.shape[1], self.piece[near_others], nodes[near_others]
+        if dim == 2:
+            corners = places[nodes[:, _AROUND[nodes.shape[1]]]]
+        else:
+            parts = np.array(_TETRAHEDRA[nodes.shape[1]])
+            corners, piece = places[nodes[:, parts].reshape(-1, 4)], np.repeat(piece, len(parts))
+        if not len(corners):
+            return within
+        middles = corners.mean(axis=1)
+        reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+        near = cKDTree(at).query_ball_point(middles, reach)
+        cell = np.repeat(np.arange(len(corners)), [len(points) for points in near])
+        point = np.array([number for points in near for number in points], dtype=np.int64)
+        others = piece[cell] != self.of_node[point]
+        cell, point = cell[others], point[others]
+        if dim == 3:
+            within[point[_in_tetrahedra(corners[cell], at[point])]] = True
+            return within
+        edges = np.roll(corners[cell], -1, axis=1) - corners[cell]
+        away = at[point, None] - corners[cell]
+        turns = edges[..., 0] * away[..., 1] - edges[..., 1] * away[..., 0]
+        within[point[(turns >= 0).all(axis=1) | (turns <= 0).all(axis=1)]] = True
+        return within
+
+    def _near_others(self, places: Array, at: Array) -> npt.NDArray[np.int64]:
+        """The cells of this rank whose boxes meet the box of all points, shape (m, d), of other pieces."""
+        low, high = _boxes(places, self.cells.nodes)
+        near = np.zeros(len(low), dtype=bool)
+        for piece in np.unique(self.piece):
+            points = at[self.of_node != piece]
+            if len(points):
+                meets = (high >= points.min(axis=0)) & (low <= points.max(axis=0))
+                near |= (self.piece == piece) & meets.all(axis=1)
+        return np.flatnonzero(near)
+
+
+def _boxes(places: Array, nodes: npt.NDArray[np.int32]) -> tuple[Array, Array]:
+    """The smallest and the largest coordinates of the nodes of each cell, shapes (c, d); node by node, in a fraction of
+    the time of an axis so short.
+
+    Args:
+        places: of the nodes, shape (nodes, d).
+        nodes: of each cell, shape (c, n).
+    """
+    first, *further = (places[column] for column in nodes.T)
+    low, high = first.copy(), first
+    for positions in further:
+        np.minimum(low, positions, out=low)
+        high = np.maximum(high, positions)
+    return low, high
+
+
+def _in_tetrahedra(corners: Array, x: Array) -> npt.NDArray[np.bool_]:
+    """Which points, shape (k, 3), are in their tetrahedra, with corners of shape (k, 4, 3)."""
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    flat = np.linalg.det(edges) == 0.0
+    shares = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), edges), (x - corners[:, 0])[..., None])[..., 0]
+    return np.asarray(~flat & (shares >= 0).all(axis=1) & (shares.sum(axis=1) <= 1))
+
+
+def _from_chords(surface: PairSurface, places: Array, x: Array) -> tuple[Array, Array]:
+    """Distances of points, shape (n, 2), from the chords of a side of the plane, shape (n, f), and their lengths, shape
+    (f,); ``places``: of its nodes.
+    """
+    nodes_along = surface.nodes[:, np.argsort(surface.functions.places[:, 0])]
+    chords = np.stack((nodes_along[:, :-1], nodes_along[:, 1:]), axis=2).reshape(-1, 2)
+    start, end = places[chords].transpose(1, 0, 2)
+    return _from_lines(start, end, x), np.linalg.norm(end - start, axis=1)
+
+
+def _from_lines(start: Array, end: Array, x: Array) -> Array:
+    """Distances of points, shape (n, d), from lines between two ends, shape (f, d) each: shape (n, f)."""
+    along = end - start
+    share = np.clip(np.einsum("nfk,fk->nf", x[:, None] - start, along) / np.sum(along**2, axis=1), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(x[:, None] - start - share[..., None] * along, axis=2))
+
+
+def _from_triangles(surface: PairSurface, places: Array, x: Array) -> tuple[Array, Array]:
+    """Distances of points, shape (n, 3), from the triangles of a side in space, shape (n, f), and their sizes, shape
+    (f,); ``places``: of its nodes.
+    """
+    parts = np.array(_TRIANGLES[surface.nodes.shape[1]])
+    corners = places[surface.nodes[:, parts].reshape(-1, 3)]
+    ends = corners, np.roll(corners, -1, axis=1)
+    apart = np.min([_from_lines(start, end, x) for start, end in zip(*np.swapaxes(ends, 1, 2), strict=True)], axis=0)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(first, second)
+    square = np.sum(normal**2, axis=1)
+    away = x[:, None] - corners[:, 0]
+    shares = np.stack(
+        (
+            np.sum(np.cross(away, second) * normal, axis=2) / square,
+            np.sum(np.cross(first, away) * normal, axis=2) / square,
+        )
+    )
+    over = (shares >= 0).all(axis=0) & (shares.sum(axis=0) <= 1)
+    height = np.abs(np.einsum("nfk,fk->nf", away, normal)) / np.sqrt(square)
+    return np.where(over, height, apart), square**0.25

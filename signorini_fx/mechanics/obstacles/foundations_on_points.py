@@ -1,0 +1,560 @@
+"""The foundations and pairs of a problem on their contact points: weights, frames, gap and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
+from signorini_fx.algebra.method import Settings
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.averages import averaging, averaging_forms, from_owners
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.assembly.nodal_values import NodalValues
+from signorini_fx.mechanics.contact_points.contact_boundary import (
+    ContactBoundary,
+    contact_part,
+    join,
+    no_points,
+    unit_contact_form,
+)
+from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+from signorini_fx.mechanics.interfaces.foundation import Foundation
+from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
+from signorini_fx.mechanics.laws.directed import FrictionAxes
+from signorini_fx.mechanics.laws.protocol import FrictionLaw
+from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
+from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, driven_twice, rigid_bodies
+from signorini_fx.mechanics.statement.rigid_shape import Distance, distance_from
+from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
+from signorini_fx.records import Inventory
+from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ShapeDistances:
+    """What decides about the contact points of one foundation, at all nodes of this rank, nan where it is not.
+
+    Attributes:
+        factor: of the surface measure, shape (nodes,); None: 1.
+        direction: n, of length one, shape (nodes, d); None: the outward normal.
+        axes: of its friction; None: it has no direction.
+    """
+
+    factor: Array | None
+    direction: Array | None
+    axes: FrictionAxes | None = None
+
+
+@dataclass(frozen=True)
+class NodalFriction:
+    """The friction of one foundation.
+
+    Attributes:
+        law: with values at all nodes of this rank, ghosts included, arrays of shape (nodes,); None: there is none.
+        bonded: whether it has no limit.
+    """
+
+    law: FrictionLaw | None
+    bonded: bool
+
+
+@dataclass(frozen=True)
+class FoundationData(NodalFriction):
+    """What one foundation says, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
+
+    Attributes:
+        facets: owned, local numbers.
+        shape: its direction and measure.
+        gap: d, length; nan where no facet is.
+        bilateral: whether the contact cannot open.
+        pair: both sides, where another body is the foundation; None: it is rigid.
+        allowance: what the user gives of the gap of a pair, without what its sides say; None: all of it is given.
+    """
+
+    facets: npt.NDArray[np.int32]
+    shape: ShapeDistances
+    gap: Array
+    bilateral: bool
+    pair: PairedSides | None = None
+    allowance: Array | None = None
+
+
+class Foundations:
+    """Several foundations on one space; all methods are collective.
+
+    Args:
+        space: the displacements.
+        contact: the foundations, and pairs, whose slave sides have the points.
+        facets: of each foundation or slave, owned, local numbers.
+        names: of its form.
+        inventory: where the forms are compiled.
+        masters: facets of the other side of each pair, by its number among the contacts; None: there are no pairs.
+    """
+
+    def __init__(
+        self,
+        space: fem.FunctionSpace,
+        contact: Sequence[Foundation | Pair],
+        facets: Sequence[npt.NDArray[np.int32]],
+        names: Sequence[str],
+        inventory: Inventory,
+        masters: Mapping[int, npt.NDArray[np.int32]] | None = None,
+    ) -> None:
+        self._space, self._contact, self.facets = space, contact, facets
+        self._masters = dict(masters or {})
+        self._pairs: dict[int, PairedSides] = {}
+        self._names, self._inventory = names, inventory
+        self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
+        self._dimension = int(space.mesh.geometry.dim)
+        self._distances = self._shaped()
+        self.settled = dict(self._distances)
+
+    def _shaped(self) -> dict[int, Distance]:
+        """The distances from foundations that have shapes, by their numbers.
+
+        Raises:
+            FormError: a shape does not fit the mesh.
+        """
+        distances, problems = dict[int, Distance](), list[tuple[str, str]]()
+        for k, contact in enumerate(self._contact):
+            if contact.shape is None:
+                continue
+            if contact.direction is not None:
+                problems.append((f"contact[{k}].direction", "is that of the closest point of shape: leave it out"))
+            try:
+                distances[k] = distance_from(contact.shape, self._dimension, turns=contact.measure is None)
+            except SceneError as error:
+                problems += [(f"contact[{k}].shape.{key}".rstrip("."), reason) for key, reason in error.problems]
+                continue
+            self.check_shape(k, distances[k].shape)
+        if problems:
+            raise FormError(problems)
+        return distances
+
+    def check_shape(self, number: int, shape: Any) -> None:
+        """Refuse a shape of a user's own whose distance is none at the nodes; collective.
+
+        Raises:
+            FormError: it is not.
+        """
+        x = node_positions(self._space)[self._values[number].nodes, : self._dimension]
+        fault = fault_of_shape(shape, x, self._length)
+        error = FormError([(f"contact[{number}].shape", fault)]) if fault else None
+        parallel.raise_together(self._space.mesh.comm, error)
+
+    @cached_property
+    def _length(self) -> float:
+        """The size of the body; collective."""
+        mesh = self._space.mesh
+        bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x[:, : self._dimension].astype(np.float64))
+        return float(np.linalg.norm(np.ptp(bounds, axis=0)))
+
+    @property
+    def driven(self) -> list[Any]:
+        """The shape of each contact that forces move; None: it stands still."""
+        shapes = [getattr(self._distances.get(k), "shape", None) for k in range(len(self._contact))]
+        return [shape if getattr(shape, "driven", False) else None for shape in shapes]
+
+    @property
+    def rigid_bodies(self) -> RigidBodies:
+        """Those that forces move."""
+        bodies = rigid_bodies(self.driven, self._names)
+        return RigidBodies(bodies, CARTESIAN[self._dimension], self._length if bodies else 1.0)
+
+    def check_driven(self, algorithm: str) -> None:
+        """Refuse what foundations that forces move are not possible with, and bonds to others.
+
+        Raises:
+            FormError: there is something.
+        """
+        problems = []
+        for k, (contact, shape) in enumerate(zip(self._contact, self.driven, strict=True)):
+            driven = "where a force moves the foundation"
+            tied = contact.bonded and contact.against is None
+            for wrong, key, reason in (
+                (tied and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
+                (
+                    shape and contact.measure is not None and not self.measured(shape),
+                    "measure",
+                    f"is not possible yet {driven}",
+                ),
+                (shape and algorithm == "exact", "shape", f"exact ties one unknown, not several {driven}: take 'alm'"),
+                (shape and (shape.timed or shape.driven_in_time), "shape", "depends on t: give numbers, and place()"),
+            ):
+                problems += [(f"contact[{k}].{key}", reason)] if wrong else []
+            if shape and (reason := driven_twice(self.driven, k)):
+                problems.append((f"contact[{k}].shape.rigid", reason))
+        if problems:
+            raise FormError(problems)
+
+    def measured(self, shape: Any) -> bool:
+        """Whether forces may move a shape where the contact has a measure."""
+        return False
+
+    def place(self, number: int, placement: Mapping[str, Any]) -> None:
+        """Turn and move the shape of a foundation from where it is initially.
+
+        Raises:
+            FormError: it has no shape that can be placed, or the placement is wrong.
+        """
+        path = f"contact[{number}].shape"
+        distance = self._distances.get(number)
+        if distance is None or not hasattr(distance.shape, "placed"):
+            raise FormError([(path, "this foundation has no shape that can be placed")])
+        if self.driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
+            raise FormError([(f"{path}.{key}", "stays: this foundation is moved by what drives it") for key in wrong])
+        try:
+            moved = distance_from(distance.shape.placed(**placement), self._dimension)
+        except SceneError as error:
+            raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
+        if reason := driven_twice(
+            [moved.shape if k == number else shape for k, shape in enumerate(self.driven)], number
+        ):
+            raise FormError([(f"{path}.rigid", reason)])
+        self._distances[number] = moved
+
+    @property
+    def placed_shapes(self) -> list[tuple[str, Any, Any]]:
+        """Names of the foundations that are things, their shapes where they are, and what is added to the distance."""
+        return [(f"contact[{k}].shape", at.shape, at.added) for k, at in self._distances.items()]
+
+    def give_gap(self, number: int, value: Any) -> None:
+        """Another gap of a contact, or of a pair by geometry another allowance: a number or a callable."""
+        contact = list(self._contact)
+        key = "allowance" if contact[number].by_geometry else "gap"
+        contact[number] = replace(contact[number], **{key: value})
+        self._contact = contact
+
+    def settle(self) -> None:
+        """Count the motion of shapes from where they are."""
+        self.settled = dict(self._distances)
+
+    def moved(self, boundary: ContactBoundary) -> Array | None:
+        """How far the shapes have moved at the points since they have settled, shape (n, d); None: they have not."""
+        moved = [
+            k
+            for k, distance in self._distances.items()
+            if not self.driven[k] and distance.shape != self.settled[k].shape
+        ]
+        if not moved:
+            return None
+        displacements = np.zeros_like(boundary.x)
+        for k in moved:
+            on_part = boundary.part == k
+            displacements[on_part] = self._distances[k].shape.moved_from(self.settled[k].shape, boundary.x[on_part])
+        return displacements
+
+    @cached_property
+    def forms(self) -> list[tuple[Any, fem.Function | None]]:
+        """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure; a pair
+        has none.
+        """
+        space, compiled = self._space, list[tuple[Any, fem.Function | None]]()
+        z = ufl.TestFunction(space)
+        for contact, facets, name in zip(self._contact, self.facets, self._names, strict=True):
+            if contact.against is not None:
+                compiled.append((None, None))
+                continue
+            function = None if contact.measure is None else fem.Function(space)
+            factor = None if function is None else function[0]
+            form: Any
+            if averaging(space):
+                form = averaging_forms(space, facets, self._inventory, name, factor)
+            else:
+                form = self._inventory.compile(name, partial(unit_contact_form, space, z, facets, factor))
+            compiled.append((form, function))
+        return compiled
+
+    def factor_of(self, number: int) -> Array | None:
+        """The factor of the measure of one contact at all nodes of this rank, shape (nodes,); None: 1; collective.
+
+        Raises:
+            FormError: it is negative or not finite somewhere.
+        """
+        measure = self._contact[number].measure
+        if measure is None:
+            return None
+        factor: Array = self._values[number](measure, f"contact[{number}].measure", minimum=0.0)
+        largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
+        factor[factor <= ZERO_SUM * largest] = 0.0
+        return factor
+
+    def shapes(self) -> list[ShapeDistances]:
+        """What decides about the points, as it is now.
+
+        Raises:
+            FormError: a direction or a measure is wrong somewhere.
+        """
+        shapes = []
+        for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
+            factor, direction, axes = self.factor_of(k), None, None
+            if contact.friction is not None:
+                axes = contact.friction.axes(at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm)
+            along: Any = self._distances[k].direction if k in self._distances else contact.direction
+            if along is not None:
+                direction = at(along, f"contact[{k}].direction", self._dimension)
+                size = np.hypot.reduce(direction, axis=1, keepdims=True)
+                if parallel.any_rank(self._space.mesh.comm, bool((size == 0).any())):
+                    raise FormError([(f"contact[{k}].direction", "is zero somewhere")])
+                direction = direction / size
+            shapes.append(ShapeDistances(factor, direction, axes))
+        return shapes
+
+    def boundary(
+        self,
+        shapes: Sequence[ShapeDistances],
+        fixed: npt.NDArray[np.bool_],
+        turned: TurnedNodes | None = None,
+        at_rest: npt.NDArray[np.bool_] | None = None,
+    ) -> ContactBoundary:
+        """Weights, frames and positions of the points.
+
+        Args:
+            shapes: see ``shapes``.
+            fixed: which owned dofs are prescribed, shape (owned dofs,).
+            turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
+            at_rest: see ``at_rest``, ghosts may be included; None: none.
+        """
+        parts = []
+        for k, (shape, (form, function)) in enumerate(zip(shapes, self.forms, strict=True)):
+            if k in self._masters:
+                parts.append(self._along(k, shape, self._paired(k, shape.factor, fixed, turned, at_rest)))
+                continue
+            if function is not None and shape.factor is not None:
+                function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
+            least = 0.0 if shape.factor is None else ZERO_SUM
+            part = contact_part(self._space, form, self.facets[k], k, fixed, turned, least)
+            if shape.direction is not None:
+                part = replace(part, normal=shape.direction[part.nodes])
+            elif shape.factor is not None:
+                part = replace(part, normal=_axial(part.normal, shape.factor[part.nodes] == 0))
+            parts.append(self._along(k, shape, part))
+        return join(parts) if parts else no_points(self._space)
+
+    def _along(self, number: int, shape: ShapeDistances, part: ContactBoundary) -> ContactBoundary:
+        """The points of a contact with the axes of its friction."""
+        if shape.axes is None:
+            return part
+        part = replace(part, friction_axes=shape.axes.at(part.nodes))
+        part.check_friction_axes(f"contact[{number}].friction")
+        return part
+
+    def _taken(self, number: int) -> dict[int, npt.NDArray[np.int32]]:
+        """The facets at which a pair has no points, by the numbers of their contacts: of a node that two contacts share
+        an earlier pair, or a foundation, has the point.
+        """
+        first = [k for k, contact in enumerate(self._contact) if k < number or contact.against is None]
+        return {k: self.facets[k] for k in first if k != number}
+
+    def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
+        """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of it."""
+        return np.asarray(fixed & (values == 0) & bool(self._masters))
+
+    def _paired(
+        self,
+        number: int,
+        factor: Array | None,
+        fixed: npt.NDArray[np.bool_],
+        turned: TurnedNodes | None,
+        at_rest: npt.NDArray[np.bool_] | None,
+    ) -> ContactBoundary:
+        """The points of a pair, with a factor of its measure at all nodes of this rank."""
+        from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+
+        pair, space = self._contact[number], self._space
+        assert isinstance(pair, Pair)
+        sides, taken = (self.facets[number], self._masters[number]), self._taken(number)
+        flags = fixed.reshape(-1, self._dimension)
+        rests = None if at_rest is None else at_rest.reshape(-1, self._dimension)[: len(flags)]
+        paired = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned, rests, factor)
+        self._pairs[number] = paired
+        return paired.boundary(space, self.facets[number], number, flags)
+
+    def _gap_of(self, number: int) -> tuple[Array, Array | None]:
+        """The gap of one contact at all nodes of this rank, and what of it is no geometry of a pair; collective.
+
+        The geometry of a pair is in it at the points of this rank alone.
+        """
+        contact, at = self._contact[number], self._values[number]
+        key = "allowance" if contact.by_geometry else "gap"
+        given = at(0.0 if contact.bonded else getattr(contact, key), f"contact[{number}].{key}")
+        if (pair := self._pairs.get(number)) is None:
+            return (given + self._distance_of(number) if number in self._distances else given), None
+        if pair.held is not None:
+            comm, owned = self._space.mesh.comm, self._space.dofmap.index_map.size_local
+            bilateral = contact.bilateral or contact.bonded
+            held = pair.held.with_gap(given[:owned], comm, by_geometry=pair.by_geometry, bilateral=bilateral)
+            self._pairs[number] = replace(pair, held=held)
+        if not pair.by_geometry and pair.coupling.fixed is None:
+            return given, None
+        adjusted_gap, (first, last) = given.copy(), self._space.dofmap.index_map.local_range
+        points = pair.slave.nodes[pair.coupling.nodes] - first
+        adjusted_gap[points] -= pair.fixed_gap(np.nan_to_num(given[: last - first]), self._space.mesh.comm)
+        if pair.by_geometry:
+            sides = pair.slave.surface, pair.master.surface
+            adjusted_gap[points] += pair.coupling.adjusted(contact.adjust, sides)
+        return adjusted_gap, given
+
+    @cached_property
+    def _cells(self) -> BodyCells:
+        """The cells of the body."""
+        return BodyCells.of(self._space, self._space.mesh.geometry.dim)
+
+    def _distance_of(self, number: int) -> Array:
+        """The signed distance from the shape of one contact at all nodes of this rank; collective.
+
+        Raises:
+            FormError: the whole body is inside of it, or its middle is inside the body.
+        """
+        comm, distance = self._space.mesh.comm, self._distances[number]
+        distances = self._values[number](distance, f"contact[{number}].shape")
+        if not parallel.any_rank(comm, bool((distances >= 0).any())):
+            at_vertices = distance(self._space.mesh.geometry.x.T.astype(np.float64))
+            if not parallel.any_rank(comm, bool((at_vertices >= 0).any())):
+                message = "the whole body is inside of the foundation: move it, or set hollow if the body belongs there"
+                raise FormError([(f"contact[{number}]", message)])
+        if (swallowed := self._cells.swallowed(distance.shape)) is not None:
+            at = ", ".join(f"{c:.4g}" for c in swallowed.at)
+            message = (
+                f"the foundation lies inside the body, at ({at}), where its contact boundary does not see it: begin "
+                "where it touches from outside; a nonlinear body may be pressed farther, in steps"
+            )
+            raise FormError([(f"contact[{number}]", message)])
+        return distances
+
+    @property
+    def pairs(self) -> dict[int, PairedSides]:
+        """Both sides of each pair by its number among the contacts, since ``boundary`` was asked for."""
+        return dict(self._pairs)
+
+    def friction(self) -> list[NodalFriction]:
+        """Friction, as it is now.
+
+        Raises:
+            FormError: a value is wrong somewhere.
+        """
+        return [self._friction_of(k) for k in range(len(self._contact))]
+
+    def _friction_of(self, number: int) -> NodalFriction:
+        """The friction of one contact; collective."""
+        contact, at, path = self._contact[number], self._values[number], f"contact[{number}].friction"
+
+        def nodal(key: str, value: Any) -> Array:
+            return at(value, f"{path}.{key}", minimum=0.0)
+
+        law = None if contact.friction is None else contact.friction.with_values(nodal)
+        return NodalFriction(law, contact.bonded)
+
+    def data(self, shapes: Sequence[ShapeDistances]) -> list[FoundationData]:
+        """Gaps and friction, as they are now.
+
+        Raises:
+            FormError: a value is wrong somewhere.
+        """
+        contact_data = []
+        for k, (contact, shape) in enumerate(zip(self._contact, shapes, strict=True)):
+            (gap, allowance), friction = self._gap_of(k), self._friction_of(k)
+            bilateral = contact.bilateral or contact.bonded
+            contact_data.append(
+                FoundationData(
+                    **vars(friction),
+                    facets=self.facets[k],
+                    shape=shape,
+                    gap=gap,
+                    bilateral=bilateral,
+                    pair=self._pairs.get(k),
+                    allowance=allowance,
+                )
+            )
+        return contact_data
+
+    def problem(
+        self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, scales: Scales
+    ) -> tuple[RegularisedData, PointFriction | None]:
+        """The regularised problem without shifts at the points, and its friction law; None where no law can act.
+
+        Args:
+            boundary: the points.
+            data: see ``data``.
+            settings: gamma and sigma.
+            scales: of the body.
+        """
+        law = self.law(boundary, scales.modulus, data)
+        parts = [k for k, contact_data in enumerate(data) if contact_data.bilateral]
+        bilateral = np.isin(boundary.part, parts) if parts else None
+        gap = self._gap(boundary, data)
+        regularised = RegularisedData.unshifted(
+            gap, self._dimension - 1, settings, scales.gamma, law, bilateral, boundary.points.immovable
+        )
+        return regularised, law
+
+    def law(
+        self, boundary: ContactBoundary, modulus: float, friction: Sequence[NodalFriction] | None = None
+    ) -> PointFriction | None:
+        """The friction at the points; None where none can act.
+
+        At points that cannot move along their normal it is that without pressure.
+
+        Args:
+            boundary: the points.
+            modulus: of the body, stress: up to it pressures are tried at which laws keep to what they say.
+            friction: see ``friction``; None: as it is now.
+
+        Raises:
+            FormError: a law is not what it says.
+        """
+        if not any(entry.bonded or entry.friction is not None for entry in self._contact):
+            return None
+        parts = list[PointFriction]()
+        points = [np.flatnonzero(boundary.part == k) for k in range(len(self._contact))]
+        for k, (entry, at) in enumerate(zip(self.friction() if friction is None else friction, points, strict=True)):
+            law = None if entry.law is None else entry.law.at(boundary.nodes[at])
+            if law is not None and law.of_a_user:
+                fault = fault_of(law, at.size, modulus)
+                error = FormError([(f"contact[{k}].friction", fault)]) if fault else None
+                parallel.raise_together(self._space.mesh.comm, error)
+            parts.append(friction_of(law, at.size))
+            if entry.bonded:
+                parts[-1] = stuck(np.ones(at.size, dtype=bool))
+        return joined(parts, points).without_pressure(boundary.points.immovable)
+
+    def _gap(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
+        """The gap at the points, averaged where the displacement is that it is compared with; collective."""
+        gap = np.zeros(boundary.size)
+        for k, contact_data in enumerate(data):
+            on_part = boundary.part == k
+            if boundary.averages is None or contact_data.pair is not None or not averaging(self._space):
+                gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
+                continue
+            owned_gap = np.nan_to_num(contact_data.gap[: self._space.dofmap.index_map.size_local, None])
+            reached = from_owners(owned_gap, boundary.averages.nodes, boundary.comm)[:, 0]
+            gap[on_part] = boundary.averages.shares[on_part] @ reached
+        return gap
+
+
+def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:
+    """Normals, shape (n, d), without their radial components on an axis of revolution, where x[0] = 0: the mean all
+    around the tip of a cone is along the axis.
+    """
+    axial = np.where(on_axis[:, None] & (np.arange(normal.shape[1]) == 0), 0.0, normal)
+    size = np.linalg.norm(axial, axis=1, keepdims=True)
+    return np.where(size > SAME_DIRECTION, axial / np.maximum(size, SAME_DIRECTION), normal)

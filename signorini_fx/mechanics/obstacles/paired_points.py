@@ -1,0 +1,442 @@
+"""The contact points of a pair of bodies: both sides as surfaces for ``pairs``, and its coupling as a boundary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import basix
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx.errors import FormError
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.assembly.averages import Averages, from_owners
+from signorini_fx.mechanics.assembly.mesh_entities import adjugates, facet_entities, facet_nodes, node_positions
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
+from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.obstacles.held_pairs import HeldPairs, held_along
+from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides
+from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, NobodyCarriesError, PairingError, couple
+from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.sliding import along_vectors, turned_normals
+from signorini_fx.mechanics.pairs.sparse_scaling import of_components
+from signorini_fx.tuned import ZERO_SUM
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class PairedSide:
+    """Facets of the body as a surface, the same on every rank but for ``facets``.
+
+    Attributes:
+        surface: with nodes numbered from 0.
+        nodes: global number of each of them in the space, ascending, shape (N,).
+        facets: those of this rank, local numbers.
+    """
+
+    surface: PairSurface
+    nodes: npt.NDArray[np.int64]
+    facets: Indices
+
+    def columns(self, among: npt.NDArray[np.int64]) -> sp.csr_array:
+        """The matrix from values at some nodes, ascending, to those at the nodes of the surface, zero at others."""
+        rows = np.flatnonzero(np.isin(self.nodes, among))
+        places = (rows, np.searchsorted(among, self.nodes[rows]))
+        return sp.csr_array(sp.coo_array((np.ones(rows.size), places), shape=(self.nodes.size, among.size)))
+
+    @classmethod
+    def of(cls, space: fem.FunctionSpace, facets: Indices) -> PairedSide:
+        """Those facets of all ranks; collective.  Positions interpolate those of the nodes of the displacement."""
+        mesh, element = space.mesh, space.element.basix_element
+        dim, entities = mesh.topology.dim, facet_entities(space.mesh, facets)
+        vertices, topology = basix.geometry(element.cell_type), basix.topology(element.cell_type)[dim - 1]
+        geometry, corners = compat.geometry_element(mesh), compat.geometry_cells(mesh)
+        layout, places = space.dofmap.dof_layout, None
+        local, sign = [], np.zeros(len(facets))
+        order = []
+        for number, corner in enumerate(topology):
+            same_number = np.flatnonzero(entities[:, 1] == number)
+            start, *ends = vertices[corner[:dim]]
+            along = np.array(ends) - start
+            closure = np.array(layout.entity_closure_dofs(dim - 1, number))
+            at = np.linalg.lstsq(along.T, (element.points[closure] - start).T, rcond=None)[0].T
+            places = at if places is None else places
+            # The nodes of every facet in the same order.
+            apart = np.linalg.norm(places[:, None] - at[None], axis=2)
+            cells = entities[same_number, 0]
+            local.append(space.dofmap.list[cells][:, closure[apart.argmin(axis=1)]])
+            order.append(same_number)
+            middle = start + along.sum(axis=0) / 2
+            slopes = geometry.tabulate(1, middle[None])[1:, 0, :, 0]
+            jacobian = np.einsum("kg,cgi->ikc", slopes, mesh.geometry.x[corners[cells], :dim])
+            across = np.array([along[0, 1], -along[0, 0]]) if dim == 2 else np.cross(*along)
+            sign[same_number] = np.sign(adjugates(jacobian)[1] * (across @ (start - vertices.mean(axis=0))))
+        assert places is not None
+        node_table = np.concatenate(local)[np.argsort(np.concatenate(order))]
+        names = space.dofmap.index_map.local_to_global(node_table.ravel()).reshape(node_table.shape)
+        positions = node_positions(space)[node_table, :dim]
+        names, positions, signs = (parallel.gather_rows(mesh.comm, rows) for rows in (names, positions, sign))
+        nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
+        x = np.array(positions.reshape(-1, dim)[first], dtype=np.float64)
+        surface = PairSurface(numbers.reshape(names.shape).astype(np.int64), x, Lagrange(places), signs)
+        return cls(surface, nodes.astype(np.int64), facets)
+
+
+@dataclass(frozen=True)
+class FacingSides:
+    """Both sides of a pair before they are paired, and what supports prescribe there.
+
+    Attributes:
+        slave: the side with the contact points.
+        master: the other one.
+        frames: in which supports are told of at the nodes of both, shape (N, d, d).
+        entries: at the nodes of both, which components are prescribed, which to zero at all times, and whether another
+            contact or the other side owns the node, shape (N, 2 d + 1).
+        held: nodes that are held along their normals.
+    """
+
+    slave: PairedSide
+    master: PairedSide
+    frames: tuple[Array, Array]
+    entries: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
+    held: HeldSides
+
+    @property
+    def unable(self) -> npt.NDArray[np.bool_]:
+        """Nodes of the slave that cannot carry a point, as another contact owns them, shape (N,)."""
+        return np.asarray(self.entries[0][:, -1])
+
+    @classmethod
+    def of(
+        cls,
+        space: fem.FunctionSpace,
+        facets: tuple[Indices, Indices],
+        name: str,
+        fixed: npt.NDArray[np.bool_],
+        taken: Mapping[int, Indices],
+        turned: TurnedNodes | None = None,
+        at_rest: npt.NDArray[np.bool_] | None = None,
+        factor: Array | None = None,
+    ) -> FacingSides:
+        """Two parts of the boundary; collective.  For the arguments see ``PairedSides.of``.
+
+        Raises:
+            FormError: the sides are curved and the displacement is linear.
+        """
+        if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
+            raise FormError([(name, "two bodies with curved cells need a space of degree 2")])
+        comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
+        slave, master = (PairedSide.of(space, entries) for entries in facets)
+        taken_nodes = np.zeros(owned, dtype=bool)
+        for taken_facets in (*taken.values(), facets[1]):
+            reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
+            taken_nodes[reached[reached < owned]] = True
+        at_rest = np.zeros_like(fixed) if at_rest is None else at_rest
+        owned_rows = np.column_stack((fixed, at_rest, taken_nodes)).astype(np.float64)
+
+        def told(side: PairedSide) -> tuple[Array, npt.NDArray[np.bool_]]:
+            """Frames of the nodes of a side, shape (N, d, d), and what is known there, shape (N, 2 d + 1)."""
+            frames: Array = np.tile(np.eye(dim), (side.nodes.size, 1, 1))
+            if turned is not None:
+                owned_frames = turned.frames_at(np.arange(owned)).reshape(owned, dim**2)
+                frames = from_owners(owned_frames, side.nodes, comm).reshape(frames.shape)
+            return frames, from_owners(owned_rows, side.nodes, comm) > 0
+
+        (frames, entries), (axes, reached) = told(slave), told(master)
+        rests = (frames, entries[:, dim:-1]), (axes, reached[:, dim:-1])
+        measures = [
+            None if factor is None else from_owners(np.nan_to_num(factor[:owned, None]), side.nodes, comm)[:, 0]
+            for side in (slave, master)
+        ]
+        slave = replace(slave, surface=replace(slave.surface, measure=measures[0]))
+        on_axis = [None if measure is None else measure <= ZERO_SUM * measure.max() for measure in measures]
+        across = (
+            mirrored(slave.surface, master.surface, rests, on_axis[0]),
+            mirrored(master.surface, slave.surface, (rests[1], rests[0]), on_axis[1]),
+        )
+        slave, master = (
+            replace(side, surface=replace(side.surface, across=planes))
+            for side, planes in zip((slave, master), across, strict=True)
+        )
+        normals = slave.surface.directions
+        supported = held_along(normals, frames, entries[:, :dim]) & normals.any(axis=1)
+        loose = tuple(
+            np.einsum("nik,nk,njk->nij", of_nodes, ~flags[:, :dim], of_nodes)
+            for of_nodes, flags in ((frames, entries), (axes, reached))
+        )
+        held = HeldSides(supported, held_along(master.surface.directions, axes, reached[:, :dim]), (loose[0], loose[1]))
+        return cls(slave, master, (frames, axes), (entries, reached), held)
+
+
+@dataclass(frozen=True)
+class PairedSides:
+    """Both sides of a pair, and what joins them.
+
+    Attributes:
+        slave: the side with the contact points.
+        master: the other one.
+        coupling: of both.
+        by_geometry: whether the gap is the distance of both sides.
+        unable: nodes of the slave that cannot carry a point, as another contact owns them, shape (N,).
+        axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
+        held: where supports hold both sides, on this rank; None: nowhere.
+        followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
+            coupling that tells how distances turn.
+        second_opinions: what certificates have found of both sides, which nothing else reads.
+    """
+
+    slave: PairedSide
+    master: PairedSide
+    coupling: Coupling
+    by_geometry: bool
+    unable: npt.NDArray[np.bool_]
+    axes: Array | None = None
+    held: HeldPairs | None = None
+    followed: bool = False
+    second_opinions: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    @classmethod
+    def of(
+        cls,
+        space: fem.FunctionSpace,
+        pair: Pair,
+        facets: tuple[Indices, Indices],
+        name: str,
+        fixed: npt.NDArray[np.bool_],
+        taken: Mapping[int, Indices],
+        turned: TurnedNodes | None = None,
+        at_rest: npt.NDArray[np.bool_] | None = None,
+        factor: Array | None = None,
+    ) -> PairedSides:
+        """Pair two parts of the boundary; collective.
+
+        Args:
+            space: the displacements.
+            pair: the pair.
+            facets: of the slave and of the master, owned, local numbers.
+            name: of the pair, for errors.
+            fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
+            taken: facets of other contacts by their numbers, whose nodes carry no points of this one.
+            turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
+            at_rest: which of the components ``fixed`` are zero at all times, shape (owned nodes, d); None: none.
+            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
+
+        Raises:
+            FormError: the sides do not fit together, or are curved and the displacement is linear.
+        """
+        facing = FacingSides.of(space, facets, name, fixed, taken, turned, at_rest, factor)
+        slave, master, comm = facing.slave, facing.master, space.mesh.comm
+        first, last = space.dofmap.index_map.local_range
+        mine = (slave.nodes >= first) & (slave.nodes < last)
+        try:
+            coupling = couple(
+                slave.surface,
+                master.surface,
+                facing.unable,
+                facing.held,
+                bonded=pair.bonded,
+                nominal=not pair.by_geometry,
+                reach=pair.reach,
+                comm=comm,
+                mine=mine,
+            )
+        except NobodyCarriesError as error:
+            bare, owners = slave.nodes[error.nodes], list[str]()
+            for number, facets_of_owner in taken.items():
+                names = space.dofmap.index_map.local_to_global(np.unique(facet_nodes(space, facets_of_owner)))
+                if np.isin(bare, parallel.gather_rows(comm, names)).any():
+                    owners.append(f"contact[{number}]")
+            raise FormError([(name, f"{' or '.join(owners)} {error}")]) from None
+        except PairingError as error:
+            raise FormError([(name, str(error))]) from None
+        turns, held = None if turned is None else facing.frames[0][coupling.nodes], None
+        if (alone := coupling.helpless & ~facing.unable).any():
+            sides, names = (slave.surface, master.surface), (slave.nodes, master.nodes)
+            axes, reached = facing.frames[1], facing.entries[1][:, : slave.surface.dimension]
+            held = HeldPairs.of(sides, names, alone, (axes, reached), coupling, pair.adjust)
+        return cls(slave, master, coupling, pair.by_geometry, facing.unable, turns, held)
+
+    def deformed(self, space: fem.FunctionSpace, displacement: Array) -> PairedSides:
+        """The same points and partners, with normals that turn as those of the master do at the partners; collective.
+
+        Args:
+            space: the displacements.
+            displacement: of the owned nodes, length, shape (owned nodes, d).
+        """
+        coupling, start = self.coupling, self.master.surface
+        master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
+        initial, present = (self._at_partners(side) for side in (start, master))
+        initial, present = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (initial, present))
+        bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1, keepdims=True)
+        along, initial_part = (
+            np.sum(vectors * coupling.normal, axis=1, keepdims=True) for vectors in (bisector, initial)
+        )
+        normal = coupling.normal - along / share * bisector + 2.0 * initial_part * present
+        return replace(self, coupling=replace(coupling, normal=normal), followed=True)
+
+    def turning(self, space: fem.FunctionSpace, displacement: Array) -> sp.csr_array:
+        """How further displacements of the nodes of the master turn the normals of ``deformed``, sparse, shape (n d, d
+        M); collective.  For the arguments see there.
+
+        Between the vertices of quadratic triangles normals are means, whose turning is left out.
+        """
+        return self.turning_at(from_owners(displacement, self.master.nodes, space.mesh.comm))
+
+    def turning_at(self, displacement: Array) -> sp.csr_array:
+        """See ``turning``; ``displacement``: of the nodes of the master, length, shape (M, d)."""
+        coupling, start = self.coupling, self.master.surface
+        master = start.displaced(displacement)
+        initial, present = (self._at_partners(side) for side in (start, master))
+        initial = initial / np.linalg.norm(initial, axis=1, keepdims=True)
+        size = np.linalg.norm(present, axis=1)[:, None, None]
+        present, normal = present / size[:, 0], coupling.normal
+        bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1)[:, None, None]
+        along, initial_part = (np.sum(vectors * normal, axis=1)[:, None, None] for vectors in (bisector, initial))
+        identity = np.eye(normal.shape[1])
+        turned = (2.0 * initial_part - along / share) * identity
+        turned = turned - bisector[:, :, None] * normal[:, None] / share
+        turned = turned + along / share**2 * bisector[:, :, None] * initial[:, None]
+        turned = turned @ (identity - present[:, :, None] * present[:, None]) @ (identity - self.across) / size
+        nodal = of_components(coupling.master, normal.shape[1]) @ turned_normals(master)
+        return sp.csr_array(along_vectors(turned.transpose(0, 2, 1)) @ nodal)
+
+    def _at_partners(self, master: PairSurface) -> Array:
+        """Sums of the normals of the master at the partners of the points, shape (n, d): those of both halves beside a
+        plane of symmetry have nothing across it.
+        """
+        sums = self.coupling.master @ master.directions
+        return np.asarray(sums - np.einsum("nij,nj->ni", self.across, sums))
+
+    @property
+    def across(self) -> Array:
+        """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
+        assert self.slave.surface.across is not None
+        return np.asarray(self.slave.surface.across[self.coupling.nodes])
+
+    @property
+    def planes(self) -> dict[int, Array]:
+        """The same by the global numbers of all nodes of both sides on such planes."""
+        planes = dict[int, Array]()
+        for side in (self.slave, self.master):
+            across = side.surface.across
+            assert across is not None
+            planes |= {int(side.nodes[k]): across[k] for k in np.flatnonzero(across.any(axis=(1, 2)))}
+        return planes
+
+    @cached_property
+    def reached(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the nodes that the points of this rank are made of, ascending, shape (m,)."""
+        coupling, dim = self.coupling, self.slave.surface.dimension
+        lift = coupling.lift(self.slave.surface)
+        lifted = np.flatnonzero(np.diff(lift.tocsr().indptr))
+        slave_columns = np.concatenate((coupling.slave.indices, coupling.slave_turning.indices // dim, lifted))
+        master_columns = np.concatenate((coupling.master.indices, coupling.master_turning.indices // dim))
+        if coupling.fixed is not None:  # with all held nodes that tell how a side turns
+            columns, count = np.unique(coupling.fixed.rows.indices) // dim, len(self.slave.nodes)
+            slave_columns = np.concatenate((slave_columns, columns[columns < count]))
+            master_columns = np.concatenate((master_columns, columns[columns >= count] - count))
+        return np.unique(np.concatenate((self.slave.nodes[slave_columns], self.master.nodes[master_columns])))
+
+    def shares(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+        """D and M of ``Coupling``, shape (n, m), and the rest of the relative displacement, shape (n d, m d), from the
+        nodes ``reached``: the turning, and what ``mirrored`` leaves out.
+        """
+        coupling, identity = self.coupling, sp.eye_array(self.slave.surface.dimension)
+        slave_columns, master_columns = (side.columns(self.reached) for side in (self.slave, self.master))
+        slave, master = sp.csr_array(coupling.slave @ slave_columns), sp.csr_array(coupling.master @ master_columns)
+        turning = coupling.slave_turning @ sp.kron(slave_columns, identity) + coupling.master_turning @ sp.kron(
+            master_columns, identity
+        )
+        if self.followed:
+            turning = 0.0 * turning
+        if self.across.any():
+            at = np.arange(len(self.across) + 1)
+            across = sp.bsr_array((self.across, at[:-1], at))
+            turning = turning - across @ (sp.kron(slave - master, identity) + turning)
+        return slave, master, sp.csr_array(turning)
+
+    @property
+    def fixed_rows(self) -> sp.csr_array | None:
+        """What of the relative displacement at the points supports fix, along their normals, from the nodes
+        ``reached``, sparse, shape (n d, m d); None: nothing.
+        """
+        coupling, dim = self.coupling, self.slave.surface.dimension
+        if coupling.fixed is None:
+            return None
+        columns = sp.vstack((self.slave.columns(self.reached), self.master.columns(self.reached)))
+        along = sp.csr_array(coupling.fixed_shares @ coupling.fixed.rows @ sp.kron(columns, sp.eye_array(dim)))
+        count = len(coupling.normal)
+        places = np.arange(dim * count), np.repeat(np.arange(count), dim)
+        inward = sp.csr_array(sp.coo_array((coupling.normal.ravel(), places), shape=(dim * count, count)))
+        return sp.csr_array(inward @ along)
+
+    def fixed_gap(self, allowance: Array, comm: MPI.Comm) -> Array:
+        """What a given gap, at the owned nodes, would add to that of the points where supports fix the distance,
+        length, shape (n,); collective.
+        """
+        coupling = self.coupling
+        if coupling.fixed is None:
+            return np.zeros(len(coupling.normal))
+        at_nodes = from_owners(allowance[:, None], self.slave.nodes, comm)[:, 0]
+        return np.asarray(coupling.fixed_shares @ (coupling.fixed.slave @ at_nodes))
+
+    def boundary(
+        self, space: fem.FunctionSpace, facets: Indices, index: int, fixed: npt.NDArray[np.bool_]
+    ) -> ContactBoundary:
+        """The contact points of this rank; collective.
+
+        Args:
+            space: the displacements.
+            facets: of the slave, local numbers.
+            index: of the pair among the contacts.
+            fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
+        """
+        coupling, dim = self.coupling, space.mesh.geometry.dim
+        nodes, bare = self.slave.nodes[coupling.nodes], self.slave.nodes[self.slave.surface.without_area]
+        local = (nodes - space.dofmap.index_map.local_range[0]).astype(np.int32)
+        slave_shares, master_shares, turning = self.shares()
+        owned_rows = np.column_stack((node_positions(space)[: len(fixed), :dim], fixed)).astype(np.float64)
+        reached_rows = from_owners(owned_rows, self.reached, space.mesh.comm)
+        lift = sp.csr_array(self.slave.columns(self.reached).T @ coupling.lift(self.slave.surface))
+        moved = sp.csr_array(slave_shares - master_shares)
+        averages = Averages(
+            moved,
+            self.reached,
+            reached_rows[:, :dim],
+            reached_rows[:, dim:] > 0,
+            turning,
+            coupling.centre,
+            lift,
+            self.fixed_rows,
+        )
+        free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(coupling.centre.shape, dtype=bool)
+        axes = np.tile(np.eye(dim), (nodes.size, 1, 1)) if self.axes is None else self.axes
+        free &= np.einsum("nji,njk,nki->ni", axes, self.across, axes) < 0.5
+        return ContactBoundary(
+            comm=space.mesh.comm,
+            nodes=local,
+            x=self.slave.surface.x[coupling.nodes],
+            weight=coupling.weight,
+            normal=coupling.normal,
+            part=np.full(nodes.size, index, dtype=np.int32),
+            free=free,
+            segments=segments_of(space, facets, index, vertices=len(self.slave.surface.tests.places) < self._width),
+            global_nodes=nodes,
+            averages=averages,
+            axes=self.axes,
+            without_area=np.column_stack((np.full(bare.size, index, dtype=np.int64), bare)),
+        )
+
+    @property
+    def _width(self) -> int:
+        return len(self.slave.surface.functions.places)

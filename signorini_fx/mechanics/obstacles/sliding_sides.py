@@ -1,0 +1,317 @@
+"""The contact points of two sides that slide on each other: at the displacement of now, see ``pairs.sliding``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from dolfinx import fem
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from signorini_fx.errors import FormError
+from signorini_fx.mechanics.assembly.averages import Averages, from_owners
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
+from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSide
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides
+from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, fixed_by_supports, slide
+from signorini_fx.mechanics.pairs.sparse_scaling import beside
+from signorini_fx.tuned import PARTNERS_REACH
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class SlidingSides:
+    """Both sides of a pair, undeformed, the same on every rank.
+
+    Attributes:
+        space: of the displacement.
+        slave: the side with the points.
+        master: the other one.
+        points: its nodes that have a point, numbers of the side, shape (n,).
+        unable: its nodes that cannot carry one, as another contact owns them, shape (N,).
+        held: nodes that supports hold along the undeformed normals.
+        reach: distance beyond which facets are no partners, length.
+        fixed: which components are prescribed at the nodes of both sides, shape (m, d).
+        facets: of the slave, owned, local numbers.
+        index: of the pair among the contacts.
+    """
+
+    space: fem.FunctionSpace
+    slave: PairedSide
+    master: PairedSide
+    points: npt.NDArray[np.int64]
+    unable: npt.NDArray[np.bool_]
+    held: HeldSides
+    reach: float
+    fixed: npt.NDArray[np.bool_]
+    facets: Indices
+    index: int
+
+    @classmethod
+    def of(
+        cls,
+        space: fem.FunctionSpace,
+        reach: float | None,
+        facets: tuple[Indices, Indices],
+        index: int,
+        fixed: npt.NDArray[np.bool_],
+        at_rest: npt.NDArray[np.bool_],
+        taken: Mapping[int, Indices],
+        factor: Array | None = None,
+    ) -> SlidingSides:
+        """Two parts of the boundary; collective.
+
+        Args:
+            space: of the displacement.
+            reach: distance beyond which facets are no partners, length; None: a default.
+            facets: of the slave and of the master, owned, local numbers.
+            index: of the pair among the contacts.
+            fixed: which components are prescribed at the owned nodes, shape (owned nodes, d).
+            at_rest: which of them to zero, likewise.
+            taken: facets of other contacts by their numbers, whose nodes carry no points of this one.
+            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
+
+        Raises:
+            FormError: the sides share nodes, or no node can carry a point.
+        """
+        name = f"contact[{index}]"
+        facing = FacingSides.of(space, facets, name, fixed, taken, at_rest=at_rest, factor=factor)
+        slave, master = facing.slave, facing.master
+        if np.intersect1d(slave.nodes, master.nodes).size:
+            raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
+        points = np.flatnonzero(~facing.unable & (slave.surface.area > 0.0) & ~slave.surface.without_area)
+        if not points.size:
+            raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
+        if reach is None:
+            reach = _default_reach(slave.surface.x, master.surface.x)
+        nodes = np.concatenate((slave.nodes, master.nodes))
+        prescribed = from_owners(fixed.astype(np.float64), nodes, space.mesh.comm) > 0
+        return cls(space, slave, master, points, facing.unable, facing.held, reach, prescribed, facets[0], index)
+
+    @cached_property
+    def nodes(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
+        return np.concatenate((self.slave.nodes, self.master.nodes))
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the body."""
+        comm: MPI.Comm = self.space.mesh.comm
+        return comm
+
+    @cached_property
+    def mine(self) -> npt.NDArray[np.int64]:
+        """Which of the points this rank owns."""
+        first, last = self.space.dofmap.index_map.local_range
+        names = self.slave.nodes[self.points]
+        return np.flatnonzero((names >= first) & (names < last))
+
+    def gathered(self, owned: Array) -> Array:
+        """Rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
+        return from_owners(owned, self.nodes, self.comm)
+
+    def at(self, displacement: Array, fixed: FixedDistances | None = None) -> SlidingCoupling:
+        """The map at a displacement of the nodes of both sides, shape (m, d); ``fixed``: see ``carried_along``.
+
+        Raises:
+            PairingError: a facet sees two sheets of the other side.
+        """
+        return slide(*self._displaced(displacement), self.points, self.unable, self.reach, self.held, fixed)
+
+    def fixed_at(self, displacement: Array) -> FixedDistances | None:
+        """Where supports fix the distance of both sides at a displacement, see ``carried_along``; None: nowhere.
+
+        Raises:
+            PairingError: see ``at``.
+        """
+        return fixed_by_supports(*self._displaced(displacement), self.held, self.reach)
+
+    def carried_along(self, displacement: Array, settled: Array) -> Array:
+        """The displacement of the beginning of a step, with the nodes of each side moved by as much as those that
+        supports hold have moved since on average, shape (m, d).
+
+        What supports fix, and which functions have how much of it, is known from this: while the iteration moves the
+        other nodes it stays as it is, as the derivative of the gap does not know of it.
+
+        Args:
+            displacement: of the nodes of both sides, shape (m, d).
+            settled: at the beginning of the step.
+        """
+        count, along = self.slave.nodes.size, settled.copy()
+        for part, held in ((slice(count), self.held.slave), (slice(count, None), self.held.master)):
+            if held.any():
+                along[part] += (displacement - settled)[part][held].mean(axis=0)
+        return along
+
+    def _displaced(self, displacement: Array) -> tuple[PairSurface, PairSurface]:
+        """Both sides at a displacement."""
+        count = self.slave.nodes.size
+        return self.slave.surface.displaced(displacement[:count]), self.master.surface.displaced(displacement[count:])
+
+    def local_points(self) -> npt.NDArray[np.int32]:
+        """Local numbers of the nodes of the points of this rank."""
+        names = self.slave.nodes[self.points[self.mine]]
+        return (names - self.space.dofmap.index_map.local_range[0]).astype(np.int32)
+
+    @cached_property
+    def _segments(self) -> npt.NDArray[np.int64]:
+        """See ``ContactBoundary.segments``."""
+        return segments_of(self.space, self.facets, self.index, vertices=False)
+
+    @cached_property
+    def across(self) -> Array:
+        """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
+        planes = self.slave.surface.across
+        assert planes is not None
+        return np.asarray(planes[self.points])
+
+    def _sliding(self, coupling: SlidingCoupling) -> Array:
+        """Tangents without what they have across planes of symmetry, as nothing slides there, shape (n, d, d - 1)."""
+        tangents = coupling.frames.tangents
+        return np.asarray(tangents - np.einsum("nij,njk->nik", self.across, tangents))
+
+    def _tangent_rows(self, coupling: SlidingCoupling) -> sp.csr_array:
+        """Those of the coupling for what can slide."""
+        tangents = coupling.frames.tangents
+        return sp.csr_array(along_vectors(tangents) @ along_vectors(self._sliding(coupling)).T @ coupling.tangent_rows)
+
+    def boundary(self, coupling: SlidingCoupling) -> ContactBoundary:
+        """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
+        across it.
+        """
+        mine, count, dim = self.mine, self.mine.size, self.slave.surface.dimension
+        across, normal = self.across[mine], coupling.normal[mine]
+        moved = beside(coupling.frames.slave, -coupling.frames.master)
+        normal_rows, tangent_rows = coupling.normal_rows, coupling.tangent_rows
+        if count < self.points.size:
+            rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
+            moved, normal_rows, tangent_rows = moved[mine], normal_rows[mine], tangent_rows[rows_of_tangents]
+        inward = along_vectors(normal[:, :, None]), along_vectors(self._sliding(coupling)[mine])
+        along = inward[0].T @ normal_rows + inward[1].T @ tangent_rows
+        x = np.concatenate((self.slave.surface.x, self.master.surface.x))
+        averages = Averages(moved, self.nodes, x, self.fixed, centre=coupling.centre[mine], between=sp.csr_array(along))
+        partnered = coupling.frames.partnered
+        counted = partnered | ~partnered.any()
+        free = averages.any_of(~self.fixed) & counted[mine, None]
+        free &= np.einsum("nii->ni", across) < 0.5
+        names, bare = self.slave.nodes[self.points[mine]], self.slave.nodes[self.slave.surface.without_area]
+        translation = np.tile(np.eye(dim), (len(self.slave.nodes), 1))  # of the slave alone
+        pushing = np.asarray(normal_rows[:, : len(translation)] @ translation)
+        return ContactBoundary(
+            comm=self.comm,
+            nodes=self.local_points(),
+            x=self.slave.surface.x[self.points[mine]],
+            weight=coupling.weight[mine],
+            normal=normal,
+            part=np.full(count, self.index, dtype=np.int32),
+            free=free,
+            segments=self._segments,
+            global_nodes=names,
+            averages=averages,
+            without_area=np.column_stack((np.full(bare.size, self.index, dtype=np.int64), bare)),
+            pushing=pushing,
+        )
+
+    def opening(self, coupling: SlidingCoupling, displacement: Array) -> Array:
+        """The linearised gap of the points of this rank, for the whole displacement, length, shape (n,).
+
+        Args:
+            coupling: the map at a displacement.
+            displacement: of the nodes of both sides, shape (m, d).
+        """
+        gap = np.where(coupling.frames.partnered, coupling.gap, self.reach)
+        return np.asarray(gap + coupling.normal_rows @ displacement.ravel())[self.mine]
+
+    def slip_origin(self, coupling: SlidingCoupling, begun: Frames, displacement: Array) -> Array:
+        """Where slips of the points of this rank are counted from, for the whole displacement, length, shape (n, d)."""
+        slip = coupling.slip(begun)
+        return self.sliding_along(coupling, (coupling.tangent_rows @ displacement.ravel()).reshape(slip.shape) - slip)
+
+    def sliding_along(self, coupling: SlidingCoupling, slip: Array) -> Array:
+        """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along,
+        at those of this rank, shape (n, d).
+        """
+        return np.asarray(np.einsum("ndk,nk->nd", self._sliding(coupling), slip))[self.mine]
+
+    def at_points(self, values: Array) -> Array:
+        """Values at the points of this rank, shape (n, ...), at those of all ranks; collective."""
+        columns = values.reshape(len(values), int(np.prod(values.shape[1:])))
+        owned = np.zeros((self.space.dofmap.index_map.size_local, columns.shape[1]))
+        owned[self.local_points()] = columns
+        gathered = from_owners(owned, self.slave.nodes[self.points], self.comm)
+        return gathered.reshape(len(gathered), *values.shape[1:])
+
+    def stiffness(self, coupling: SlidingCoupling, pressure: Array, shear: Array, *, near: bool) -> JointStiffness:
+        """What tractions at the points of this rank add to the tangent, see ``SlidingCoupling``; collective.
+
+        Args:
+            coupling: the map.
+            pressure: stress, shape (n,).
+            shear: as vectors, shape (n, d).
+            near: see ``SlidingCoupling``.
+        """
+        along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
+        return JointStiffness(self.nodes, coupling.stiffness(self.at_points(pressure), along, near=near))
+
+    def passed_on(self, coupling: SlidingCoupling, shear: Array, displacement: Array) -> Array:
+        """See ``SlidingCoupling``, at the owned nodes, shape (owned nodes, d); collective.
+
+        Args:
+            coupling: the map.
+            shear: at the points of this rank, as vectors, shape (n, d).
+            displacement: of the owned nodes, likewise.
+        """
+        along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
+        return self.at_owned_nodes(coupling.passed_on(along, self.gathered(displacement)))
+
+    def forces(self, coupling: SlidingCoupling, tractions: tuple[Array, Array]) -> Array:
+        """See ``SlidingCoupling``; collective.
+
+        Args:
+            coupling: the map.
+            tractions: pressure, shape (n,), and shear, along T_i, shape (n, d - 1), of the points of all ranks.
+        """
+        pressure, shear = tractions
+        sliding, tangents = self._sliding(coupling), coupling.frames.tangents
+        return coupling.forces(pressure, np.einsum("ndj,ndk,nk->nj", sliding, tangents, shear))
+
+    def at_owned_nodes(self, values: Array) -> Array:
+        """Values at the nodes of both sides, shape (m, d), at the owned nodes of the space, shape (owned nodes, d)."""
+        first, last = self.space.dofmap.index_map.local_range
+        at_owned, is_owned = np.zeros((last - first, values.shape[1])), (self.nodes >= first) & (self.nodes < last)
+        at_owned[self.nodes[is_owned] - first] = values[is_owned]
+        return at_owned
+
+    def holding(
+        self, coupling: SlidingCoupling, touching: npt.NDArray[np.bool_], sticking: npt.NDArray[np.bool_]
+    ) -> JointStiffness:
+        """Products of the rows of relative displacements that contact holds at the points of this rank; collective."""
+        size = self.slave.surface.dimension * self.nodes.size
+        total = sp.csr_array((size, size))
+        for rows, flags in ((coupling.normal_rows, touching), (self._tangent_rows(coupling), sticking)):
+            of_point = np.repeat(self.at_points(flags.astype(np.float64)) > 0, rows.shape[0] // self.points.size)
+            chosen = sp.csr_array(rows)[np.flatnonzero(of_point)]
+            total = total + chosen.T @ chosen
+        return JointStiffness(self.nodes, sp.csr_array(total))
+
+
+def _default_reach(slave: Array, master: Array) -> float:
+    """That of ``pairs.search``, from sizes that do not depend on the axes: twice the largest distance from the middle.
+
+    Args:
+        slave: positions of the nodes of the one side, shape (n, 2).
+        master: those of the other one.
+    """
+    nearest = float(cKDTree(master).query(slave)[0].min())
+    sizes = [2.0 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in (slave, master)]
+    return nearest + PARTNERS_REACH * min(sizes)

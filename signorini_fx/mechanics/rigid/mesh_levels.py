@@ -1,0 +1,179 @@
+"""Coarser meshes of the same body as levels of geometric multigrid: interpolation from one mesh to the next finer one.
+
+The meshes of a nested iteration are there anyway.  They need not be nested themselves: each node of the finer mesh lies
+in a cell of the coarser one, or close to it where the boundary is curved, and takes its shape functions there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse
+from dolfinx import fem
+from petsc4py import PETSc
+
+from signorini_fx.algebra.linalg import row_by_row
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.mesh.lattice_points import at_lattice
+from signorini_fx.mechanics.mesh.points import at_points
+from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions, rigid_modes
+from signorini_fx.tuned import OUTSIDE_COARSER_MESH, SAME_ENTRY
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class MeshLevel:
+    """The displacements of a body on one mesh, and on a coarser one.
+
+    Attributes:
+        space: of the displacement.
+        fixed: the prescribed unknowns of this rank.
+        rotation: from the unknowns to displacements; None: they are the same.
+        motions: the rigid motions.
+        coarser: the same on the next coarser mesh; None: there is none.
+        solved: a displacement to begin with on a finer mesh; None: there is none.
+        stiffness: of these unknowns; None: it has others as well.
+    """
+
+    space: fem.FunctionSpace
+    fixed: npt.NDArray[np.bool_]
+    rotation: PETSc.Mat | None
+    motions: RigidMotions
+    coarser: MeshLevel | None
+    solved: fem.Function | None = None
+    stiffness: PETSc.Mat | None = None
+
+    @property
+    def dofs(self) -> int:
+        """Global number of unknowns."""
+        return int(self.space.dofmap.index_map.size_global) * self.block
+
+    @property
+    def block(self) -> int:
+        """Unknowns per node."""
+        return int(self.space.dofmap.index_map_bs)
+
+    @property
+    def positions(self) -> npt.NDArray[np.float64]:
+        """Of the unknowns of this rank, shape (n, 3)."""
+        return np.repeat(self.motions.x[: self.owned], self.block, axis=0)
+
+    @property
+    def owned(self) -> int:
+        """Number of nodes that this rank owns."""
+        return int(self.space.dofmap.index_map.size_local)
+
+    def modes(self) -> PETSc.NullSpace:
+        """Translations and rotations, orthonormal: what multigrid must not forget on its coarse levels.
+
+        Multigrid coarsens locally, where the motions of a piece are those of the whole body.
+        """
+        motions, comm = self.motions, self.space.mesh.comm
+        modes = rigid_modes(motions.x[: self.owned], motions.centre[0], motions.length[0])
+        vectors = [self.vector() for _ in range(modes.shape[2])]
+        for k, vector in enumerate(vectors):
+            vector.getArray()[:] = modes[:, :, k].ravel()
+            if self.rotation is not None:
+                self.rotation.multTranspose(vector.copy(), vector)
+            vector.getArray()[self.fixed] = 0.0
+            for earlier in vectors[:k]:
+                vector.axpy(-vector.dot(earlier), earlier)
+            vector.normalize()
+        return PETSc.NullSpace().create(vectors=vectors, comm=comm)
+
+    def vector(self) -> PETSc.Vec:
+        """A vector of the displacements, zero; collective."""
+        return PETSc.Vec().createMPI((self.owned * self.block, None), comm=self.space.mesh.comm)
+
+    def free_components(self) -> PETSc.Vec:
+        """One where an unknown is not prescribed, else zero."""
+        vector = self.vector()
+        vector.getArray()[:] = ~self.fixed
+        return vector
+
+    @cached_property
+    def interpolation(self) -> PETSc.Mat | None:
+        """From the unknowns on the coarser mesh to those on this one, prescribed ones left out; collective.
+
+        None: there is no coarser mesh, or it does not cover this one.
+        """
+        if self.coarser is None:
+            return None
+        shares = self._shares(self.coarser)
+        if shares is None:
+            return None
+        # One share for all components of a node.
+        spread = scipy.sparse.kron(shares, scipy.sparse.eye(self.block), format="csr")
+        spread.sort_indices()
+        rows, columns = self.owned * self.block, self.coarser.owned * self.block
+        csr = (spread.indptr.astype(PETSc.IntType), spread.indices.astype(PETSc.IntType), spread.data)
+        matrix = PETSc.Mat().createAIJ(((rows, None), (columns, None)), csr=csr, comm=self.space.mesh.comm)
+        if self.coarser.rotation is not None:
+            matrix = matrix.matMult(self.coarser.rotation)
+        if self.rotation is not None:
+            matrix = self.rotation.transposeMatMult(matrix)
+        matrix.diagonalScale(self.free_components(), self.coarser.free_components())
+        return row_by_row(matrix)
+
+    def start(self) -> PETSc.Vec | None:
+        """The displacement of the coarser mesh in the unknowns of this one, prescribed ones zero; collective."""
+        coarse, interpolation = self.coarser, self.interpolation
+        if coarse is None or coarse.solved is None or interpolation is None:
+            return None
+        x = coarse.vector()
+        x.getArray()[:] = coarse.solved.x.array[: x.getLocalSize()]
+        if coarse.rotation is not None:
+            coarse.rotation.multTranspose(x.copy(), x)
+        start = self.vector()
+        interpolation.mult(x, start)
+        return start
+
+    def _shares(self, coarse: MeshLevel) -> Any | None:
+        """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""
+        shape = coarse.space.ufl_element().sub_elements[0]
+        dofmap = coarse.space.dofmap
+        x = node_positions(self.space)[: self.owned]
+        coarse_pieces, motions = coarse.motions.pieces, self.motions
+        # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the order of their places.
+        pieces = (
+            (motions.piece[: self.owned], coarse_pieces.of_cell)
+            if coarse_pieces.count == motions.pieces.count > 1
+            else None
+        )
+
+        def numbers(cells: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+            nodes = dofmap.list[cells]
+            return np.asarray(dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape))
+
+        def shares_at(points: Array) -> Array:
+            shares = shape.tabulate(0, points)[0].reshape(len(points), -1)
+            shares[np.abs(shares) < SAME_ENTRY] = 0.0
+            return np.asarray(shares)
+
+        # Where cells were halved the places are known; what is elsewhere, or on another rank, is sought.
+        cells, at, lattice = at_lattice(coarse.space.mesh, x, 2 * shape.degree, pieces)
+        known = cells >= 0
+        columns, values = np.zeros((len(x), shape.dim), dtype=np.int64), np.zeros((len(x), shape.dim))
+        columns[known], values[known] = numbers(cells[known]), shares_at(lattice)[at[known]]
+        if parallel.any_rank(self.space.mesh.comm, not known.all()):
+            located = at_points(
+                coarse.space.mesh,
+                x[~known],
+                OUTSIDE_COARSER_MESH,
+                lambda cells, points: np.hstack((numbers(cells), shares_at(points))),
+                None if pieces is None else (pieces[0][~known], pieces[1]),
+            )
+            if located is None:
+                return None
+            if located.size:
+                columns[~known], values[~known] = located[:, : shape.dim].astype(np.int64), located[:, shape.dim :]
+        used = values != 0
+        row = np.repeat(np.arange(self.owned), used.sum(axis=1))
+        total = dofmap.index_map.size_global
+        return scipy.sparse.csr_matrix((values[used], (row, columns[used])), shape=(self.owned, total))

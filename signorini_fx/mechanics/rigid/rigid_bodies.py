@@ -1,0 +1,312 @@
+"""Rigid bodies: foundations whose motion is an unknown, driven by forces, moments or prescribed components.
+
+A rigid body with its pivot c moves by translations v and a small rotation w, lengths q = (v, L w) with a length L,
+
+    R_i q = v + w x (x_i - c)
+
+at a contact point x_i of any of its contacts.  What contact sees is the displacement of the body relative to it.  The
+unknowns (u, q) of all rigid bodies have
+
+    K = [A 0; 0 S],   B_i = F_i^T [I, -R_i],   b = [f; (force, moment / L)],
+
+with the stiffness S of springs at c, zero without them, so that equilibrium of a rigid body, S q - R^T B^T (w t) =
+(force, moment / L), is k rows more, and laws, sets and algorithms
+see tau_N y and tau_T y as before.  Gap and normals are those of the place where it is given: its motion is small
+against its geometry, like the displacement of the body.
+
+The k unknowns are the last ones, on the last rank: the numbers of all others stay as they are.  ``RigidBodies`` is what
+the solver knows of them; ``RigidBodyMotion`` is how they have moved in a result, with a formula of its own, and the
+certificate's opinion on their balance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+from scipy.spatial.transform import Rotation
+
+from signorini_fx.machine import parallel
+from signorini_fx.machine.display import clean
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
+from signorini_fx.mechanics.statement.rigid_motion import RigidBody
+
+_Floats = npt.NDArray[np.float64]
+# Force and moment on a rigid body, and the components that are prescribed, nan where they are free.
+Drive = tuple[_Floats, _Floats]
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What drives all rigid bodies, by their unknowns.
+
+    Attributes:
+        forces: (force, moment / L), shape (k,).
+        motion: the prescribed unknowns, lengths; elsewhere zero, shape (k,).
+    """
+
+    forces: _Floats
+    motion: _Floats
+
+    @classmethod
+    def together(cls, parts: Sequence[tuple[float, Driven]]) -> Driven | None:
+        """The sum of several times their factors; None: there are none."""
+        if not parts:
+            return None
+        factors, drives = zip(*parts, strict=True)
+        forces, motion = (
+            np.einsum("i,ij->j", factors, [getattr(drive, k) for drive in drives]) for k in ("forces", "motion")
+        )
+        return cls(forces, motion)
+
+
+@dataclass(frozen=True)
+class RigidBodies:
+    """The rigid bodies of a problem, t of them with m unknowns each; t may be zero.
+
+    Attributes:
+        bodies: their contacts, and what drives them, shape (t,).
+        kinematics: of the body, with which they may move.
+        length: L.
+    """
+
+    bodies: Sequence[RigidBody]
+    kinematics: Kinematics
+    length: float
+
+    @property
+    def _units(self) -> _Floats:
+        """Unknowns per component: one of a translation, L of a rotation, shape (m,)."""
+        rotations = len(self.kinematics.rotations)
+        return np.array([1.0] * self.kinematics.dimension + [self.length] * rotations)
+
+    def on(self, boundary: ContactBoundary) -> ContactBoundary:
+        """The contact points on rigid bodies that move."""
+        if not self.bodies:
+            return boundary
+        motion_count, count, dim = self.kinematics.motions, len(self.bodies), self.kinematics.dimension
+        modes = np.zeros((boundary.size, dim, count, motion_count))
+        for k, body in enumerate(self.bodies):
+            touching = np.isin(boundary.part, body.parts)
+            pivot = body.pivot(dim)
+            modes[touching, :, k] = rigid_modes(self.places(boundary)[touching], pivot, np.array(self.length))
+        flat = modes.reshape(boundary.size, dim, count * motion_count)
+        number = np.repeat(np.arange(count), motion_count)
+        foundation = MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies, self.length)
+        moving = replace(boundary, moving=foundation)
+        if moving.friction_axes is not None:
+            moving.friction_axes.check_supports(moving.points.movable, "contact.friction", moving.comm)
+        return moving
+
+    def places(self, boundary: ContactBoundary) -> _Floats:
+        """Where the points are that they move, length, shape (n, d): in the undeformed body."""
+        return boundary.centre
+
+    def drives(self, time: float = 0.0) -> list[Drive]:
+        """Forces and moments on each of them at a time, and what is prescribed, shapes (m,)."""
+        return [body.motion.drive(self.kinematics.dimension, time) for body in self.bodies]
+
+    @property
+    def fixed(self) -> npt.NDArray[np.bool_]:
+        """Which unknowns are prescribed, shape (k,)."""
+        prescribed = [~np.isnan(motion) | ~self.kinematics.unbalanced for _, motion in self.drives()]
+        return np.array(prescribed, dtype=bool).ravel()
+
+    @property
+    def stiffness(self) -> _Floats:
+        """Of the springs at their pivots, force / length, shape (k,)."""
+        dim = self.kinematics.dimension
+        of_bodies = [body.motion.stiffness(dim)[: self._units.size] / self._units**2 for body in self.bodies]
+        return np.array(of_bodies, dtype=np.float64).ravel()
+
+    def driven(self, number: int, time: float) -> Driven:
+        """What drives one of them at a time."""
+        forces: _Floats = np.zeros((len(self.bodies), self._units.size))
+        motion = np.zeros_like(forces)
+        forces[number], prescribed = self.drives(time)[number]
+        motion[number] = np.nan_to_num(prescribed)
+        return Driven((forces / self._units).ravel(), (motion * self._units).ravel())
+
+    @property
+    def driven_together(self) -> Driven | None:
+        """What drives all of them at the time zero; None: there are none."""
+        return Driven.together([(1.0, self.driven(k, 0.0)) for k in range(len(self.bodies))])
+
+    @property
+    def driven_by(self) -> list[_Floats]:
+        """The values that drive them at the time zero, beside ``fixed``."""
+        driven = self.driven_together
+        return [] if driven is None else [driven.forces, driven.motion, self.stiffness]
+
+    def moved(self, unknowns: _Floats) -> tuple[RigidBodyMotion, ...]:
+        """How they have moved, from their unknowns in a displacement, see ``ElasticBody.driven``."""
+        dim, units = self.kinematics.dimension, self._units
+        motions = unknowns.reshape(len(self.bodies), units.size) / units
+        return tuple(
+            RigidBodyMotion(body, body.pivot(dim), motions[k, :dim], motions[k, dim:])
+            for k, body in enumerate(self.bodies)
+        )
+
+
+@dataclass(frozen=True)
+class RigidBodyMotion:
+    """How a rigid body has moved from where it is given, v + w x (x - c), in the plane with w along x[2].
+
+    Attributes:
+        body: the rigid body: its name, and the places of its contacts.
+        reference: its pivot c, length, shape (d,).
+        translation: v, length, shape (d,).
+        rotation: w, radians; a number in the plane, shape (1,), in space shape (3,).
+    """
+
+    body: RigidBody
+    reference: _Floats
+    translation: _Floats
+    rotation: _Floats
+
+    def at(self, x: _Floats) -> _Floats:
+        """The displacement of the rigid body at points of shape (n, d), length."""
+        arm = x - self.reference
+        if self.rotation.size == 1:
+            return self.translation + self.rotation * np.column_stack((-arm[:, 1], arm[:, 0]))
+        return np.asarray(self.translation + np.cross(self.rotation, arm))
+
+    def gap_error(self, contact: ContactState, shapes: Mapping[int, Any]) -> float:
+        """By how much the gap of the rigid body where it ends up differs at most from the linearised one, where it
+        presses, length; collective.
+
+        Args:
+            contact: the state at the contact points.
+            shapes: where the rigid body is given, for the places of its contacts, each with a method ``distance`` as
+                ``Shape`` has it.
+        """
+        boundary, turn = contact.boundary, np.eye(self.reference.size)
+        if self.rotation.size == 1:
+            cosine, sine = np.cos(self.rotation[0]), np.sin(self.rotation[0])
+            turn = np.array([[cosine, -sine], [sine, cosine]])
+        elif self.rotation.any():
+            turn = np.asarray(Rotation.from_rotvec(self.rotation).as_matrix())
+        if not np.isfinite(self.translation).all():
+            return np.nan
+        off = [np.zeros(0)]
+        for part, shape in shapes.items():
+            x = boundary.centre[(boundary.part == part) & (contact.pressure > 0)]
+            if x.size:
+                gap, normal = shape.distance(x)
+                moved, _ = shape.distance((x - self.reference - self.translation) @ turn + self.reference)
+                off.append(np.abs(moved - gap + np.sum(normal * self.at(x), axis=1)))
+        return parallel.largest(boundary.comm, np.concatenate(off))
+
+    def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> _Floats:
+        """From its pivot to some of the contact points, length, shape (m, d)."""
+        return np.asarray(contact.boundary.centre[touching] - self.reference)
+
+    def lever(self, x: _Floats, displacements: _Floats) -> _Floats:
+        """From its pivot to points at x that have been displaced, length, shapes (n, d): where they were."""
+        return np.asarray(x - self.reference)
+
+    def mode(self, component: int, x: _Floats, displacements: _Floats) -> _Floats:
+        """How one component of its motion, a small one more, moves points, see ``lever``; without unit, or lengths per
+        radian, shape (n, d).
+        """
+        modes = rigid_modes(self.lever(x, displacements), np.zeros(x.shape[1]), np.array(1.0))
+        return np.asarray(modes[:, :, component])
+
+    def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
+        """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.
+
+        Args:
+            contact: the state at the contact points.
+            contacts: those of the scene.
+            kinematics: of the body, by which some forces and moments cancel.
+        """
+        boundary, dim = contact.boundary, self.reference.size
+        touching = np.isin(boundary.part, self.body.parts)
+        forces = boundary.nodal_forces(contact.pressure, contact.shear)[touching]
+        moments = kinematics.turned(self.arms(contact, touching), forces)
+        sums = [
+            forces.sum(axis=0),
+            moments.sum(axis=0),
+            *(np.abs(vectors).sum(axis=0) for vectors in (forces, moments)),
+        ]
+        total = parallel.global_sum(boundary.comm, np.concatenate(sums))
+        total[: kinematics.motions][~kinematics.unbalanced] = 0.0
+        size = total[sums[0].size + sums[1].size :]
+        moment = clean(total[dim : sums[0].size + sums[1].size].tolist(), float(size[dim:].max()))
+        moved, turned = (
+            clean(vectors.tolist(), float(np.abs(vectors).max())) for vectors in (self.translation, self.rotation)
+        )
+        shapes = {part: contacts[part].surface for part in self.body.parts if contacts[part].surface is not None}
+        return {
+            "boundary": self.body.name,
+            "reference": self.reference.tolist(),
+            "displacement": moved,
+            "rotation": turned if dim == 3 else turned[0],
+            "force": clean(total[:dim].tolist(), float(size[:dim].max())),
+            "moment": moment if dim == 3 else moment[0],
+            "gap_error": self.gap_error(contact, shapes) if shapes else None,
+        }
+
+    def unbalanced(self, drive: Drive, resultant: tuple[_Floats, float, float], least: float = 0.0) -> float:
+        """The largest force or moment on a free component that the contact tractions do not balance, and the largest
+        miss of a prescribed one, as a share of the forces at the rigid body, or of its motion.
+
+        Args:
+            drive: what drives it.
+            resultant: what the tractions of all of its contacts do to it about its pivot, see
+                ``ContactNodes.resultant``.
+            least: a force that is round-off.
+        """
+        (load, prescribed), (taken, size, reach) = drive, resultant
+        dim, free, motion = self.reference.size, np.isnan(prescribed), np.append(self.translation, self.rotation)
+        # Moments as forces and rotations as lengths at this lever, so that neither depends on units.
+        lever = np.append(np.ones(dim), np.full(motion.size - dim, reach or 1.0))
+        springs = self.body.motion.stiffness(dim)[: motion.size] * motion
+        acting, motion, prescribed = np.array([load, -springs, taken]) / lever, motion * lever, prescribed * lever
+        residual = acting.sum(axis=0)
+        size = max(size, float(np.abs(acting[:2]).max()), least)  # springs may balance loads alone
+        missed, far = (
+            np.abs(motion - prescribed)[~free],
+            max(np.abs(motion).max(), np.abs(prescribed[~free]).max(initial=0)),
+        )
+        force_share = float(np.abs(residual[free]).max(initial=0.0)) / size if size > 0 else 0.0
+        return max(force_share, float(missed.max(initial=0.0)) / far if far > 0 else float(missed.max(initial=0.0) > 0))
+
+
+def with_more_unknowns(matrix: PETSc.Mat, diagonal: _Floats) -> PETSc.Mat:
+    """[A 0; 0 S] with the entries of S for the unknowns that this rank adds, zeros too in its pattern."""
+    (rows, _), (_, total_columns) = matrix.getSizes()
+    starts, columns, values = matrix.getValuesCSR()
+    extra = diagonal.size
+    csr = (
+        np.append(starts, starts[-1] + np.arange(1, extra + 1)).astype(PETSc.IntType),
+        np.append(columns, total_columns + np.arange(extra)).astype(PETSc.IntType),
+        np.append(values, diagonal),
+    )
+    return PETSc.Mat().createAIJ(((rows + extra, None), (rows + extra, None)), csr=csr, comm=matrix.comm)
+
+
+def without_more(rotation: PETSc.Mat | None, matrix: PETSc.Mat, extra: int) -> PETSc.Mat:
+    """[Q 0], from the unknowns to displacements y = Q x.
+
+    Args:
+        rotation: Q without the unknowns of rigid bodies; None: the identity.
+        matrix: A, for the layout of y.
+        extra: unknowns that this rank adds.
+    """
+    (rows, _), (columns, _) = matrix.getSizes()
+    if rotation is None:
+        first, numbers = matrix.getOwnershipRange()[0], np.arange(rows + 1)
+        csr = (numbers, first + numbers[:-1], np.ones(rows))
+    else:
+        csr = rotation.getValuesCSR()
+    starts, names, values = csr
+    entries = (starts.astype(PETSc.IntType), names.astype(PETSc.IntType), values)
+    return PETSc.Mat().createAIJ(((rows, None), (columns + extra, None)), csr=entries, comm=matrix.comm)

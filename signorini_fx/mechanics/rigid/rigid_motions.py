@@ -1,0 +1,439 @@
+"""Motions of the body without strain that the supports leave free.
+
+A body of one piece has m of them: in the plane two translations and a rotation, in space three translations and three
+rotations.  A body of several pieces has as many for each of them, less those that the pins between pieces exclude,
+where both must move together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
+from signorini_fx.algebra.contact.points import PointGroups
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.assembly.pieces import BodyPieces
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
+from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.tuned import NO_STRAIN, NOT_HELD
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RigidMotions:
+    """The motions without strain that the prescribed displacements leave free, k of them.
+
+    Attributes:
+        pieces: the connected pieces of the body, p of them.
+        x: positions of the nodes of this rank, ghosts included, shape (nodes, d).
+        piece: number of the piece that each of these nodes is in, shape (nodes,); at pins any of them.
+        owned: how many of these nodes this rank owns.
+        centre: the point of each piece about which its rotations are taken, shape (p, d).
+        length: size of each piece, which makes its rotations comparable with translations, shape (p,).
+        free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape (m p, k); a column
+            moves the pieces of one assembly only.
+        assembly: number of the assembly that each column moves, shape (k,).
+        foundations: what each motion is of the unknowns of moving foundations, lengths, shape (unknowns, k); None:
+            there are none.
+        moving: these foundations; None: there are none.
+    """
+
+    pieces: BodyPieces
+    x: _Floats
+    piece: npt.NDArray[np.int64]
+    owned: int
+    centre: _Floats
+    length: _Floats
+    free: _Floats
+    assembly: npt.NDArray[np.int64]
+    foundations: _Floats | None = None
+    moving: MovingFoundation | None = None
+    _at_supports: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)  # see ``held_modes``
+
+    def held_modes(
+        self, fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], _Floats]:
+        """The nodes and the numbers of their components that supports prescribe, and the motions of their pieces in
+        these, shapes (h,), (h,) and (h, m); those of the last supports are kept.
+
+        Args:
+            fixed: see ``nearest_motion``.
+            turned: likewise.
+        """
+        known = self._at_supports
+        if not (known and known["turned"] is turned and np.array_equal(known["fixed"], fixed)):
+            node, component = np.nonzero(fixed)
+            modes = self.modes(node)
+            if turned is not None:
+                modes = np.einsum("nij,nik->njk", turned.frames_at(node), modes)
+            modes = modes[np.arange(node.size), component]
+            known.update(turned=turned, fixed=fixed.copy(), found=(node, component, modes))
+        found: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], _Floats] = known["found"]
+        return found
+
+    @property
+    def of_all(self) -> _Floats:
+        """``free``, and below it ``foundations``."""
+        return self.free if self.foundations is None else np.vstack((self.free, self.foundations))
+
+    @property
+    def each(self) -> int:
+        """M, the number of motions of a piece: 3 in the plane, 6 in space."""
+        return CARTESIAN[self.x.shape[1]].motions
+
+    def at(self, boundary: ContactBoundary) -> FreeMotions:
+        """The free motions at the contact points of this rank: B times them; collective.
+
+        What is prescribed at a point does not move but for round-off.
+        """
+        piece = self.piece[boundary.nodes]
+        free_modes = self.free.reshape(self.pieces.count, self.each, -1)
+        if boundary.averages is None or not boundary.averages.paired:
+            moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ free_modes[piece]
+        else:
+            nodes, x = boundary.averages.nodes, boundary.averages.x
+            of = self._pieces_at(boundary)
+            at_nodes = rigid_modes(x, self.centre[of], self.length[of]) @ free_modes[of]
+            dim, count = self.x.shape[1], self.free.shape[1]
+            flat = at_nodes.reshape(dim * nodes.size, count)
+            moved = (boundary.averages.operator @ flat).reshape(boundary.size, dim, count)
+        if boundary.moving is not None and self.foundations is not None:
+            moved = moved - boundary.moving.modes @ self.foundations
+        relative = boundary.points.movable @ np.einsum("nij,nik->njk", boundary.frames, moved)
+        groups = PointGroups.of(boundary.points, self._reached(boundary))
+        return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece], groups)
+
+    def _reached(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
+        """Which pieces the relative displacement at each point is of, shape (n, pieces); collective."""
+        found = self.piece[boundary.nodes][:, None] == np.arange(self.pieces.count)
+        if boundary.paired:
+            assert boundary.averages is not None
+            shares, of = boundary.averages.shares.tocoo(), self._pieces_at(boundary)
+            found[shares.row, of[shares.col]] = True
+        return found
+
+    def joined(self, boundary: ContactBoundary) -> RigidMotions:
+        """The same with bodies that can come into contact with each other as one assembly; collective."""
+        if boundary.averages is None or not boundary.averages.paired:
+            return self
+        shares, of = boundary.averages.shares.tocoo(), self.pieces.assembly
+        links = of[self.piece[boundary.nodes[shares.row]]], of[self._pieces_at(boundary)[shares.col]]
+        number = _joined(np.column_stack(links), int(of.max()) + 1, boundary.comm)
+        pieces = replace(self.pieces, assembly=number[self.pieces.assembly])
+        return replace(self, pieces=pieces, assembly=number[self.assembly])
+
+    def with_foundations(self, boundary: ContactBoundary) -> RigidMotions:
+        """The same with the free motions of foundations, each in one assembly with the pieces that it may touch;
+        collective.
+        """
+        moving, of = boundary.moving, self.pieces.assembly
+        if moving is None:
+            return self
+        touched, count = moving.modes.any(axis=1), int(of.max()) + 1
+        point, unknown = np.nonzero(touched)
+        links = np.column_stack((of[self.piece[boundary.nodes[point]]], count + moving.number[unknown]))
+        number = _joined(links, count + int(moving.number.max()) + 1, boundary.comm)
+        loose = moving.loose
+        tool_modes, free = np.eye(loose.size)[:, loose], np.zeros((len(self.free), np.count_nonzero(loose)))
+        return replace(
+            self,
+            pieces=replace(self.pieces, assembly=number[of]),
+            free=np.hstack((self.free, free)),
+            assembly=np.concatenate((number[self.assembly], number[count + moving.number[loose]])),
+            foundations=np.hstack((np.zeros((len(tool_modes), self.free.shape[1])), tool_modes)),
+            moving=moving,
+        )
+
+    def _pieces_at(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
+        """The pieces that the nodes of averages are in, shape (m,); collective."""
+        assert boundary.averages is not None
+        owned_pieces = self.piece[: self.owned, None].astype(np.float64)
+        return from_owners(owned_pieces, boundary.averages.nodes, boundary.comm)[:, 0].astype(np.int64)
+
+    def displacement(self, motion: _Floats) -> _Floats:
+        """The free motions times coefficients of shape (k,) at all nodes of this rank, shape (nodes, d)."""
+        return self.of_pieces(self.free @ motion)
+
+    def coefficients_of(self, motion: _Floats, earlier: RigidMotions) -> _Floats:
+        """Those of a motion of the same body with other supports, which these admit too, shape (k,)."""
+        if np.array_equal(self.of_all, earlier.of_all):
+            return motion
+        return np.asarray(np.linalg.lstsq(self.of_all, earlier.of_all @ motion, rcond=None)[0], dtype=np.float64)
+
+    def of_pieces(self, motion: _Floats, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)) -> _Floats:
+        """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape (n, d)."""
+        coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
+        moved: _Floats = np.einsum("ijk,ik->ij", self.modes(nodes), coefficients)
+        return moved
+
+    def load_of(self, forces: _Floats, comm: MPI.Comm, driving: _Floats | None = None) -> RigidLoad:
+        """The work of forces at the owned dofs, shape (owned dofs,), on the free motions, and of forces that drive
+        foundations, by their unknowns; collective.
+
+        Forces on prescribed displacements do none.
+        """
+        if self.free.shape[1] == 0:
+            return RigidLoad(np.zeros(0), np.zeros(0), self.assembly)
+        forces = forces.reshape(-1, self.x.shape[1])
+        acting = np.flatnonzero(forces.any(axis=1))  # few where loads are on the boundary
+        work = np.einsum("ij,ijk->ik", forces[acting], self.modes(acting))
+        sizes = np.linalg.norm(forces[acting], axis=1, keepdims=True)
+        total = parallel.sums_by(comm, self.piece[acting], np.hstack((work, sizes)), self.pieces.count)
+        of_assembly = np.bincount(self.pieces.assembly, total[:, -1]).astype(np.float64)
+        work, size = self.free.T @ total[:, :-1].ravel(), of_assembly[self.assembly]
+        if driving is not None and self.foundations is not None:
+            driven = self.foundations * driving[:, None]
+            work = work + driven.sum(axis=0)
+            size = size + np.bincount(self.assembly, np.abs(driven).sum(axis=0))[self.assembly]
+        return RigidLoad(work, size, self.assembly)
+
+    def modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
+        """The motions of their pieces at nodes of this rank, shape (n, d, m)."""
+        piece = self.piece[nodes]
+        return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
+
+
+def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDArray[np.int64]:
+    """The number of the component that each of so many things is in, linked in pairs of all ranks; collective."""
+    keys = parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1]))
+    return _components_of(np.unique(keys).tobytes(), count).copy()
+
+
+@lru_cache(maxsize=8)
+def _components_of(keys: bytes, count: int) -> npt.NDArray[np.int64]:
+    """The component that each of so many things is in: in each iteration those of the same links are asked for; keys:
+    of links, their first number times the count plus the second one.
+    """
+    pairs = np.divmod(np.frombuffer(keys, dtype=np.int64), count)
+    graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
+    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m).
+
+    Args:
+        x: the points.
+        centre: the point about which each of them rotates, shape (n, d) or (d,).
+        length: the length at which a rotation moves by one, shape (n,) or ().
+    """
+    dim = x.shape[1]
+    turns = CARTESIAN[dim].rotations
+    modes = np.zeros((x.shape[0], dim, dim + len(turns)))
+    modes[:, np.arange(dim), np.arange(dim)] = 1.0
+    arm = (x - centre) / np.asarray(length)[..., None]
+    for k, (first, second) in enumerate(turns, start=dim):
+        modes[:, first, k], modes[:, second, k] = -arm[:, second], arm[:, first]
+    return modes
+
+
+def rigid_motions(
+    space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces: BodyPieces, turned: TurnedNodes | None = None
+) -> RigidMotions:
+    """The motions without strain that the supports leave free; collective.
+
+    Args:
+        space: the displacements.
+        fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
+        pieces: of the body.
+        turned: nodes whose components are in a frame of their own.
+    """
+    comm = space.mesh.comm
+    owned = slice(fixed.shape[0])
+    x = np.ascontiguousarray(node_positions(space)[:, : fixed.shape[1]], dtype=np.float64)
+    cells = space.dofmap.list
+    piece = np.zeros(x.shape[0], dtype=np.int64)
+    if pieces.count > 1:
+        piece[cells.ravel()] = np.repeat(pieces.of_cell, cells.shape[1])
+    sums = np.column_stack((np.ones(x[owned].shape[0]), x[owned]))
+    total = parallel.sums_by(comm, piece[owned], sums, pieces.count)
+    centre = total[:, 1:] / np.maximum(total[:, :1], 1.0)
+    length = np.hypot.reduce(pieces.bounds[:, 1] - pieces.bounds[:, 0], axis=1)
+    no_modes = np.zeros((0, 0))
+    motions = RigidMotions(pieces, x, piece, len(fixed), centre, length, no_modes, np.zeros(0, dtype=np.int64))
+    supported, _ = _at_supports(motions, fixed, np.zeros(fixed.shape), turned, comm)
+    free, assembly = _null_space(supported, motions)
+    # Products have half of the digits of where the supports lie: what the motions still do there is taken out.
+    held, moved = np.flatnonzero(fixed.any(axis=1)), np.zeros(fixed.shape)
+    for column in free.T:
+        moved[held] = motions.of_pieces(column, held)
+        column -= _nearest(motions, *_at_supports(motions, fixed, moved, turned, comm))
+    return replace(motions, free=free, assembly=assembly)
+
+
+def _admitted(motions: RigidMotions, kinematics: Kinematics) -> Iterator[_Floats]:
+    """Each motion that kinematics admit as combinations of those of the pieces, shape (p, m)."""
+    dim = kinematics.dimension
+    # Rotations of pieces are about axes through their middles.
+    at_centres = rigid_modes(motions.centre, np.zeros(dim), motions.length)
+    for number in np.flatnonzero(kinematics.unbalanced):
+        way = np.tile(np.eye(motions.each)[number], (motions.pieces.count, 1))
+        if number >= dim:
+            way[:, :dim] = at_centres[:, :, number]
+        yield way / np.linalg.norm(way, axis=1, keepdims=True)
+
+
+def without_strain(motions: RigidMotions, kinematics: Kinematics) -> RigidMotions:
+    """Those of these that have no strain, where they are fewer than the rigid ones; translations and rotations, which
+    are apart from each other in all supports.
+    """
+    columns, numbers = [], []
+    for number in np.unique(motions.assembly):
+        of = motions.assembly == number
+        free_modes = motions.free[:, of]
+        for allowed in _admitted(motions, kinematics):
+            rows = free_modes.reshape(motions.pieces.count, motions.each, -1)
+            along = np.einsum("pm,pmk->pk", allowed, rows)
+            strained = (rows - allowed[:, :, None] * along[:, None]).reshape(-1, free_modes.shape[1])
+            _, sizes, ways = np.linalg.svd(strained)
+            combinations = ways[np.count_nonzero(sizes > NOT_HELD) :].T
+            columns.append(free_modes @ combinations * np.sign((along @ combinations).sum(axis=0)))
+            numbers.append(np.full(combinations.shape[1], number))
+    no_modes = motions.free[:, :0]
+    return replace(
+        motions,
+        free=np.concatenate([no_modes, *columns], axis=1),
+        assembly=np.concatenate([motions.assembly[:0], *numbers]),
+    )
+
+
+def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]) -> RigidMotions:
+    """The motions of these for which a(r, r) = 0: springs, and what else resists rigid motions, count as supports;
+    collective.
+
+    Args:
+        motions: those that the supports leave free.
+        matrix: of a(., .), or of the part of it that may resist.
+        vector: from displacements of the nodes of this rank to new unknowns of the matrix.
+    """
+    if motions.free.shape[1] == 0:
+        return motions
+    moved, forces = [], []
+    for motion in np.eye(motions.free.shape[1]):
+        x = vector(motions.displacement(np.asarray(motion)))
+        force = x.duplicate()
+        matrix.mult(x, force)
+        moved.append(x.getArray(readonly=True))
+        forces.append(force.getArray(readonly=True))
+    rows, size = np.array(moved), np.abs(matrix.getDiagonal().getArray(readonly=True))
+    products = np.stack((rows @ np.array(forces).T, (rows * size) @ rows.T))
+    energy, scale = parallel.global_sum(matrix.comm.tompi4py(), products)
+    columns, numbers = [], []
+    for number in np.unique(motions.assembly):
+        of = motions.assembly == number
+        values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
+        # Springs may have nothing to say of a motion: its energy is round-off of that of the others.
+        # One that is negative is that of a tangent under stress: such a motion is not free.
+        combinations = vectors[:, np.abs(values) <= NO_STRAIN * np.trace(scale[np.ix_(of, of)])]
+        columns.append(motions.free[:, of] @ combinations)
+        numbers.append(np.full(combinations.shape[1], number))
+    return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.concatenate(numbers))
+
+
+def nearest_motion(
+    motions: RigidMotions,
+    fixed: npt.NDArray[np.bool_],
+    prescribed: _Floats,
+    turned: TurnedNodes | None,
+    comm: MPI.Comm,
+) -> _Floats:
+    """The motion without strain that is nearest to prescribed displacements, shape (owned nodes, d); collective.
+
+    Pieces that pins join to others stay where they are.
+
+    Args:
+        motions: of the body.
+        fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
+        prescribed: the displacement at these nodes, length, shape (owned nodes, d).
+        turned: nodes whose components in ``fixed`` are in a frame of their own.
+        comm: the ranks that share the body.
+    """
+    products = _at_supports(motions, fixed, prescribed, turned, comm)
+    return motions.of_pieces(_nearest(motions, *products))[: fixed.shape[0]]
+
+
+def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floats:
+    """The motions of the pieces that are nearest to a displacement, from the products of ``_at_supports``, shape
+    (m p,); pieces that pins join to others stay where they are.
+    """
+    # Not by the assemblies: bodies in contact are one, and move on their own all the same.
+    alone = ~np.isin(np.arange(motions.pieces.count), motions.pieces.pins)
+    nearest = np.einsum("pij,pj->pi", _inverse_of(supported.tobytes(), supported.shape), moved)
+    return np.where(alone[:, None], nearest, 0.0).ravel()
+
+
+@lru_cache(maxsize=8)
+def _inverse_of(entries: bytes, shape: tuple[int, ...]) -> _Floats:
+    """Pseudo-inverse matrices of symmetric ones: in each iteration those of the same supports are asked for."""
+    matrices = np.frombuffer(entries, dtype=np.float64).reshape(shape)
+    return np.asarray(np.linalg.pinv(matrices, rcond=NOT_HELD, hermitian=True), dtype=np.float64)
+
+
+def _at_supports(
+    motions: RigidMotions,
+    fixed: npt.NDArray[np.bool_],
+    prescribed: _Floats,
+    turned: TurnedNodes | None,
+    comm: MPI.Comm,
+) -> tuple[_Floats, _Floats]:
+    """Products of the motions of each piece with each other at its prescribed components, shape (p, m, m), and with
+    what is prescribed there, shape (p, m); collective.  The arguments are those of ``nearest_motion``.
+    """
+    node, component, modes = motions.held_modes(fixed, turned)
+    displacements = prescribed[node]
+    if turned is not None:
+        displacements = np.einsum("nij,ni->nj", turned.frames_at(node), displacements)
+    rows, piece = np.column_stack((modes, displacements[np.arange(node.size), component])), motions.piece[node]
+    products: _Floats = np.zeros((motions.pieces.count, motions.each, motions.each + 1))
+    for number in range(motions.pieces.count):
+        mine = rows[piece == number]
+        products[number] = mine[:, :-1].T @ mine
+    products = parallel.global_sum(comm, products)
+    return products[:, :, :-1], products[:, :, -1]
+
+
+def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt.NDArray[np.int64]]:
+    """Combinations of the motions of the pieces that the supports and the pins allow, and their assemblies."""
+    pieces, m = motions.pieces, motions.each
+    columns: list[_Floats] = []
+    numbers: list[int] = []
+    for number in range(int(pieces.assembly.max()) + 1):
+        members = np.flatnonzero(pieces.assembly == number)
+        position = {int(piece): k for k, piece in enumerate(members)}
+        gram = np.zeros((m * members.size, m * members.size))
+        for piece, k in position.items():
+            block = slice(m * k, m * k + m)
+            # All prescribed nodes of a piece together have the weight of one pin.
+            gram[block, block] = supported[piece] / max(float(np.linalg.eigvalsh(supported[piece])[-1]), 1e-300)
+        for pin in range(len(pieces.pins)):
+            first, second = int(pieces.pins[pin, 0]), int(pieces.pins[pin, 1])
+            if first in position:
+                apart = np.zeros((motions.x.shape[1], members.size, m))
+                for piece, sign in ((first, 1.0), (second, -1.0)):
+                    mode = rigid_modes(pieces.pin_points[pin : pin + 1], motions.centre[piece], motions.length[piece])
+                    apart[:, position[piece]] = sign * mode[0]
+                rows = apart.reshape(len(apart), -1)
+                gram += rows.T @ rows
+        values, vectors = np.linalg.eigh(gram)
+        null_vectors = vectors[:, values <= NOT_HELD * max(values[-1], 1e-300)]
+        modes = np.zeros((m * pieces.count, null_vectors.shape[1]))
+        modes[(m * members[:, None] + np.arange(m)).ravel()] = null_vectors
+        columns.append(modes)
+        numbers += [number] * null_vectors.shape[1]
+    return np.concatenate(columns, axis=1), np.array(numbers, dtype=np.int64)

@@ -1,0 +1,640 @@
+"""The mixed element of Taylor and Hood: exact states for nu up to 1/2, rates without locking, contact as it is."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from scenes import alone, rectangle
+from spaces import box
+from test_axisymmetric import section
+from test_element_stress import true_error
+from test_hertz import RADIUS, YOUNG, ellipse, half_disk, profile
+from test_stresses import cylinder
+
+from signorini_fx.addons.derivatives.of_scene import sensitivity
+from signorini_fx.addons.studies.reference import reference_solution
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.elasticity.mixed_pressure import MixedDisplacement
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.scene import Discretised
+from signorini_fx.scenes.solver import solve, varied
+
+MIXED = {"degree": 2, "volumetric": "mixed"}
+CELLS = ["triangle", "quadrilateral", "tetrahedra", "hexahedra"]
+PLANE = ("triangle", "quadrilateral")
+
+
+def uneven(cell, comm=MPI.COMM_SELF, length=1.0):
+    """A block of uneven cells, 3 by 1 (by 1), with names for its sides: low0 is across x[0] = 0, high0 opposite."""
+    plane = cell in PLANE
+    size = (3.0, 1.0) if plane else (3.0, 1.0, 1.0)
+    if plane:
+        mesh = rectangle(comm, length=3.0, height=1.0, nx=4, ny=3, cell=cell).mesh
+    else:
+        mesh = box(cell, (3, 2, 2), size=size, comm=comm).mesh
+    ends = {f"{name}{k}": (k, at) for k, end in enumerate(size) for name, at in (("low", 0.0), ("high", end))}
+    tagged = tag_boundaries(
+        mesh, {name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at) for name, (k, at) in ends.items()}
+    )
+    x = mesh.geometry.x
+    bump = np.prod([np.sin(np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0)
+    x[:, 0] += 0.2 * bump
+    x[:, 1] -= 0.1 * bump
+    x *= length
+    return tagged
+
+
+def pressed(tagged, poisson, length=1.0, force=1.0, **solver):
+    """Pressed with half a unit of stress onto a foundation without friction, free at one side."""
+    dim, stress = tagged.dimension, force / length**2
+    return parse_scene(
+        {
+            "mesh": tagged,
+            "element": MIXED,
+            "material": {"young": 10.0 * stress, "poisson": poisson},
+            "displacement": [{"boundary": f"low{k}", "xyz"[k]: 0.0} for k in range(dim) if k != 1],
+            "traction": {"boundary": "high1", "y": -0.5 * stress},
+            "contact": {"boundary": "low1"},
+            "solver": {"algorithm": "alm", **solver},
+        }
+    )
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("poisson", [0.3, 0.5])
+@pytest.mark.parametrize("cell", CELLS)
+def test_patch(cell, poisson):
+    """A uniform state on uneven cells: strains and stresses are those of Hooke's law, contact carries the load."""
+    tagged = uneven(cell, MPI.COMM_WORLD)
+    solution = solve(pressed(tagged, poisson))
+    assert solution.converged
+    plane = tagged.dimension == 2
+    across = poisson * (1 + poisson) if plane else poisson  # lateral strain times E over the stress
+    along = 1 - poisson**2 if plane else 1.0
+    outward = -poisson * 0.5 if plane else 0.0
+    strains = np.array([across, -along, 0.0 if plane else across]) * 0.5 / 10
+    shear_modulus = 10 / (2 * (1 + poisson))
+    pressure = 2 * shear_modulus * strains[0]  # sigma_xx = 0
+    assert pressure == pytest.approx(3 * poisson / (1 + poisson) * (0.5 - outward) / 3)
+    at = solution.model.space.tabulate_dof_coordinates()[:, : tagged.dimension]
+    found = solution.displacement.x.array.reshape(at.shape)
+    np.testing.assert_allclose(found, at * strains[: tagged.dimension], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(solution.displacement.hydrostatic.x.array, pressure, rtol=1e-9)
+    tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
+    np.testing.assert_allclose(tensor, np.broadcast_to(np.diag([0, -0.5, outward]), tensor.shape), atol=1e-9)
+    recovered = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
+    np.testing.assert_allclose(recovered, np.broadcast_to(np.diag([0, -0.5, outward]), recovered.shape), atol=2e-5)
+    np.testing.assert_allclose(solution.contact.pressure, 0.5, rtol=1e-8)
+    assert solution.certificate.worst < 1e-9
+    volume = 3.0
+    assert solution.last_step.strain_energy == pytest.approx(0.5 * 0.5 * -strains[1] * volume, rel=1e-9)
+    assert solution.stress.error < 1e-4
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("poisson", [0.3, 0.5])
+def test_exact(poisson):
+    """Nodal reactions of displacement and pressure are those that the augmentation converges to: a part is open, a part
+    slips, and a part sticks.
+    """
+    friction = {"law": "coulomb", "coefficient": 0.3}
+    found = []
+    for algorithm in ("exact", "alm"):
+        mesh = uneven("triangle", MPI.COMM_WORLD)
+        scene = pressed(mesh, poisson, algorithm=algorithm).model_dump(exclude_unset=True) | {
+            "mesh": mesh,
+            "contact": {"boundary": "low1", "friction": friction},
+            "traction": {"boundary": "high1", "y": "-1 + 0.45*x[0]", "x": 0.05},
+        }
+        found.append(solve(parse_scene(scene)))
+    exact, other = found
+    assert exact.certificate.holds
+    closed = parallel.gather_rows(MPI.COMM_WORLD, exact.contact.pressure[:, None] > 0)
+    assert 0 < closed.sum() < closed.size
+    assert exact.contact.pressure == pytest.approx(other.contact.pressure, abs=1e-6)
+    assert exact.contact.shear == pytest.approx(other.contact.shear, abs=1e-6)
+    assert exact.displacement.hydrostatic.x.array == pytest.approx(other.displacement.hydrostatic.x.array, abs=1e-6)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("poisson", [0.3, 0.5])
+@pytest.mark.parametrize("cell", ["quadrilateral", "tetrahedra"])
+def test_heated_patch(cell, poisson):
+    """The same, heated: it expands freely but for plane strain, where E e is missing across the plane."""
+    tagged, e = uneven(cell, MPI.COMM_WORLD), 0.02
+    scene = pressed(tagged, poisson).model_dump(exclude_unset=True) | {
+        "mesh": tagged,
+        "material": {"young": 10.0, "poisson": poisson, "expansion": 2.0},
+        "temperature": [{"change": 0.75 * e / 2}, {"change": "0.25 * 0.02 / 2", "factors": [1.0]}],
+    }
+    solution = solve(parse_scene(scene))
+    plane = tagged.dimension == 2
+    outward = -poisson * 0.5 - 10.0 * e if plane else 0.0
+    stress = np.diag([0.0, -0.5, outward])
+    strain = ((1 + poisson) * stress - poisson * np.trace(stress) * np.eye(3)) / 10.0
+    at = solution.model.space.tabulate_dof_coordinates()[:, : tagged.dimension]
+    found = solution.displacement.x.array.reshape(at.shape)
+    np.testing.assert_allclose(found, at * (np.diag(strain) + e)[: tagged.dimension], rtol=0, atol=1e-10)
+    tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
+    np.testing.assert_allclose(tensor, np.broadcast_to(stress, tensor.shape), atol=1e-9)
+    recovered = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
+    np.testing.assert_allclose(recovered, np.broadcast_to(stress, recovered.shape), atol=2e-5)
+    np.testing.assert_allclose(solution.contact.pressure, 0.5, rtol=1e-8)
+    assert solution.certificate.worst < 1e-9
+    assert solution.last_step.strain_energy == pytest.approx(np.sum(stress * strain) / 2 * 3.0, rel=1e-9)
+    assert solution.stress.error < 1e-4
+
+
+def test_free_expansion_of_a_ring():
+    """Incompressible, axisymmetric: it is without stress, and stands on the ground without pressure."""
+    scene = {
+        "mesh": tag_boundaries(shifted_ring(), {"under": lambda x: np.isclose(x[1], 0.0)}),
+        "element": MIXED,
+        "material": {"young": 10.0, "poisson": 0.5, "hypothesis": "axisymmetric", "expansion": 1e-3},
+        "temperature": {"change": 20.0},
+        "contact": {"boundary": "under", "kind": "bilateral"},
+    }
+    solution = solve(parse_scene(scene))
+    at = solution.model.space.tabulate_dof_coordinates()[:, :2]
+    np.testing.assert_allclose(solution.displacement.x.array.reshape(at.shape), 0.02 * at, rtol=0, atol=1e-11)
+    assert np.abs(solution.stress.tensor.x.array).max() < 1e-9
+    assert solution.last_step.strain_energy < 1e-12
+    assert solution.certificate.holds
+
+
+def shifted_ring():
+    """The section of a ring between the radii 1 and 2."""
+    mesh = rectangle(MPI.COMM_SELF, length=1.0, height=0.5, nx=4, ny=2).mesh
+    mesh.geometry.x[:, 0] += 1.0
+    return mesh
+
+
+@pytest.mark.parametrize("hypothesis", ["plane strain", "axisymmetric"])
+def test_uneven_heat_against_displacements(hypothesis):
+    """A field of temperatures in a held body with friction: forces, energy and stress are those of displacements."""
+
+    def block(element):
+        scene = {
+            "mesh": rectangle(MPI.COMM_SELF, length=3.0, height=1.0, nx=24, ny=8),
+            "element": element,
+            "material": {"young": 10.0, "poisson": 0.3, "expansion": 0.01, "hypothesis": hypothesis},
+            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0},
+            "temperature": {"change": "x[0] - 0.5 * x[1]**2", "factors": [0.4, 1.0]},
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.2}},
+            "solver": {"algorithm": "alm"},
+        }
+        return alone(parse_scene(scene))
+
+    mixed, other = block(MIXED), block({"degree": 2})
+    force = other.resultants.of("bottom").force
+    assert mixed.resultants.of("bottom").force == pytest.approx(force, abs=1e-3 * np.linalg.norm(force))
+    for one, two in zip(mixed.steps, other.steps, strict=True):
+        assert one.strain_energy == pytest.approx(two.strain_energy, rel=2e-3)
+        assert one.certificate.worst < 1e-6
+    place = np.array([[1.5, 0.5, 0.0]])
+    assert mean_stress(mixed, place) == pytest.approx(mean_stress(other, place), rel=5e-3)
+    assert mixed.stress.error == pytest.approx(other.stress.error, rel=0.2)
+
+
+# --- a state that was made up ----------------------------------------------------------------------------------------
+
+AMPLITUDE, TENSION, E = 1e-2, 0.3, 10.0
+
+
+class MadeUp:
+    """u = (a sin x cos y - c x^2 y / 2, -a cos x sin y) and p = P x y, with c = P / lambda."""
+
+    def __init__(self, poisson):
+        self.mu = E / (2 * (1 + poisson))
+        self.c = TENSION * (1 + poisson) * (1 - 2 * poisson) / (E * poisson)
+
+    def u(self, x):
+        a = AMPLITUDE
+        return np.array(
+            [a * np.sin(x[0]) * np.cos(x[1]) - self.c * x[0] ** 2 * x[1] / 2, -a * np.cos(x[0]) * np.sin(x[1])]
+        )
+
+    def p(self, x):
+        return TENSION * x[0] * x[1]
+
+    def force(self, x):
+        """-div sigma = 2 mu u_0 + mu c (2 y, x) + grad p."""
+        rest = np.array([self.c * x[0] ** 2 * x[1] / 2, 0 * x[0]])
+        grown = self.mu * self.c * np.array([2 * x[1], x[0]])
+        return 2 * self.mu * (self.u(x) + rest) + grown + TENSION * np.array([x[1], x[0]])
+
+    def traction(self, x):
+        """On the right side, whose normal is along x[0]."""
+        strain = AMPLITUDE * np.cos(x[0]) * np.cos(x[1]) - self.c * x[0] * x[1]
+        return np.array([2 * self.mu * strain - self.p(x), -2 * self.mu * self.c * x[0] ** 2 / 4])
+
+    def errors(self, count, cell, poisson):
+        """Relative errors of displacement and pressure in L2."""
+        tagged = rectangle(length=1.5, height=1.0, nx=count, ny=count, cell=cell)
+        both = {key: (lambda x, k=k: self.u(x)[k]) for k, key in enumerate("xy")}
+        scene = parse_scene(
+            {
+                "mesh": tagged,
+                "element": MIXED,
+                "material": {"young": E, "poisson": poisson},
+                "displacement": [{"boundary": side, **both} for side in ("left", "bottom", "top")],
+                "traction": {
+                    "boundary": "right",
+                    **{k: (lambda x, k=k: self.traction(x)["xy".index(k)]) for k in "xy"},
+                },
+                "body_force": {k: (lambda x, k=k: self.force(x)["xy".index(k)]) for k in "xy"},
+            }
+        )
+        solution = alone(scene)
+        assert solution.converged
+        richer = fem.functionspace(tagged.mesh, ("Lagrange", 4, (3,)))
+        exact = fem.Function(richer)
+        exact.interpolate(lambda x: np.array([*self.u(x), self.p(x)]))
+        y, p = solution.displacement, solution.displacement.hydrostatic
+        found = []
+        for ours, theirs in ((y, ufl.as_vector((exact[0], exact[1]))), (p, exact[2])):
+            squares = [ufl.inner(one, one) * ufl.dx for one in (ours - theirs, theirs)]
+            found.append(np.sqrt(np.divide(*(fem.assemble_scalar(fem.form(square)) for square in squares))))
+        return np.array(found)
+
+
+@pytest.mark.parametrize("cell", PLANE)
+def test_rates_without_locking(cell):
+    """Orders 3 and 2 in L2, and errors that do not depend on Poisson's ratio."""
+    errors = np.array([[MadeUp(nu).errors(count, cell, nu) for count in (4, 8)] for nu in (0.3, 0.49, 0.4999, 0.5)])
+    rates = np.log2(errors[:, 0] / errors[:, 1])
+    assert (rates > [2.8, 1.9]).all()
+    assert (errors[2:] < 1.2 * errors[1]).all()
+    assert (errors[1:] < 5 * errors[0]).all()  # which has a change of volume to represent as well
+    assert (errors[:, 1] < [5e-4, 5e-3]).all()
+
+
+# --- contact ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cell", PLANE)
+def test_hertz_incompressible(cell):
+    """Half-width and peak of a rubber cylinder with E* = E / (1 - 1/4), from the load."""
+    scene = half_disk(cell=cell, degree=2, size=0.04)
+    rubber = scene.material[0].model_copy(update={"poisson": 0.5})
+    scene = scene.model_copy(update={"material": (rubber,), "element": Discretised(**MIXED)})
+    solution = alone(scene)
+    assert solution.converged
+    x, pressure, weight, _ = profile(solution)
+    load = 2 * np.dot(weight, pressure)
+    half_width = np.sqrt(4 * load * RADIUS / (np.pi * YOUNG / (1 - 0.25)))
+    assert ellipse(x, pressure, half_width) == pytest.approx((half_width, 2 * load / (np.pi * half_width)), rel=6e-3)
+
+
+INNER, OUTER, GAP, INSIDE = 1.0, 2.0, 0.01, 3.0
+
+
+def in_a_pipe(count, cell="quadrilateral", comm=MPI.COMM_SELF, **solver):
+    """An incompressible ring between two plates, pressed by a fluid inside against a stiff pipe."""
+    return solve(
+        parse_scene(
+            {
+                "mesh": section(INNER, OUTER, 0.5, cell, (count, max(1, count // 2)), comm),
+                "element": MIXED,
+                "material": {"young": 200.0, "poisson": 0.5, "hypothesis": "axisymmetric"},
+                "displacement": [{"boundary": side, "y": 0.0} for side in ("bottom", "top")],
+                "traction": {"boundary": "inside", "pressure": INSIDE},
+                "contact": {"boundary": "outside", "gap": GAP},
+                "solver": {"algorithm": "alm", "tolerance": 1e-12, **solver},
+            }
+        ),
+        comm,
+    )
+
+
+@pytest.mark.parametrize("cell", PLANE)
+def test_ring_in_a_pipe(cell):
+    """u = c / r with c = gap times radius, p uniform, and the contact pressure p_i - 2 mu c (1 / a^2 - 1 / b^2)."""
+    c, mu, found = GAP * OUTER, 200.0 / 3, []
+    for count in (2, 4, 8):
+        solution = in_a_pipe(count, cell)
+        assert solution.converged
+        r = solution.model.space.tabulate_dof_coordinates()[:, 0]
+        radial = solution.displacement.x.array[::2]
+        pressure = solution.displacement.hydrostatic.x.array
+        touching = solution.contact.pressure
+        expected = INSIDE - 2 * mu * c * (1 / INNER**2 - 1 / OUTER**2)
+        exact = INSIDE - 2 * mu * c / INNER**2
+        found.append(
+            [np.abs(radial - c / r).max() / c, np.abs(pressure - exact).max(), np.abs(touching - expected).max()]
+        )
+    rates = np.log2(np.divide(found[0], found[2])) / 2
+    assert (rates > [2.5, 1.5, 1.5]).all()
+    assert (np.array(found[2]) < [2e-4, 0.05, 0.02]).all()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+@pytest.mark.parametrize("cell", ["triangle", "tetrahedra"])
+def test_ways_to_solve(cell, linear_algebra):
+    """Friction of Coulomb, skew supports and a ramp: all unknowns or those of contact lead to one result."""
+    comm = MPI.COMM_WORLD
+    tagged = uneven(cell, comm)  # one mesh: another one may be divided among the ranks differently
+    reference = rubbed(cell, tagged, algorithm="ssn", linear_algebra="full")
+    other = rubbed(cell, tagged, algorithm="alm", coulomb="newton", tolerance=1e-11, linear_algebra=linear_algebra)
+    for solution in (reference, other):
+        assert solution.converged
+        assert solution.last_step.step == 2
+        sliding = np.linalg.norm(solution.contact.shear, axis=1)
+        assert (sliding <= 0.3 * solution.contact.pressure + 1e-6).all()
+    if comm.size == 1:
+        assert other.linear_algebra.startswith(linear_algebra)
+    for name in ("strain_energy", "potential_energy"):
+        assert getattr(other.certificate, name) == pytest.approx(getattr(reference.certificate, name), rel=1e-4)
+    for one, two in (
+        (other.displacement, reference.displacement),
+        (other.displacement.hydrostatic, reference.displacement.hydrostatic),
+    ):
+        size = np.abs(two.x.array).max(initial=0.0)
+        np.testing.assert_allclose(one.x.array, two.x.array, rtol=0, atol=1e-3 * size)
+
+
+def rubbed(cell, tagged, poisson=0.5, **solver):
+    """The block, pressed and pushed sideways in two steps, with a support along no axis at one end."""
+    held = {"boundary": "low0", "normal": 0.0} if cell in PLANE else {"boundary": "low0", "x": 0.0, "z": 0.0}
+    scene = parse_scene(
+        {
+            "mesh": tagged,
+            "element": MIXED,
+            "material": {"young": 10.0, "poisson": poisson},
+            "displacement": held,
+            "traction": [{"boundary": "high1", "y": -0.5}, {"boundary": "high0", "x": 0.2, "factors": [0.5, 1.0]}],
+            "contact": {"boundary": "low1", "friction": {"law": "coulomb", "coefficient": 0.3}},
+            "solver": solver,
+        }
+    )
+    return solve(scene, tagged.mesh.comm)
+
+
+def test_pressed_block_against_displacements():
+    """At nu = 0.49 pressure and stress of a rubber block are those of elements without a pressure on a finer mesh."""
+
+    def block(count, element):
+        tagged = rectangle(length=1.0, height=0.5, nx=2 * count, ny=count)
+        scene = {
+            "mesh": tagged,
+            "element": element,
+            "material": {"young": 10.0, "poisson": 0.49},
+            "displacement": [{"boundary": "top", "x": 0.0, "y": -0.02}, {"boundary": "left", "x": 0.0}],
+            "contact": {
+                "boundary": "bottom",
+                "gap": "0.05 * x[0]**2",
+                "friction": {"law": "coulomb", "coefficient": 0.2},
+            },
+        }
+        return alone(parse_scene(scene))
+
+    mixed, fine = block(8, MIXED), block(24, {"degree": 2})
+    assert mixed.resultants.of("bottom").force == pytest.approx(fine.resultants.of("bottom").force, rel=2e-3)
+    x, pressure, weight, _ = profile(mixed)
+    at, other, *_ = profile(fine)
+    expected = np.interp(x, at, other)
+    apart = np.sqrt(np.dot(weight, (pressure - expected) ** 2) / np.dot(weight, expected**2))
+    assert apart < 0.02
+    assert mixed.stress.error < 0.1
+    place = np.array([[0.3125, 0.25, 0.0]])  # a vertex of both meshes inside
+    assert mean_stress(mixed, place) == pytest.approx(mean_stress(fine, place), rel=0.02)
+
+
+def mean_stress(solution, at):
+    """A third of the trace of the recovered stress at the vertex that is nearest to a place."""
+    tensor = solution.stress.recovered.tensor
+    where = tensor.function_space.tabulate_dof_coordinates()
+    nearest = np.argmin(np.linalg.norm(where - at, axis=1))
+    return np.trace(tensor.x.array.reshape(-1, 3, 3)[nearest]) / 3
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell", ["quadrilateral", "tetrahedra"])
+def test_certificate(cell):
+    """A pressure that is wrong, as a whole, at one node, or by a constant, is no solution; nor is a wrong volume."""
+    comm = MPI.COMM_WORLD
+    solution = solve(pressed(uneven(cell, comm), 0.4999), comm)
+
+    def verdict(shift=0.0, factor=1.0, bump=0.0, stretch=1.0):
+        y = solution.displacement
+        pressure = y.hydrostatic.copy()
+        pressure.x.array[:] = factor * pressure.x.array + shift
+        if comm.rank == 0:
+            pressure.x.array[3] += bump
+        pressure.x.scatter_forward()
+        other = MixedDisplacement(y.function_space, pressure)
+        other.x.array[:] = stretch * y.x.array
+        d, contact = solution.model, solution.contact
+        return certify(solution.statement, d.tagged, other, Tractions.of(contact))
+
+    assert verdict().holds
+    assert verdict().equilibrium < 1e-10
+    for wrong in ({"shift": 1e-3}, {"factor": 1.001}, {"bump": 1e-3}, {"stretch": 1.001}):
+        assert not verdict(**wrong).holds
+        assert verdict(**wrong).equilibrium > 1e-5
+
+
+def test_certificate_needs_the_pressure():
+    """A copy of the displacement has none."""
+    solution = alone(pressed(uneven("triangle"), 0.5))
+    with pytest.raises(ValueError, match="without the pressure"):
+        certify(solution.statement, solution.model.tagged, solution.displacement.copy(), None)
+
+
+def test_change_of_volume_alone():
+    """With all forces balanced the certificate still sees a volume that Poisson's ratio excludes."""
+    found = alone(pressed(uneven("quadrilateral"), 0.3))
+    claimed = found.statement.changed(
+        material=(found.statement.material[0].model_copy(update={"poisson": 0.5, "young": 15.0 / 1.3}),)
+    )  # of the same shear modulus
+    tractions = Tractions.of(found.contact)
+    assert certify(found.statement, found.model.tagged, found.displacement, tractions).holds
+    assert certify(claimed, found.model.tagged, found.displacement, tractions).equilibrium > 0.1
+
+
+@pytest.mark.parametrize("units", [(1e-9, 1.0), (1e9, 1.0), (1.0, 1e-9), (1.0, 1e9), (1e9, 1e-9)])
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+def test_units(units, linear_algebra):
+    """Nothing depends on the units of length and force."""
+    length, force = units
+    solution = alone(pressed(uneven("quadrilateral", length=length), 0.5, length, force, linear_algebra=linear_algebra))
+    assert solution.converged
+    assert solution.certificate.worst < 1e-9
+    assert solution.contact.pressure * length**2 / force == pytest.approx(0.5, rel=1e-8)
+    assert solution.displacement.hydrostatic.x.array * length**2 / force == pytest.approx(0.25, rel=1e-8)
+
+
+def test_nothing_determines_the_pressure():
+    """An incompressible body whose whole boundary is held is refused; with a contact that yields, it is solved."""
+    tagged = rectangle(nx=3, ny=2)
+    every = [{"boundary": side, "x": 0.0, "y": 0.0} for side in ("left", "right", "bottom", "top")]
+    data = {
+        "mesh": tagged,
+        "element": MIXED,
+        "material": {"young": 1.0, "poisson": 0.5},
+        "body_force": {"y": "-1 if x[0] < 0.5 else 0"},
+    }
+    with pytest.raises(SceneError, match="nothing determines the pressure"):
+        alone(parse_scene({**data, "displacement": every}))
+    solution = alone(
+        parse_scene(
+            {
+                **data,
+                "displacement": every[:2] + every[3:],
+                "contact": {"boundary": "bottom", "gap": 0.01},
+                "solver": {"linear_algebra": "condensed"},
+            }
+        )
+    )
+    assert solution.converged
+    assert solution.linear_algebra == "full: contact and supports enclose the incompressible body"
+    assert solution.contact.in_contact.any()
+    assert solution.contact.u_n.min() < -0.01
+    flux = solution.contact.boundary.weight @ solution.contact.u_n
+    assert abs(flux) < 1e-12  # what goes down at one place comes up at another
+
+
+# --- estimates and sequences of meshes -----------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("poisson", [0.3, 0.5])
+def test_estimate_of_the_error(poisson):
+    """In Lame's cylinder, whose stress does not depend on Poisson's ratio, the estimate is near the true error."""
+    scene = cylinder(2, 0.25, "triangle")
+    material = scene.material[0].model_copy(update={"poisson": poisson})
+    solution = solve(scene.model_copy(update={"material": (material,), "element": Discretised(**MIXED)}))
+    error = true_error(solution)
+    assert error < 0.02
+    assert 0.7 < solution.stress.error / error < 1.7
+
+
+def rubber(**more):
+    """An incompressible block on a bowl."""
+    return alone(
+        parse_scene(
+            {
+                "mesh": {"generator": "block", "parameters": {"nx": 12, "ny": 4}},
+                "element": MIXED,
+                "material": {"young": 10.0, "poisson": 0.5},
+                "displacement": {"boundary": "top", "x": 0.0, "y": -0.05},
+                "contact": {
+                    "boundary": "bottom",
+                    "gap": "0.05 * (x[0] - 1.4)**2",
+                    "friction": {"law": "coulomb", "coefficient": 0.2},
+                },
+                **more,
+            }
+        )
+    )
+
+
+def test_levels():
+    """Coarser meshes as a start lead to the same state, and each has its estimate."""
+    plain, nested = rubber(), rubber(solver={"levels": 3})
+    assert nested.converged
+    np.testing.assert_allclose(
+        nested.contact.pressure, plain.contact.pressure, rtol=0, atol=1e-5 * plain.contact.pressure.max()
+    )
+    first, second, third = (level.energy for level in nested.levels)
+    assert first > 1.3 * second > 1.3**2 * third
+
+
+def test_accuracy():
+    """Refined, each cell where it pays, until the estimate is as small as asked for."""
+    solution = rubber(accuracy={"target": 0.06})
+    assert solution.converged
+    assert solution.levels[-1].energy <= 0.06 < solution.levels[0].energy
+
+
+BASE = {
+    "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}},
+    "element": MIXED,
+    "material": {"young": 1.0, "poisson": 0.4},
+    "contact": {"boundary": "bottom"},
+}
+REFUSED = {
+    "no pressure": ({"element": {"degree": 2}, "material": {"young": 1.0, "poisson": 0.5}}, "must be below 0.5"),
+    "degree": ({"element": {"degree": 1, "volumetric": "mixed"}}, "element.degree: must be 2"),
+    "nu = 0": ({"material": {"young": 1.0, "poisson": 0.0}}, "poisson: must be above 0"),
+    "plane stress": ({"material": {"young": 1.0, "poisson": 0.4, "hypothesis": "plane stress"}}, "nothing locks"),
+    "krylov": ({"solver": {"linear_algebra": "krylov"}}, "positive definite"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(name):
+    """What the mixed element is not possible with is one clear error."""
+    changes, message = REFUSED[name]
+    with pytest.raises(SceneError, match=message):
+        parse_scene({**BASE, **changes})
+
+
+def test_refused_elsewhere():
+    """Derivatives, and a study of elements."""
+    scene = parse_scene(BASE | {"displacement": {"boundary": "top", "x": 0.0, "y": -0.01}})
+    with pytest.raises(SceneError, match="derivatives are not possible yet"):
+        sensitivity(scene, "force bottom y", comm=MPI.COMM_SELF)
+    with pytest.raises(SceneError, match="a study compares elements"):
+        reference_solution(varied(scene, MPI.COMM_SELF), 1.0, 0)
+
+
+def test_incompressible_plane_stress():
+    """In plane stress nu = 1/2 needs no pressure: a stretched sheet thins by half of its stretch."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}},
+            "material": {"young": 2.0, "poisson": 0.5, "hypothesis": "plane stress"},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+            "traction": {"boundary": "right", "x": 0.1},
+        }
+    )
+    solution = alone(scene)
+    assert solution.converged
+    x = solution.model.space.tabulate_dof_coordinates()[:, :2]
+    np.testing.assert_allclose(solution.displacement.x.array.reshape(-1, 2), x * [0.05, -0.025], atol=1e-12)
+
+
+def test_what_it_costs():
+    """Two forms and matrices more, and one unknown of pressure for each vertex, which ``check`` says beforehand."""
+    scene = parse_scene(BASE)
+    told = check_scene(scene, MPI.COMM_SELF)
+    (pressure,) = (effect for effect in told.effects if effect.name == "pressure of the mixed element")
+    assert (pressure.on, pressure.forms, pressure.unknowns) == (True, ("divergence", "compressibility"), 9)
+    solution = alone(scene, check=False)
+    assert tuple(solution.model.inventory.forms) == told.forms
+    assert sorted(solution.model.inventory.matrices) == ["compressibility", "divergence", "stiffness"]
+    assert solution.model.stiffness.getSize()[0] == 2 * 25 + 9
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-6])
+@pytest.mark.parametrize("cell", ["triangle", "tetrahedra"])
+def test_weight_of_an_enclosed_body(cell, length):
+    """An incompressible body in a box does not move under its weight: it has a pressure, and strains of round-off."""
+    tagged = uneven(cell, length=length)
+    dim = tagged.dimension
+    height = "xyz"[dim - 1]
+    scene = {
+        "mesh": tagged,
+        "element": MIXED,
+        "material": {"young": 10.0, "poisson": 0.5},
+        "body_force": {height: -1.0 / length},
+        "displacement": [{"boundary": f"{side}{k}", "xyz"[k]: 0.0} for k in range(dim - 1) for side in ("low", "high")],
+        "contact": {"boundary": f"low{dim - 1}"},
+        "solver": {"algorithm": "alm"},
+    }
+    solution = alone(parse_scene(scene))
+    assert solution.converged
+    assert np.abs(solution.displacement.x.array).max() < 1e-12 * length
+    columns = solution.table.columns
+    weight = 3.0 * length ** (dim - 1)  # the largest face has as many units of area
+    assert np.isclose(np.sum(columns["weight"] * columns["pressure"]), weight, rtol=1e-9)

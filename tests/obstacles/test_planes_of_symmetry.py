@@ -1,0 +1,275 @@
+"""Two bodies that end at a plane of symmetry: half a model is the whole one, with no shear across the plane."""
+
+import sys
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from two_bodies import KINDS, assembled, facets, facets_of_cells, forms, grid, held, per_cell
+
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Tresca, solve
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.discretisation import prepare
+from signorini_fx.mechanics.obstacles import paired_points
+from signorini_fx.records import Timings
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.tuned import ASKEW_NORMAL
+
+EXACT = {"algorithm": "alm", "tolerance": 1e-10}
+
+
+def doubled(cells, x, axis):
+    """A body and its mirror image, with the nodes on the plane of both."""
+    count, image = len(x), x * np.where(np.arange(x.shape[1]) == axis, -1.0, 1.0)
+    number = np.where(np.isclose(x[:, axis], 0), np.arange(count), np.arange(count) + count)
+    both, every = np.vstack((cells, number[cells])), np.vstack((x, image))
+    used = np.unique(both)
+    return np.searchsorted(used, both), every[used]
+
+
+def pressed(kind, degree, counts, *, half, slope=0.0, comm=MPI.COMM_SELF, side=0.0, of_master=None, **given):
+    """A block pressed into another one and pushed along the plane of symmetry, which is across the last but one axis.
+
+    Args:
+        kind: of the cells.
+        degree: of the elements.
+        counts: cells of the slave and of the master along a unit of length.
+        half: whether the half beyond the plane is left out.
+        slope: of the surface of the slave at 1/2; that of the master has half of it.
+        comm: the ranks.
+        side: displacement across the plane that the slave's support there prescribes.
+        of_master: the same for the master; None: it is not held there.
+        given: friction, bonded, and settings.
+    """
+    dim = KINDS[kind]
+    axis, up = dim - 2, dim - 1
+    low = np.array([0.0 if k == axis else -1.0 for k in range(up)])
+
+    def body(count, sign, curved, wide):
+        def place(x):
+            along = curved * (x[:, :up] ** 2).sum(axis=1)
+            return np.column_stack((x[:, :up], x[:, up] + along * (1 - np.abs(x[:, up]))))
+
+        cells = (*(count * (1 if k == axis else 2) for k in range(up)), max(2, count // 2))
+        made = grid(kind, cells, (*wide * low, min(sign, 0.0)), (*[wide] * up, max(sign, 0.0)), place)
+        return made if half else doubled(*made, axis)
+
+    bodies = body(counts[0], 1.0, slope, 1.0), body(counts[1], -1.0, slope / 2, 1.3)
+    mesh = assembled(kind, *bodies, comm=comm)
+    numbers = np.split(np.arange(sum(len(cells) for cells, _ in bodies)), [len(bodies[0][0])])
+    space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 100.0))
+    sides = [
+        facets_of_cells(mesh, lambda x, s=s: np.isclose(x[up], s * (x[:up] ** 2).sum(axis=0)), own)
+        for s, own in zip((slope, slope / 2), numbers, strict=True)
+    ]
+    top, bottom = (facets(mesh, lambda x, z=z: np.isclose(x[up], z)) for z in (1.0, -1.0))
+    bcs = [held(space, bottom, k) for k in range(dim)] + [held(space, top, up, -0.03)]
+    if half:
+        on_plane = [facets_of_cells(mesh, lambda x: np.isclose(x[axis], 0), own) for own in numbers]
+        for plane, value in zip(on_plane, (side, of_master), strict=True):
+            if value is not None:
+                bcs.append(held(space, plane, axis, value))
+    bcs += [held(space, top, k, 0.01 if k != axis else side) for k in range(up)]
+    friction, bonded = given.pop("friction", None), given.pop("bonded", False)
+    nothing = ufl.inner(fem.Constant(mesh, (0.0,) * dim), v) * ufl.dx
+    pair = Pair(*sides, bonded=True) if bonded else Pair(*sides, friction=friction)
+    problem = ContactProblem(a, nothing, bcs, contact=pair, **EXACT | given)
+    problem.solve()
+    return problem
+
+
+def tractions(problem):
+    """Places, pressures and shears as vectors, of all ranks."""
+    state = problem.state
+    shear = np.einsum("nij,nj->ni", state.boundary.tangents, state.shear)
+    rows = parallel.gather_rows(state.boundary.comm, np.column_stack((state.boundary.x, state.pressure, shear)))
+    dim = shear.shape[1]
+    return rows[:, :dim], rows[:, dim], rows[:, dim + 1 :]
+
+
+def differences(half, whole):
+    """Of pressures and shears at the same places, relative to the largest pressure."""
+    (x, pressure, shear), (places, *both) = tractions(half), tractions(whole)
+    away = np.linalg.norm(x[:, None] - places, axis=2)
+    assert away.min(axis=1).max() < 1e-9
+    others = [values[away.argmin(axis=1)] for values in both]
+    size = others[0].max()
+    return np.abs(pressure - others[0]).max() / size, np.abs(shear - others[1]).max() / size
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("kind", "degree", "counts", "given"),
+    [
+        ("quadrilateral", 1, (6, 5), {"friction": Coulomb(0.3), "linear_algebra": "full"}),
+        ("triangle", 2, (5, 6), {"bonded": True}),
+        ("hexahedron", 1, (3, 4), {"friction": Coulomb(0.3)}),
+        ("tetrahedron", 2, (2, 3), {"friction": Coulomb(0.3), "linear_algebra": "full"}),
+        ("tetrahedron", 1, (4, 3), {"friction": Tresca(0.3), "linear_algebra": "krylov"}),
+        ("hexahedron", 1, (3, 2), {"bonded": True, "linear_algebra": "full"}),
+    ],
+)
+def test_half_a_model(kind, degree, counts, given):
+    """Flat sides: pressure and shear are those of the whole model, and none of the shear is across the plane.
+
+    In space without the components that are left out, up to nine tenths of the friction bound were across it.
+    """
+    comm, axis = MPI.COMM_WORLD, KINDS[kind] - 2
+    if comm.size > 1 and given.get("linear_algebra") is None:
+        given = given | {"linear_algebra": "full"}
+    half = pressed(kind, degree, counts, half=True, of_master=0.0, comm=comm, **given)
+    whole = pressed(kind, degree, counts, half=False, comm=comm, **given)
+    close = 1e-6 if given.get("linear_algebra") == "krylov" else 1e-8
+    assert max(differences(half, whole)) < close
+    x, _, shear = tractions(half)
+    assert np.abs(shear[np.isclose(x[:, axis], 0), axis]).max() < 1e-12
+    assert half.certificate.holds
+
+
+@pytest.mark.parametrize(("kind", "degree", "counts"), [("triangle", 1, (5, 6)), ("hexahedron", 1, (3, 4))])
+def test_half_of_curved_sides(kind, degree, counts):
+    """The normals on the plane are in it.  In space the sides are projected along facets, which do not know of it."""
+    given = {"friction": Coulomb(0.3), "slope": 0.05}
+    half = pressed(kind, degree, counts, half=True, of_master=0.0, **given)
+    whole = pressed(kind, degree, counts, half=False, **given)
+    pressure, shear = differences(half, whole)
+    assert pressure < 5e-4
+    assert shear < 5e-4
+    assert half.certificate.holds
+
+
+@pytest.mark.parametrize("of_master", [None, 0.0])
+def test_where_it_is_no_plane_of_symmetry(of_master):
+    """A support that holds the slave alone, or moves it past the other body, is none: friction acts across it."""
+    side = 0.0 if of_master is None else 0.02
+    problem = pressed("hexahedron", 1, (3, 4), half=True, side=side, of_master=of_master, friction=Coulomb(0.3))
+    pair = problem.assembled.foundations.pairs[0]
+    assert not pair.across.any()
+    x, pressure, shear = tractions(problem)
+    on_plane = np.isclose(x[:, 1], 0) & (pressure > 0)
+    if side:  # it slides, against the direction in which it is moved
+        assert (shear[on_plane, 1] > 0.1 * pressure[on_plane]).all()
+
+
+def test_an_edge_at_the_plane_is_none():
+    """Sides that are askew to the plane keep all components: a constant stress has a part across it."""
+    assert pressed("triangle", 1, (3, 4), half=True, of_master=0.0).assembled.foundations.pairs[0].across.any()
+    turn = np.arcsin(1.5 * ASKEW_NORMAL)
+
+    def tilt(x):
+        return np.column_stack((x[:, 0], x[:, 1] + np.tan(turn) * x[:, 0] * (1 - np.abs(x[:, 1]))))
+
+    kind = "triangle"
+    bodies = [grid(kind, n, (0.0, y), (1.0, y + 1.0), tilt) for n, y in (((3, 2), 0.0), ((5, 2), -1.0))]
+    mesh = assembled(kind, *bodies)
+    space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
+    sides = [
+        facets_of_cells(mesh, lambda x: np.isclose(x[1], np.tan(turn) * x[0]), numbers)
+        for numbers in (range(12), range(12, 32))
+    ]
+    walls = facets(mesh, lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 1))
+    ends = [facets(mesh, lambda x, y=y: np.isclose(x[1], y)) for y in (1.0, -1.0)]
+    bcs = [held(space, walls, 0), held(space, ends[0], 1, -0.01), held(space, ends[1], 1, 0.01)]
+    nothing = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
+    problem = ContactProblem(a, nothing, bcs, contact=Pair(*sides, bonded=True), **EXACT)
+    problem.solve()
+    x = space.tabulate_dof_coordinates()
+    exact = np.column_stack((0 * x[:, 0], -0.01 * x[:, 1]))
+    np.testing.assert_allclose(problem.u.x.array.reshape(-1, 2), exact, rtol=0, atol=1e-10)
+
+
+def test_the_certificate_asks_for_the_supports(monkeypatch):
+    """Components that are left out although nothing holds the bodies along them are found out."""
+    known = paired_points.mirrored
+
+    def too_many(slave, master, at_rest, on_axis):
+        found = known(slave, master, at_rest, on_axis)
+        end = int(np.argmax(slave.x[:, 0]))
+        found[end, 0, 0] = 1.0
+        return found
+
+    monkeypatch.setattr(paired_points, "mirrored", too_many)
+    with pytest.raises(ConvergenceError, match="certificate"):
+        pressed("triangle", 1, (3, 4), half=True, of_master=0.0, friction=Coulomb(0.3))
+
+
+GENERATOR = """
+import numpy as np
+from test_planes_of_symmetry import doubled
+from two_bodies import assembled, grid
+
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.meshes import generator
+
+
+@generator()
+def generate(comm, /, *, half: bool = True):
+    c, s = np.cos(0.4), np.sin(0.4)
+    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    bodies = [
+        grid("hexahedron", counts, (-1, 0, low), (1, 1, high))
+        for counts, low, high in (((4, 2, 1), -0.001, 1), ((5, 3, 1), -1, 0))
+    ]
+    bodies = [(cells, x @ turn.T) for cells, x in (bodies if half else [doubled(*body, 1) for body in bodies])]
+    places = {"bottom": (2, -1), "top": (2, 1), "lower": (2, 0), "upper": (2, -0.001), "plane": (1, 0)}
+    if not half:
+        places.pop("plane")
+    return tag_boundaries(
+        assembled("hexahedron", *bodies, comm=comm),
+        {name: lambda x, k=k, at=at: np.isclose((turn.T @ x)[k], at) for name, (k, at) in places.items()},
+    )
+"""
+
+
+@pytest.fixture
+def halved(tmp_path, monkeypatch):
+    """A generator of two blocks turned in space, the half or the whole of them."""
+    data = tmp_path / "halved-1.0.dist-info"
+    data.mkdir()
+    (data / "METADATA").write_text("Metadata-Version: 2.1\nName: halved\nVersion: 1.0\n", encoding="utf-8")
+    (data / "entry_points.txt").write_text("[signorini_fx.generators]\nhalved = halved:generate", encoding="utf-8")
+    (tmp_path / "halved.py").write_text(GENERATOR, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "halved", raising=False)
+    down = dict(zip("yz", (np.sin(0.4) * 0.03, -np.cos(0.4) * 0.03), strict=True))
+    friction = {"law": "coulomb", "coefficient": 0.3}
+
+    def scene(normal, half=True, **load_steps):
+        return parse_scene(
+            {
+                "mesh": {"generator": "halved", "parameters": {"half": half}},
+                "material": [{"young": 100.0, "poisson": 0.3}],
+                "displacement": [
+                    {"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+                    *([{"boundary": "plane", "normal": normal}] if half else []),
+                    {"boundary": "top", "x": 0.01, **down},
+                ],
+                "contact": [{"boundary": "upper", "against": "lower", "points": "boundary", "friction": friction}],
+                "solver": EXACT,
+                **load_steps,
+            }
+        )
+
+    return scene
+
+
+def test_a_plane_across_no_axis(halved):
+    """The support along the normal of the plane holds both bodies."""
+    found = [solve(halved(0.0, half), check=False) for half in (True, False)]
+    assert all(one.converged for one in found)
+    (ours, theirs), columns = (one.table.columns for one in found), ("x", "y", "z")
+    away = np.linalg.norm(np.stack([ours[k][:, None] - theirs[k] for k in columns]), axis=0)
+    places, size = away.argmin(axis=1), theirs["pressure"].max()
+    for name in ("pressure", "shear_x", "shear_y", "shear_z"):
+        np.testing.assert_allclose(ours[name], theirs[name][places], rtol=0, atol=1e-8 * size)
+
+
+@pytest.mark.parametrize(("normal", "symmetric"), [(0.0, True), (0.001, False), ("0.001 * t", False)])
+def test_supports_that_move(halved, normal, symmetric):
+    """A support that moves, now or later, is no plane of symmetry."""
+    scene = halved(normal, **({"load_steps": {"times": [0.0, 1.0]}} if isinstance(normal, str) else {}))
+    found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
+    assert found.pairs[0].across.any() == symmetric
