@@ -2231,7 +2231,7 @@ MUTANTS = (
     ),
     Mutant(
         "nonlinear/newton",
-        "(np.abs(values - old)[fixed] > rest)",
+        "(np.abs(values - old)[fixed] > unmoved)",
         "(values != old)[fixed]",
         "nonlinear: supports that move by the cosine of a right angle load a body",
         tests=("small_strains::test_a_loop_that_begins_at_a_right_angle",),

@@ -188,9 +188,9 @@ def _with_recovered_force(solved: SolvedMesh, level: LevelResult) -> LevelResult
     Of meshes that are divided here and there changes of forces tell no error.
     """
     solution, outcome = solved.solution, solved.outcome
-    known = (level.dimension, level.degree) in FORCE_OF_ENERGY and len(solution.steps) == 1
+    covered = (level.dimension, level.degree) in FORCE_OF_ENERGY and len(solution.steps) == 1
     contact = solution.steps[-1].contact
-    if not (known and isinstance(solution.model, StatedBody)) or outcome is None or contact is None:
+    if not (covered and isinstance(solution.model, StatedBody)) or outcome is None or contact is None:
         return level
     error = force_by_recovery(solution.model, solved.task, outcome, contact, solution.steps[-1].place)
     return replace(level, recovered_force=error)

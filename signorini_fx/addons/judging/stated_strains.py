@@ -63,7 +63,7 @@ def strains_of(
         everywhere = np.arange(len(mesh.cells))
         varies = any(isinstance(value, Expression) for value in strain.given.values())
         name = strain.name
-        while name in {other.name for other in strains}:
+        while name in {strain.name for strain in strains}:
             name += "'"
         strains.append(JudgedStrain(name, at(everywhere, mesh.points[mesh.cells]), at if varies else None))
     return tuple(strains)

@@ -430,8 +430,8 @@ class EquilibriumSolver:
         fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
         comm, squares = space.mesh.comm, [part @ part for part in (start[~fixed[: start.size]], end, lost)]
         pushing, acting, unit = np.sqrt(parallel.global_sum(comm, np.array(squares)))
-        rest = float(np.finfo(float).eps) / 2 * self.linear.scales.size
-        moved = parallel.any_rank(comm, bool((np.abs(values - old)[fixed] > rest).any()))
+        unmoved = float(np.finfo(float).eps) / 2 * self.linear.scales.size
+        moved = parallel.any_rank(comm, bool((np.abs(values - old)[fixed] > unmoved).any()))
         assert self.certificate is not None
         unseen, few = self.certificate.placed >= 1.0, UNITS_OF_NO_LOAD * unit
         if not moved and pushing <= few and (acting <= few or unseen):
