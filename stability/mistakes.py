@@ -2237,6 +2237,27 @@ MUTANTS = (
         tests=("small_strains::test_a_loop_that_begins_at_a_right_angle",),
     ),
     Mutant(
+        "results/certificate/certificate",
+        "balance.unloaded_at_rest and reach <= LOST_UNITS * np.finfo(float).eps * places",
+        "balance.displaced",
+        "certificate: round-off of places hides errors of any small contact force",
+        tests=("contact_path::test_small_forces_of_contact_have_the_digits_of_the_solver",),
+    ),
+    Mutant(
+        "nonlinear/newton",
+        "return bool(acting <= UNITS_OF_NO_LOAD * unit)",
+        "return True",
+        "nonlinear: a load whose displacement is round-off of places is none",
+        tests=("contact_path::test_a_load_whose_displacement_is_round_off_of_places",),
+    ),
+    Mutant(
+        "nonlinear/newton",
+        "(LOST_UNITS if self._unloaded else 1.0) * placed",
+        "placed",
+        "nonlinear: a tool that presses by round-off of its place has a solution",
+        tests=("contact_path::test_a_tool_that_presses_by_round_off_of_its_place",),
+    ),
+    Mutant(
         "results/certificate/equilibrium",
         "digits * places * firmness",
         "0.0 * places * firmness",

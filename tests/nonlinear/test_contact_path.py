@@ -10,7 +10,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_bodies import PLATE, held, rectangle, residual
 
-from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Status
+from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.tangent import round_off
 from signorini_fx.results.certificate.promised_law import Tractions
@@ -39,7 +39,7 @@ def test_pressed_and_released(algorithm, friction):
         problem._solver.residual.at(values)
         linear = problem.linear
         tractions, before = change(Tractions.of(problem.state)), linear.previous_step
-        mechanics = mechanics_at(u, forces, linear, lost)
+        mechanics = mechanics_at(u, forces, linear, lost, unloaded_at_rest=True)
         return certified(u, mechanics, problem.shapes, tractions, linear.law, before)
 
     # The whole modulus times 1e-12 is a pressure that is none of round-off, as is a displacement of 1e-12.
@@ -89,9 +89,65 @@ def test_released_where_strains_keep_their_digits(tool, quadratic, degree, modul
     assert pressed[1] == pytest.approx(pressed[0], abs=1e-6 * np.abs(pressed[0]).max())
     u.x.array[np.argmax(~problem.linear.prescribed[0])] += 1e4 * digit
     forces = problem._solver.residual.at(u.x.array.copy())
-    mechanics = mechanics_at(u, forces, problem.linear, np.zeros_like(forces))
+    mechanics = mechanics_at(u, forces, problem.linear, np.zeros_like(forces), unloaded_at_rest=True)
     tractions, before = Tractions.of(problem.state), problem.linear.previous_step
     assert not certified(u, mechanics, problem.shapes, tractions, problem.linear.law, before).holds
+
+
+def linear_block(away, weight=0.0):
+    """A block of small strains with a rough plate that touches it, far from the origin and under its weight."""
+    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF, "triangle")
+    top, bottom = side(1, 1.0), held(space, side(1, 0.0))
+    space.mesh.geometry.x[:, :2] += away
+    u, test, one = fem.Function(space), ufl.TestFunction(space), ufl.Identity(2)
+    strain = ufl.sym(ufl.grad(u))
+    work = ufl.inner(100.0 * (strain + ufl.tr(strain) * one), ufl.grad(test)) * ufl.dx
+    work -= ufl.inner(fem.Constant(space.mesh, (0.0, weight)), test) * ufl.dx
+    plate = PLATE | {"point": tuple(np.array(PLATE["point"]) + away)}
+    contact = Foundation(top, shape=plate, friction=Coulomb(0.3))
+    return NonlinearContactProblem(work, u, bcs=[bottom], contact=contact)
+
+
+@pytest.mark.parametrize(("depth", "away"), [(1e-9, 0.0), (1e-11, 0.0), (1e-6, 1e3)])
+def test_small_forces_of_contact_have_the_digits_of_the_solver(depth, away):
+    """The round-off of the places where contact is met is in the gaps and hides no error of contact forces beside it:
+    those that are wrong by 1e-5 are refused, though strains are a thousandth of a millionth and less.
+    """
+    problem = linear_block((away, away / 3))
+    problem.place(0, shift=(0.0, -depth))
+    problem.solve()
+    forces = problem._solver.residual.at(problem.u.x.array.copy())
+    mechanics = mechanics_at(problem.u, forces, problem.linear, np.zeros_like(forces), unloaded_at_rest=True)
+    tractions, before = Tractions.of(problem.state), problem.linear.previous_step
+    for share in (0.0, 1e-5):
+        changed = replace(tractions, pressure=(1 + share) * tractions.pressure, shear=(1 + share) * tractions.shear)
+        assert certified(problem.u, mechanics, problem.shapes, changed, problem.linear.law, before).holds == (
+            share == 0.0
+        )
+
+
+def test_a_load_whose_displacement_is_round_off_of_places():
+    """A body that is released and still bears its weight, towards the plate, is not at rest: its contact force is not
+    taken for round-off, and is that of the same body at the origin with a larger weight.
+    """
+    forces = []
+    for away, weight in ((np.array([1e3, 300.0]), 1e-9), (np.zeros(2), 1e-3)):
+        problem = linear_block(away, weight)
+        for depth in (0.01, 0.0):
+            problem.place(0, shift=(0.0, -depth))
+            problem.solve()
+            problem.advance()
+        forces.append(sum(problem.state.forces)[1] / weight)
+    assert np.abs(problem.u.x.array).max() < 1e-3
+    assert forces[0] == pytest.approx(forces[1], rel=0.1)
+
+
+def test_a_tool_that_presses_by_round_off_of_its_place():
+    """Contact forces are known to no digit there, and are none of a solution."""
+    problem = linear_block((0.0, 0.0))
+    problem.place(0, shift=(0.0, -3e-14))
+    with pytest.raises(ConvergenceError, match="no digit known"):
+        problem.solve()
 
 
 def test_a_node_of_two_shapes():

@@ -123,6 +123,8 @@ def mechanics_at(
     residual: Array,
     linear: LinearisedProblem,
     lost: Array | None = None,
+    *,
+    unloaded_at_rest: bool = False,
 ) -> ResidualMechanics:
     """The forces on a body and its contact sides at a displacement; collective.
 
@@ -132,6 +134,7 @@ def mechanics_at(
         linear: the contact problem of the last iteration, which knows what is prescribed, the foundations as the user
             gave them, their data and shapes.
         lost: round-off of the residual, forces, of its shape; None: it is not known.
+        unloaded_at_rest: see ``Balance``.
     """
     space, scales = u.function_space, linear.scales
     fixed, values = prescribed(space, conditions_of(linear.bcs, space))
@@ -168,6 +171,7 @@ def mechanics_at(
         lost=known,
         with_loads=True,
         displaced=bool(linear.shapes or linear.pairs),
+        unloaded_at_rest=unloaded_at_rest,
     )
     return ResidualMechanics(
         balance,

@@ -140,6 +140,7 @@ class EquilibriumSolver:
     _detail: str = ""  # see ``outcomes.failure``
     _begins: tuple[Array, Array] = field(init=False)  # values of ``u`` and F where the last attempt began
     _judged: tuple[Array, Array] = field(init=False)  # F and its round-off at the last iterate that was judged
+    _unloaded: bool = False  # whether that was at rest, see ``_rests_unloaded``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
     @cached_property
@@ -348,7 +349,29 @@ class EquilibriumSolver:
         left, begun = (float(parallel.largest(comm, np.abs(part), 0.0)) for part in (self.u.x.array, self._begins[0]))
         places = self._farthest_place if self.linear.shapes or self.linear.pairs else 0.0
         digits = LOST_UNITS * float(np.finfo(float).eps)
-        return left <= min(SMALL_INCREMENT * begun, digits * max(begun, places))
+        return left <= min(SMALL_INCREMENT * begun, digits * max(begun, places)) and self._bears_no_load
+
+    @property
+    def _rests_unloaded(self) -> bool:
+        """Whether the displacement is round-off of the places where contact is met, and no load acts; collective."""
+        if not (self.linear.shapes or self.linear.pairs):
+            return False
+        left = float(parallel.largest(self.linear.space.mesh.comm, np.abs(self.u.x.array), 0.0))
+        return left <= LOST_UNITS * float(np.finfo(float).eps) * self._farthest_place and self._bears_no_load
+
+    @property
+    def _bears_no_load(self) -> bool:
+        """Whether forces on the undeformed body are round-off of F: such a body is at rest there; collective."""
+        values = self.u.x.array.copy()
+        forces = self.residual.at(np.zeros_like(values))
+        lost = None if forces is None else round_off(self.u, forces, self.residual.at)
+        self.residual.go_to(values)
+        if forces is None or lost is None:
+            return False
+        free = ~self.linear.prescribed[0][: forces.size]
+        squares = np.array([forces[free] @ forces[free], lost @ lost])
+        acting, unit = np.sqrt(parallel.global_sum(self.linear.space.mesh.comm, squares))
+        return bool(acting <= UNITS_OF_NO_LOAD * unit)
 
     def _increment(
         self, old: Array, residual: Array, *, keeps_stiffness: bool, search: bool, damps: bool
@@ -433,9 +456,10 @@ class EquilibriumSolver:
         unmoved = float(np.finfo(float).eps) / 2 * self.linear.scales.size
         moved = parallel.any_rank(comm, bool((np.abs(values - old)[fixed] > unmoved).any()))
         assert self.certificate is not None
-        unseen, few = self.certificate.placed >= 1.0, UNITS_OF_NO_LOAD * unit
-        if not moved and pushing <= few and (acting <= few or unseen):
+        placed, few = self.certificate.placed, UNITS_OF_NO_LOAD * unit
+        if not moved and pushing <= few and (acting <= few or placed >= 1.0):
             return None
+        unseen = (LOST_UNITS if self._unloaded else 1.0) * placed >= 1.0
         return bool((not moved and max(pushing, acting) <= LOST_UNITS * unit) or unseen)
 
     @property
@@ -475,6 +499,7 @@ class EquilibriumSolver:
         lost = round_off(self.u, residual, self.residual.at)
         self._judged = residual, lost
         self.residual.go_to(values)
+        self._unloaded = self._rests_unloaded
         self.certificate, self._mechanics = self._certified(residual, lost)
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
@@ -486,7 +511,8 @@ class EquilibriumSolver:
             lost: see ``mechanics_at``.
         """
         linear, tractions = self.linear, Tractions.of(self.linear.state)
-        mechanics = mechanics_at(self.u, self.opinion.forces(residual), linear, lost)
+        forces = self.opinion.forces(residual)
+        mechanics = mechanics_at(self.u, forces, linear, lost, unloaded_at_rest=self._unloaded)
         balance = mechanics.forces
         mechanics = replace(mechanics, forces=replace(balance, supports=self.opinion.supports(balance.supports)))
         conditions = tractions, linear.law, linear.previous_step, linear.driven_tools

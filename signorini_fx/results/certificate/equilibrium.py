@@ -40,6 +40,8 @@ class Balance:
             forces, shape (owned nodes, d); None: there is none.
         with_loads: whether ``internal`` is a whole residual, from which loads cannot be told.
         displaced: whether contact is met at displaced points.
+        unloaded_at_rest: whether displacements are round-off of these points, and forces on the undeformed body that of
+            ``internal``: nothing but contact acts.
     """
 
     surface: SurfaceQuadrature
@@ -55,6 +57,7 @@ class Balance:
     lost: Nodal | None = None
     with_loads: bool = False
     displaced: bool = False
+    unloaded_at_rest: bool = False
 
     def works(self, y: Nodal) -> Nodal:
         """What internal, resisting, external and initial forces do on displacements of the owned nodes, shape (n, d):
@@ -164,7 +167,8 @@ def equilibrium(
     Four floors keep round-off from counting as a residual where hardly any force acts: ``least``, from the
     displacement and the stiffness of an element; ``slight``, from all forces, what supports take included;
     ``joint``, from the largest force on any piece, as all are solved in one system; and ``missing``, from the digits
-    that the sums themselves lose, and at the contact nodes the coordinates at which contact is met.
+    that the sums themselves lose, and in a body at rest without load, at the contact nodes, the coordinates at which
+    contact is met.
 
     Args:
         balance: forces on the body without contact.
@@ -173,7 +177,8 @@ def equilibrium(
         nodes: the contact points with the tractions at them; None: there are none.
         units: what stresses and lengths are relative to, of each piece.
         reach: the largest displacement of anything, also of a rigid body, length.
-        places: the largest coordinate at which contact is met, length; 0: it is met at undeformed points.
+        places: the largest coordinate at which contact is met, length, where no load acts and all displacements are
+            round-off of it; else 0.
     """
     comm, supports = balance.surface.space.mesh.comm, balance.supports
     _, stiffest = balance.of_pieces(pieces)
