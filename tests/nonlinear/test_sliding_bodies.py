@@ -27,6 +27,7 @@ from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechan
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
 from signorini_fx.mechanics.body import elastic_body
+from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.results.certificate.promised_law import Law, Tractions
 
 PRESSED = ((0, -0.1), (0, -0.2))
@@ -253,19 +254,26 @@ def test_past_the_end_of_the_other_side():
 @pytest.mark.slow
 def test_ends_of_sides_in_contact(monkeypatch):
     """A block that slides over the end of a smaller one: the same forces in fewer iterations than where points in
-    contact do not know that their functions change with where the other side ends.
+    contact do not know that their functions change with where the other side ends, also where bodies that are moved on
+    for that see two sheets.
     """
     ways = [(0, -0.02), (0, -0.1), (0.1, -0.1), (0.2, -0.1), (0.3, -0.1)]
+
+    def sees_two_sheets(*_):
+        raise PairingError("two sheets")
+
     found = []
-    for knows in (True, False):
-        if not knows:
-            monkeypatch.setattr(MovingPair, "moves_little", lambda self, increment: False)
-        scene = blocks(slave=0)
-        found.append((slid(scene, ways), scene.iterations))
-    (forces, iterations), (expected, more) = found
-    assert forces == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
-    assert max(iterations) <= 6 < max(more) - 2
-    assert sum(iterations) <= sum(more) - 6
+    for unknown in ({}, {"moves_little": lambda self, increment: False}, {"missed": sees_two_sheets}):
+        with monkeypatch.context() as patch:
+            for name, replaced in unknown.items():
+                patch.setattr(MovingPair, name, replaced)
+            scene = blocks(slave=0)
+            found.append((slid(scene, ways), scene.iterations))
+    (forces, iterations), *others = found
+    for expected, more in others:
+        assert forces == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
+        assert max(iterations) <= 6 < max(more) - 2
+        assert sum(iterations) <= sum(more) - 6
 
 
 def test_names_of_outcomes():

@@ -65,6 +65,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
 )
 from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
+from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import Status
@@ -622,7 +623,11 @@ class LinearisedProblem(FormSolver):
         slid, joints = np.zeros_like(state.boundary.normal), dict(zip(self.pairs, self.curvature.joint, strict=False))
         for number, pair in self.pairs.items():
             if number in ending:
-                missed, points = pair.missed(state, along, joints.get(number)), state.boundary.part == number
+                try:
+                    missed = pair.missed(state, along, joints.get(number))
+                except PairingError:  # Newton's method says so where it has gone there
+                    return False
+                points = state.boundary.part == number
                 moved.append(missed.forces.ravel())
                 closed[points], slid[points] = -missed.gap, missed.slip
             elif pair.near:
@@ -636,9 +641,9 @@ class LinearisedProblem(FormSolver):
         newton, first, last = self.task.iterate.newton, self.outcome, (self.passed_on, self.begun)
         solved, self.passed_on = newton.checkpoint(), forces
         origin = begun.data.slip_origin
-        if slid.any():
-            slips = np.einsum("nij,ni->nj", state.boundary.tangents, slid)
-            origin = -slips if origin is None else origin - slips
+        if ending:
+            assert origin is not None  # see ``_from_pairs``
+            origin = origin - np.einsum("nij,ni->nj", state.boundary.tangents, slid)
         self.begun = replace(begun, data=replace(begun.data, gap=begun.data.gap - closed, slip_origin=origin))
         with options.applied(*self.options), self.timings.phase("solve"):
             self.task.system.set_case(0, self._case(self.prescribed[1]))
