@@ -20,8 +20,9 @@ from test_two_bodies import paraboloids
 
 from signorini_fx.algebra.linalg import blocks, callbacks, factorisation, kernels, krylov
 from signorini_fx.errors import MachineError
+from signorini_fx.mechanics.assembly import block_stiffness
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
-from signorini_fx.mechanics.body import block_stiffness, elastic_body
+from signorini_fx.mechanics.body import elastic_body
 from signorini_fx.records import Status
 from signorini_fx.scenes.solver import solve
 

@@ -14,7 +14,7 @@ from signorini_fx import Coulomb, NonlinearContactProblem, Pair
 from signorini_fx.forms import solver
 from signorini_fx.forms.nonlinear import linearised
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
-from signorini_fx.mechanics.body import paired_points, sliding_sides
+from signorini_fx.mechanics.obstacles import paired_points, sliding_sides
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs import mortar_coupling, sliding

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.addons.picture_data.body_cells import gather_cells
-from signorini_fx.mechanics.body import elastic_law as estimators
+from signorini_fx.mechanics.elasticity import elastic_law as estimators
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
