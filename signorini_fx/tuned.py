@@ -1158,6 +1158,12 @@ JUDGED_SHIFT = 1e-13
 # Residual in the dual norm above which a result is not in equilibrium, and the same in units of what its print leaves.
 # Of 182 good results the median is 2e-6, the largest 1.8e-4; of quadrilaterals of revolution 2.6e-4.
 JUDGED_EQUILIBRIUM, JUDGED_EQUILIBRIUM_OF_PRINT = 1e-3, 5.0
+# Of a body that expands the stored energy is known down to the square of this share of that of its whole strain.
+# Choice: then what quadrilaterals of revolution leave is still below the limit.
+JUDGED_STORED = 0.1
+# Initial strains with a jump or a kink inside cells leave at most so many times by how much two rules of quadrature
+# differ: of 28 of our own solutions that are not in equilibrium for this, .04 to 1.3 times.
+JUDGED_BY_QUADRATURE = 3.0
 # Below this residual the formulation of a scene is sure: what is left of another one was never below 1e-4.
 JUDGED_SURE = 1e-6
 # A result is of elements with a stiffness against hourglassing if the reduced formulation leaves less than this share
@@ -1169,6 +1175,8 @@ JUDGED_SAME_PLACE = 1e-5
 # A factor of loads or moduli is accepted if it leaves at most this share of the residual, and lies in this range; one
 # that differs from 1 by less is 1.  48 of 48 loads and 12 of 12 moduli were named with the share.
 JUDGED_FACTOR_LEFT, JUDGED_FACTOR_RANGE, JUDGED_SAME_FACTOR = 0.25, (0.1, 10.0), 1e-3
+# A load or a stiffness that may differ by more than this share of itself without being seen is named.  Choice.
+JUDGED_UNSEEN = 0.05
 # Points along each axis of the quadrature of clearance and slip on a facet: 12 in the plane were tried.  Choice.
 JUDGED_FACET_POINTS = 6
 # Sides are apart at more than this share of the largest displacement.  Print of three digits is above it.

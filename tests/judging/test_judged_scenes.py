@@ -104,6 +104,66 @@ def test_bodies_that_are_heated(kind, degree, hypothesis):
     assert wrong.factors["temperature"] == pytest.approx(1 / 1.3, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ("where(x[0] < 0.93, 30.0, -10.0)", "cannot be judged"),
+        ("300*max(0, x[0] - 1.3)", "cannot be judged"),
+        ("where(x[0] < 1.0, 30.0, -10.0)", "agrees"),  # between cells
+    ],
+)
+def test_temperatures_that_jump_inside_cells(change, word):
+    """Each rule of quadrature sees another strain there, so that what is left says nothing; a larger fault is named."""
+    body = shelf()
+    material = body.statement.material[0].model_copy(update={"expansion": 1e-4})
+
+    def heated(change):
+        return sfx.Scene(**dict(body) | {"material": material, "temperature": {"change": change}})
+
+    problem, _ = judged_problem(heated(change))
+    v = at_nodes_of(sfx.solve(heated(change)), problem)
+    judgement = judge(heated(change), v, compare=False)
+    assert judgement.word == word, str(judgement)
+    assert ("inside cells" in str(judgement)) == (word == "cannot be judged")
+    assert judge(heated(f"-({change})"), v, compare=False).exit_code in (5, 6)
+
+
+def test_springs_that_jump_inside_facets():
+    """Each rule of quadrature sees another stiffness there, which is not judged; between facets it is."""
+    for place, known in ((0.3, False), (0.25, True)):
+        springs = [{"boundary": "right", "normal": f"where(x[1] < {place}, 300, 0)"}]
+        _, reasons = judged_problem(sfx.Scene(**dict(shelf()) | {"springs": springs}))
+        assert reasons == ([] if known else ["springs right may jump inside facets, which is not judged yet"])
+
+
+@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "axisymmetric"])
+def test_bodies_that_expand_freely(hypothesis):
+    """What they store is the work of the load, beside which residuals are seen; what is too small for it is named."""
+    body = shelf("rectangle", hypothesis)
+    fields = dict(body) | {
+        "material": body.statement.material[0].model_copy(update={"expansion": 1e-4}),
+        "displacement": {"boundary": "left", "x": 0.0},
+        "body_force": None,
+        "contact": {"boundary": "bottom", "gap": 0.0},
+        "temperature": {"change": 30.0},
+    }
+
+    def pressed(pressure):
+        return sfx.Scene(**fields | {"traction": {"boundary": "top", "y": -pressure}})
+
+    problem, _ = judged_problem(pressed(0.1))
+    small, tiny = (at_nodes_of(sfx.solve(pressed(pressure)), problem) for pressure in (0.1, 1e-4))
+    judgement = judge(pressed(0.1), small, compare=False)
+    assert judgement.word == "agrees", str(judgement)
+    assert "traction" not in judgement.lines["balance"]
+    wrong = judge(pressed(0.105), small, compare=False)
+    assert wrong.word == "another problem: load or modulus", str(wrong)
+    assert wrong.factors["traction on top"] == pytest.approx(1 / 1.05, rel=1e-3)
+    judgement = judge(pressed(1e-4), tiny, compare=False)
+    assert judgement.word == "agrees", str(judgement)
+    assert "the traction on top is not seen" in judgement.lines["balance"]
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", pytest.param("space", marks=pytest.mark.slow)])
 def test_materials_that_vary(degree, hypothesis):

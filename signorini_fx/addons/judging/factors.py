@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from signorini_fx.addons.judging.foreign_equilibrium import BestFit, Equilibrium, Fit
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.tuned import JUDGED_FACTOR_LEFT, JUDGED_FACTOR_RANGE, JUDGED_SAME_FACTOR
+from signorini_fx.tuned import JUDGED_FACTOR_LEFT, JUDGED_FACTOR_RANGE, JUDGED_SAME_FACTOR, JUDGED_UNSEEN
 
 
 @dataclass(frozen=True)
@@ -132,6 +132,22 @@ def _fitted(
     softness = min(1.0, float(fitted.min())) if kind == "moduli" else 1.0
     springs = frozenset(equilibrium.problem.springs)
     return FoundFactors(kind, factors, len(chosen), equilibrium.size(residual) / softness, shaped, fit, springs)
+
+
+def unseen_factors(equilibrium: Equilibrium, fit: Fit) -> dict[str, float]:
+    """By which share of itself a load or the stiffness of springs may differ from the problem's below the threshold of
+    equilibrium, for those whose share is not small; what acts on supports and contact alone has none.
+    """
+    problem = equilibrium.problem
+    names = [*problem.loads, *(strain.name for strain in problem.strains)]
+    names += [f"stiffness of the {name}" for name in problem.springs]
+    parts = np.vstack((equilibrium.loads, fit.forces.strains, fit.forces.by_material[len(problem.materials) :]))
+    sizes = {name: equilibrium.size(forces) for name, forces in zip(names, parts, strict=True)}
+    return {
+        name: equilibrium.threshold / size
+        for name, size in sizes.items()
+        if 0 < JUDGED_UNSEEN * size < equilibrium.threshold
+    }
 
 
 def force_factor(theirs: Floats, residual: Floats, held: npt.NDArray[np.bool_]) -> tuple[float, float]:

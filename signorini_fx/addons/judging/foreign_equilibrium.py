@@ -6,7 +6,9 @@ that keep to ties and equations, is taken in the dual norm,
     rho = sqrt(r . K^-1 r) / sqrt(v . K v),
 
 K that of full integration, which is the relative distance in the energy norm of v from the displacement in equilibrium
-with the same values on supports and contact: it has no unit and does not depend on the mesh.
+with the same values on supports and contact: it has no unit and does not depend on the mesh.  A body that expands
+stores less than v . K v where it does so freely; then the energy that it stores takes its place, so that loads are not
+small beside the expansion.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from signorini_fx.addons.judging.formulations import (
+    EXACT,
     FULL,
     INCOMPATIBLE,
     SELECTIVE,
@@ -27,6 +30,7 @@ from signorini_fx.addons.judging.formulations import (
     Formulation,
     candidates,
     forces_of_strains,
+    square_of_strains,
     stiffness_by_material,
 )
 from signorini_fx.addons.judging.linked_nodes import free_directions
@@ -39,6 +43,7 @@ from signorini_fx.tuned import (
     JUDGED_HOURGLASS_LEFT,
     JUDGED_HOURGLASS_NODE,
     JUDGED_SHIFT,
+    JUDGED_STORED,
     JUDGED_SURE,
 )
 
@@ -113,9 +118,16 @@ class Equilibrium:
         self.loads = np.array([forces.ravel() for forces in problem.loads.values()]).reshape(-1, v.size)
 
     @cached_property
-    def energy(self) -> float:
+    def moving(self) -> float:
         """a(v, v), an energy."""
         return float(self.v.ravel() @ (self.stiffness @ self.v.ravel()))
+
+    @cached_property
+    def energy(self) -> float:
+        """a(v, v), or with initial strains twice the energy that is stored if this is less, down to a share of it."""
+        expansion = forces_of_strains(self.problem, FULL).sum(axis=(0, 1))
+        stored = self.moving - 2 * float(expansion @ self.v.ravel()) + square_of_strains(self.problem)
+        return min(self.moving, max(stored, JUDGED_STORED**2 * self.moving))
 
     @cached_property
     def stiffness(self) -> csr_array:
@@ -155,7 +167,7 @@ class Equilibrium:
         return factors, np.asarray(start + columns @ factors)
 
     def size(self, forces: Floats) -> float:
-        """The dual norm of the free components of forces, relative to the energy norm of v."""
+        """The dual norm of the free components of forces, relative to the root of ``energy``."""
         square = float((self._basis.T @ forces) @ self.solved(forces[:, None])[:, 0])
         return float(np.sqrt(max(square, 0.0) / self.energy)) if self.energy > 0 else np.inf
 
@@ -226,6 +238,15 @@ class Equilibrium:
         worst = int(np.argmax(by_node))
         share = float(by_node[worst] / by_node.sum()) if by_node.any() else 0.0
         return Fit(forces, self.size(residual), residual.reshape(self.v.shape), worst, share)
+
+    @cached_property
+    def by_quadrature(self) -> float:
+        """Rho of what rules of quadrature make different of initial strains with a jump or a kink inside cells."""
+        switching = replace(self.problem, strains=tuple(strain for strain in self.problem.strains if strain.switches))
+        if not switching.strains:
+            return 0.0
+        full, exact = (forces_of_strains(switching, rule).sum(axis=(0, 1)) for rule in (FULL, EXACT))
+        return self.size(full - exact)
 
     def doubt(self, fit: Fit) -> float:
         """How large a force may be that is left where forces of expansion cancel, in a displacement in equilibrium."""

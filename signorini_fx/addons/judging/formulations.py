@@ -41,6 +41,8 @@ SELECTIVE, SELECTIVE_EXACT = "selective", "selective, exact"
 # Numbers of strains that are made at once.
 _AT_ONCE = 4_000_000
 _IN_PLANE = (0, 1, 3)
+# The strain of a body that expands alike in all directions.
+_ALIKE = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -132,9 +134,26 @@ def forces_of_strains(problem: JudgedProblem, formulation: Formulation) -> Float
     return forces
 
 
+def square_of_strains(problem: JudgedProblem) -> float:
+    """int eps_0 : C eps_0 of all initial strains together, with full integration, an energy; eps_0 is the strain with
+    the same stress that a displacement can have, so that in plane strain no work across the plane is in it.
+    """
+    square = 0.0
+    for material in problem.materials if problem.strains else ():
+        for cells, _, parts in _strains_in_blocks(problem, FULL, material):
+            for part in parts:
+                moving = np.flatnonzero(part.strains.any(axis=(0, 1, 3)))
+                stress = (part.stiffness @ _ALIKE)[..., moving]
+                stiffness = part.stiffness[..., moving[:, None], moving]
+                work = (stress * np.linalg.solve(stiffness, stress[..., None])[..., 0]).sum(axis=-1)
+                values = sum(strain.values(cells, part.shape, part.x) for strain in problem.strains)
+                square += float((part.measure * values**2 * work).sum())
+    return square
+
+
 def _expansion(part: _StrainsOfCells, values: Floats) -> Floats:
     """The forces of an initial strain in cells: of its values at points, shape (m, q) -> (m, a)."""
-    stress = part.stiffness @ np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    stress = part.stiffness @ _ALIKE
     weighted = part.measure * np.tile(values, (1, part.measure.shape[1] // values.shape[1]))
     forces = np.einsum("mqia,mqi->ma", part.strains, weighted[..., None] * stress)
     if part.inner == forces.shape[1]:

@@ -17,7 +17,7 @@ from signorini_fx.addons.judging.contact_figures import JudgedContactFigures, co
 from signorini_fx.addons.judging.contact_findings import contact_findings, contact_lines, figures_of_contact, reactions
 from signorini_fx.addons.judging.distance import measured_distance
 from signorini_fx.addons.judging.expanded_sections import as_they_move
-from signorini_fx.addons.judging.factors import FoundFactors, force_factor, found_factors
+from signorini_fx.addons.judging.factors import FoundFactors, force_factor, found_factors, unseen_factors
 from signorini_fx.addons.judging.foreign_equilibrium import BestFit, Equilibrium, best_fit, hourglass
 from signorini_fx.addons.judging.foreign_result import ForeignResult, read_result
 from signorini_fx.addons.judging.judgement import JudgedFinding, Judgement, sorted_findings
@@ -27,12 +27,14 @@ from signorini_fx.addons.judging.touching_surface import bond_jumps, touching_su
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import (
     JUDGED_BOND,
+    JUDGED_BY_QUADRATURE,
     JUDGED_CARRIES,
     JUDGED_DIGITS,
     JUDGED_FACTOR_LEFT,
     JUDGED_FORCES,
     JUDGED_SAME_TIME,
     JUDGED_SUPPORTS,
+    JUDGED_TOLD,
     JUDGED_UNITS,
 )
 
@@ -112,8 +114,8 @@ class _Judging:
     def judgement(self, *, compare: bool) -> Judgement:
         """See ``judge``."""
         v, largest, equilibrium = self._equilibrium(self.theirs)
-        if not equilibrium.printed < 1.0:
-            lost = JudgedFinding("judged", "it is a rigid motion but for digits that it has not")
+        if not equilibrium.threshold < 1.0:
+            lost = JudgedFinding("judged", "it is a rigid motion or free expansion but for digits that it has not")
             return Judgement(self.theirs.name, (lost,), self.about, lost=self.problem.lost)
         # Of bodies of revolution it is nearly known: up to 5e-3 of the energy norm is left.
         of_calculix = self.theirs.program.startswith("CalculiX") and self.problem.hypothesis != "axisymmetric"
@@ -149,6 +151,13 @@ class _Judging:
         self.about["formulation"] = best.fit.formulation.words
         unit = self._unit_factor(equilibrium, best, v)
         explained = None if best.exact or unit is not None else found_factors(equilibrium, best)
+        balanced = best.exact or best.similar or self._hourglass(best)
+        if unit is None and explained is None and not balanced:
+            doubt = JUDGED_BY_QUADRATURE * equilibrium.by_quadrature
+            if best.fit.rho <= doubt:
+                text = "initial strains have a jump or a kink inside cells, where programs take different points"
+                lost = JudgedFinding("judged", text, best.fit.rho, doubt)
+                return Judgement(self.theirs.name, (lost,), self.about, lost=problem.lost)
         if explained is not None:
             best = replace(best, fit=explained.fit)
             self.about["formulation"] = best.fit.formulation.words
@@ -158,7 +167,7 @@ class _Judging:
         elif explained is not None:
             factors, residual = explained.changed, explained.residual
             findings.append(JudgedFinding("factors", self._of_factors(explained), explained.remainder))
-        elif not best.exact and not best.similar and not self._hourglass(best):
+        elif not balanced:
             findings.append(self._unbalanced(equilibrium, best))
         elif not best.as_stated and not self._hourglass(best):
             findings.append(JudgedFinding("element", f"it is in equilibrium with {best.fit.formulation.words}"))
@@ -175,11 +184,9 @@ class _Judging:
         if unit is None:
             for figure in contacts:
                 findings += contact_findings(problem, figure, unknown=unknown)
-            balanced = best.exact or explained is not None
+            known = best.exact or explained is not None
             for side in named:
-                findings += (
-                    [finding] if (finding := side.finding(balanced=balanced, unknown=unknown)) is not None else []
-                )
+                findings += [finding] if (finding := side.finding(balanced=known, unknown=unknown)) is not None else []
         figures |= figures_of_contact(problem, contacts, named, unknown=unknown)
         lines |= contact_lines(contacts, figures)
         error: Mapping[str, Any] = {}
@@ -339,7 +346,11 @@ def _balance(equilibrium: Equilibrium, best: BestFit, explained: FoundFactors | 
     if explained is not None:
         return f"in equilibrium with {explained.words}"
     residual, allowed = (f"{100 * value:.2g} %" for value in (best.fit.rho, equilibrium.threshold))
-    return f"residual {residual} of the energy norm, {allowed} is allowed"
+    unseen = [
+        f"the {name} may be {1 + share:.2g} times the problem's" if share < JUDGED_TOLD - 1 else f"the {name} is not seen"
+        for name, share in unseen_factors(equilibrium, best.fit).items()
+    ]
+    return ", ".join([f"residual {residual} of the energy norm", f"{allowed} is allowed", *unseen])
 
 
 def _shown(at: tuple[float, ...]) -> str:

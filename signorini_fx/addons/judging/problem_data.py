@@ -126,11 +126,13 @@ class JudgedStrain:
         at_nodes: of each cell at its nodes, without unit, shape (m, k).
         between: (cells, points of each, length, shape (c, q, d)) -> its values there, shape (c, q); None: those of the
             shape functions.
+        switches: whether it may have a jump or a kink inside cells, where each rule of quadrature sees another strain.
     """
 
     name: str
     at_nodes: Floats
     between: Callable[[Ints, Floats], Floats] | None = None
+    switches: bool = False
 
     def values(self, cells: Ints, shape: Floats, x: Floats) -> Floats:
         """At points of cells, shape (c, q).

@@ -14,9 +14,9 @@ from signorini_fx.addons.judging.reference_elements import ReferenceElement, gau
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.cut_simplices import cut
 from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Load, Resistance
-from signorini_fx.mechanics.statement.expressions import in_space, sample
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.tuned import JUDGED_DEGREES, JUDGED_LOAD_POINTS
+from signorini_fx.tuned import JUDGED_DEGREES, JUDGED_LOAD_POINTS, SAME_LENGTH
 
 # In words what is not known of a problem that is judged.
 Reasons = list[str]
@@ -167,6 +167,9 @@ def springs_of(
             reasons.append(f"{entry.name} is not judged yet")
             continue
         facets = mesh.boundaries[entry.where]
+        if switches_inside(entry, mesh.facet, mesh.points[facets], kinks=False):
+            reasons.append(f"{entry.name} may jump inside facets, which is not judged yet")
+            continue
         at = facet_points(mesh, facets, JUDGED_LOAD_POINTS, revolved=revolved)
         axes = [
             entry.reaction_at(_MovedPoints(at.x, at.normal, at.weight, np.zeros(at.weight.shape), axis))
@@ -244,9 +247,7 @@ def _rule(
             places, weights = basix.make_quadrature(_BASIX[element.corner_count, element.dim], degree)
         shape = len(nodes), *weights.shape
         return (np.broadcast_to(places, (*shape, element.dim)), np.broadcast_to(weights, shape)), nodes
-    corners = element.nodes[np.array(_FILLINGS[element.corner_count, element.dim])]
-    at_corners = element.shape(corners.reshape(-1, element.dim)).reshape(*corners.shape[:2], -1)
-    x = np.einsum("scn,fnd->fscd", at_corners, points[nodes]).reshape(-1, corners.shape[1], points.shape[1])
+    corners, x = _filled(element, points[nodes])
     owner, parts = cut(x, load.jumps)
     facet, simplex = np.divmod(owner, len(corners))
     inner, weights = gauss(JUDGED_LOAD_POINTS, element.dim, simplex=True)
@@ -254,6 +255,27 @@ def _rule(
     edges = corners[:, 1:] - corners[:, :1]
     size = np.abs(np.linalg.det(edges))[simplex] * np.abs(np.linalg.det(parts))
     return (local @ corners[simplex], size[:, None] * weights), nodes[facet]
+
+
+def _filled(element: ReferenceElement, x: Floats) -> tuple[Floats, Floats]:
+    """Simplices that fill facets or cells with the nodes x, shape (f, k, d): their corners in the reference cell, shape
+    (s, c, dim), and their positions, length, shape (f s, c, d).
+    """
+    corners = element.nodes[np.array(_FILLINGS[element.corner_count, element.dim])]
+    at_corners = element.shape(corners.reshape(-1, element.dim)).reshape(*corners.shape[:2], -1)
+    return corners, np.einsum("scn,fnd->fscd", at_corners, x).reshape(-1, corners.shape[1], x.shape[2])
+
+
+def switches_inside(effect: Effect, element: ReferenceElement, x: Floats, *, kinks: bool) -> bool:
+    """Whether what an effect varies by may jump inside facets or cells with the nodes x, length, shape (f, k, d), or
+    has a kink there, if ``kinks``.
+    """
+    given = [value for value in effect.given.values() if isinstance(value, Expression)]
+    switching = [value for value in given if value.jumps or (kinks and value.switch_count)]
+    if not switching or not len(x):
+        return False
+    sizes = np.abs(np.linalg.det(cut(_filled(element, x)[1], switching)[1]))
+    return bool(((sizes > SAME_LENGTH) & (sizes < 1 - SAME_LENGTH)).any())
 
 
 # By the number of corners and the dimension of a facet or cell: the cell of basix, and simplices that fill it.

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from signorini_fx.addons.judging.problem_data import JudgedMaterial, JudgedMesh, JudgedStrain
 from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss
-from signorini_fx.addons.judging.stated_loads import LoadPoints
+from signorini_fx.addons.judging.stated_loads import LoadPoints, switches_inside
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.effect import InitialStrain
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
@@ -65,7 +65,9 @@ def strains_of(
         name = strain.name
         while name in {strain.name for strain in strains}:
             name += "'"
-        strains.append(JudgedStrain(name, at(everywhere, mesh.points[mesh.cells]), at if varies else None))
+        x = mesh.points[mesh.cells]
+        switches = switches_inside(strain, mesh.element, x, kinks=True)
+        strains.append(JudgedStrain(name, at(everywhere, x), at if varies else None, switches))
     return tuple(strains)
 
 
@@ -105,6 +107,6 @@ def strains_by_reading(element: ReferenceElement, strains: tuple[JudgedStrain, .
     if any(strain.between is not None for strain in strains):
         at_nodes["initial strains interpolated between nodes"] = np.eye(len(element.nodes))
     return {
-        words: tuple(replace(strain, at_nodes=strain.at_nodes @ weights.T, between=None) for strain in strains)
+        words: tuple(replace(strain, at_nodes=strain.at_nodes @ weights.T, between=None, switches=False) for strain in strains)
         for words, weights in at_nodes.items()
     }
