@@ -1158,6 +1158,9 @@ JUDGED_SHIFT = 1e-13
 # Residual in the dual norm above which a result is not in equilibrium, and the same in units of what its print leaves.
 # Of 182 good results the median is 2e-6, the largest 1.8e-4; of quadrilaterals of revolution 2.6e-4.
 JUDGED_EQUILIBRIUM, JUDGED_EQUILIBRIUM_OF_PRINT = 1e-3, 5.0
+# No displacement is solved with a smaller error than this share of the largest one: of bodies that move as rigid ones,
+# whose strain was 1e-9 of that, a contact force of 4e-15 of stiffness times displacement pulled.  Choice.
+JUDGED_SOLVED = 1e-12
 # Of a body that expands the stored energy is known down to the square of this share of that of its whole strain.
 # Choice: then what quadrilaterals of revolution leave is still below the limit.
 JUDGED_STORED = 0.1

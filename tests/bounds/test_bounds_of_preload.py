@@ -233,12 +233,12 @@ def test_a_bolt_that_contact_alone_holds(tmp_path):
 
 
 def test_what_a_force_has_led_to_is_kept():
-    """In later load steps the shortening is given: that the computed one is exact is assumed, and said."""
+    """In later load steps the shortening is given; that the error of the computed one is not bounded is said."""
     section = {"point": [0.7, 0.0], "axis": [1.0, 0.0], "force": TENSION}
     more = {"contact": {"boundary": "bottom", "gap": 0.001}, "load_steps": {"names": ["tighten", "press"]}}
     load = {"boundary": "top", "y": -0.2, "factors": [0.5, 1.0]}
     solution = alone(bar(preload=[section], traction=load, **more))
-    assert "shortenings of sections that a force has tightened before" in str(solution.error_bound)
+    assert "sections that a force has tightened before, whose errors are not bounded" in str(solution.error_bound)
     assert len(Bounded(solution.model, solution.displacement, solution.contact, 1.0).tightened) == 0
 
 

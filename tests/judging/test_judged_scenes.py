@@ -128,6 +128,24 @@ def test_temperatures_that_jump_inside_cells(change, word):
     assert judge(heated(f"-({change})"), v, compare=False).exit_code in (5, 6)
 
 
+def test_temperatures_of_several_load_steps():
+    """Those of the last one alone act; another one is named as it is called there."""
+    body = shelf()
+    material = body.statement.material[0].model_copy(update={"expansion": 1e-4})
+
+    def heated(last):
+        of_steps = [{"change": "40*x[1]", "factors": [1.0, 0.0]}, {"change": "10*x[0]", "factors": [0.0, last]}]
+        return sfx.Scene(**dict(body) | {"material": material, "temperature": of_steps})
+
+    problem, _ = judged_problem(heated(1.0))
+    v = at_nodes_of(sfx.solve(heated(1.0)), problem)
+    assert judge(heated(1.0), v, compare=False).word == "agrees"
+    wrong = judge(heated(1.05), v, compare=False)
+    assert wrong.factors["temperature"] == pytest.approx(1 / 1.05, rel=1e-3)
+    first = sfx.Scene(**dict(body) | {"material": material, "temperature": {"change": "40*x[1]"}})
+    assert judge(first, v, compare=False).exit_code in (5, 6)
+
+
 def test_springs_that_jump_inside_facets():
     """Each rule of quadrature sees another stiffness there, which is not judged; between facets it is."""
     for place, known in ((0.3, False), (0.25, True)):

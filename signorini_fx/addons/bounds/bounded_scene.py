@@ -394,8 +394,8 @@ def grounds(model: Model, place: float, *, coulomb: bool, later: bool, unknown: 
         if unknown > SAME_ENTRY
         else "",
         model.statement.body_of_proofs,
-        "of the problem with the computed shortenings of sections that a force has tightened before: that these are "
-        "the exact ones is assumed"
+        "of the problem with the computed shortenings of sections that a force has tightened before, whose errors are "
+        "not bounded"
         if any(
             entry.force is not None and entry.force_at(model.statement, place) is None
             for entry in model.statement.of(Preload)

@@ -43,6 +43,7 @@ from signorini_fx.tuned import (
     JUDGED_HOURGLASS_LEFT,
     JUDGED_HOURGLASS_NODE,
     JUDGED_SHIFT,
+    JUDGED_SOLVED,
     JUDGED_STORED,
     JUDGED_SURE,
 )
@@ -106,12 +107,13 @@ class Equilibrium:
     Args:
         problem: the problem.
         v: the displacement, length, shape (n, d).
-        half_digits: half a unit of the last digit that was printed, length, shape (n, d).
+        half_digits: half a unit of the last digit that was printed, length, shape (n, d); no solver has more digits
+            than some of the largest displacement.
     """
 
     def __init__(self, problem: JudgedProblem, v: Floats, half_digits: Floats) -> None:
         self.problem, self.v = problem, v
-        self._half_digits = np.maximum(half_digits, np.finfo(np.float64).eps / 2 * np.abs(v).max(initial=0.0))
+        self._half_digits = np.maximum(half_digits, JUDGED_SOLVED * np.abs(v).max(initial=0.0))
         self._free = np.flatnonzero(problem.free.ravel())
         self._basis, self._independent = free_directions(problem.links, self._free, v.size)
         self._plain, self._springs = stiffness_by_material(problem, FULL), list(problem.springs.values())
@@ -249,9 +251,14 @@ class Equilibrium:
         return self.size(full - exact)
 
     def doubt(self, fit: Fit) -> float:
-        """How large a force may be that is left where forces of expansion cancel, in a displacement in equilibrium."""
+        """How large a force may be that is none: what is left where forces of expansion cancel in a displacement in
+        equilibrium, or by the digits of the displacements around nodes in contact.
+        """
         expansion = fit.forces.strains.sum(axis=0).reshape(self.v.shape)
-        return self.threshold * float(np.linalg.norm(expansion, axis=1).sum())
+        squares = self.stiffness.multiply(self.stiffness) @ self._half_digits.ravel() ** 2 / 3
+        of_digits = np.sqrt(squares.reshape(self.v.shape).sum(axis=1))[self.problem.touching].sum()
+        expanded = np.linalg.norm(expansion, axis=1).sum()
+        return float(self.threshold * expanded + JUDGED_EQUILIBRIUM_OF_PRINT * of_digits)
 
     def moved_by(self, fit: Fit) -> Floats:
         """By how much the free components must move to be in equilibrium, length, shape (n, d)."""

@@ -135,7 +135,7 @@ def forces_of_strains(problem: JudgedProblem, formulation: Formulation) -> Float
 
 
 def square_of_strains(problem: JudgedProblem) -> float:
-    """int eps_0 : C eps_0 of all initial strains together, with full integration, an energy; eps_0 is the strain with
+    """Int eps_0 : C eps_0 of all initial strains together, with full integration, an energy; eps_0 is the strain with
     the same stress that a displacement can have, so that in plane strain no work across the plane is in it.
     """
     square = 0.0

@@ -347,7 +347,9 @@ def _balance(equilibrium: Equilibrium, best: BestFit, explained: FoundFactors | 
         return f"in equilibrium with {explained.words}"
     residual, allowed = (f"{100 * value:.2g} %" for value in (best.fit.rho, equilibrium.threshold))
     unseen = [
-        f"the {name} may be {1 + share:.2g} times the problem's" if share < JUDGED_TOLD - 1 else f"the {name} is not seen"
+        f"the {name} may be {1 + share:.2g} times the problem's"
+        if share < JUDGED_TOLD - 1
+        else f"the {name} is not seen"
         for name, share in unseen_factors(equilibrium, best.fit).items()
     ]
     return ", ".join([f"residual {residual} of the energy norm", f"{allowed} is allowed", *unseen])

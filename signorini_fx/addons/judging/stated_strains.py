@@ -59,6 +59,8 @@ def strains_of(
         if not entry.acts or not isinstance(entry, InitialStrain):
             continue
         factor, strain = statement.now(entry, position)
+        if factor == 0:  # that of another load step
+            continue
         at = partial(_at_points, strain, factor, mesh, expansion)
         everywhere = np.arange(len(mesh.cells))
         varies = any(isinstance(value, Expression) for value in strain.given.values())
@@ -107,6 +109,8 @@ def strains_by_reading(element: ReferenceElement, strains: tuple[JudgedStrain, .
     if any(strain.between is not None for strain in strains):
         at_nodes["initial strains interpolated between nodes"] = np.eye(len(element.nodes))
     return {
-        words: tuple(replace(strain, at_nodes=strain.at_nodes @ weights.T, between=None, switches=False) for strain in strains)
+        words: tuple(
+            replace(strain, at_nodes=strain.at_nodes @ weights.T, between=None, switches=False) for strain in strains
+        )
         for words, weights in at_nodes.items()
     }
