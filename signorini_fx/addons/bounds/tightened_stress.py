@@ -77,11 +77,11 @@ class TightenedStress:
             of_jump = from_strain(t, np.repeat(strains[-1][:, None], d + 1, axis=1))
             nothing = Loads(np.zeros((n, d + 1, d)), np.zeros((len(t.facets), d, d)), initial=-of_jump)
             parts.append(equilibration.stress(nothing, np.zeros((len(t.facets), d, d))))
-        unchanged = cls(t, sections, strains, parts, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0))
-        matrix = np.stack([unchanged.through(part) for part in parts])
+        changes = cls(t, sections, strains, parts, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0))
+        matrix = np.stack([changes.through(part) for part in parts])
         determined = np.linalg.qr(loose.closing)[0]
-        projection = np.eye(len(sections)) - determined @ determined.T
-        values, vectors = np.linalg.eigh(projection @ (matrix + matrix.T) @ projection / 2)
+        projector = np.eye(len(sections)) - determined @ determined.T
+        values, vectors = np.linalg.eigh(projector @ (matrix + matrix.T) @ projector / 2)
         count = determined.shape[1]
         largest = max(float(square(t, from_strain(t, np.repeat(s[:, None], d + 1, axis=1))).sum()) for s in strains)
         if (values[count:] <= SINGULAR * largest).any():
@@ -90,7 +90,7 @@ class TightenedStress:
         # Springs have a share of a norm, which is then the root of the work.
         squares = np.maximum(np.diag(matrix), [square(t, part.stress).sum() for part in parts])
         norms = np.sqrt(squares / least)
-        return replace(unchanged, inverse=inverse, determined=determined, norms=norms)
+        return replace(changes, inverse=inverse, determined=determined, norms=norms)
 
     def through(self, stress: EquilibratedStress) -> Array:
         """The work of a stress on the strains of J_k, force, shape (m,)."""
@@ -135,15 +135,15 @@ class TightenedStress:
             of_springs=of_springs,
             lost=stress.lost + sum(abs(factor) * part.lost for factor, part in parts),
         )
-        sizes, residual = self._sizes(changed.stress) + np.abs(wanted), wanted - self.through(changed)
-        if loaded and (np.abs(residual @ self.determined) > SAME_LENGTH * (sizes @ np.abs(self.determined))).any():
+        sizes, left = self._sizes(changed.stress) + np.abs(wanted), wanted - self.through(changed)
+        if loaded and (np.abs(left @ self.determined) > SAME_LENGTH * (sizes @ np.abs(self.determined))).any():
             raise Refused(UNBALANCED)
         # What is left by round-off another change of this kind would take away: its norm is a bound of its work.
-        unknown = np.abs(residual) + ROUND_OFF * sizes + changed.lost
-        remainder = float(np.abs(self.inverse) @ unknown @ self.norms)
+        unknown = np.abs(left) + ROUND_OFF * sizes + changed.lost
+        rest = float(np.abs(self.inverse) @ unknown @ self.norms)
         shares = np.sqrt(changed.squares) if changed.missing > 0 else np.ones(len(self.t.corners))
         shares = shares / np.linalg.norm(shares)
-        return replace(changed, squares=(np.sqrt(changed.squares) + remainder * shares) ** 2)
+        return replace(changed, squares=(np.sqrt(changed.squares) + rest * shares) ** 2)
 
     def _sizes(self, stress: Array) -> Array:
         """The sizes of what is summed up in ``through``, force, shape (m,)."""

@@ -184,9 +184,10 @@ class _Judging:
         if unit is None:
             for figure in contacts:
                 findings += contact_findings(problem, figure, unknown=unknown)
-            known = best.exact or explained is not None
+            in_equilibrium = best.exact or explained is not None
             for side in named:
-                findings += [finding] if (finding := side.finding(balanced=known, unknown=unknown)) is not None else []
+                differing = side.finding(balanced=in_equilibrium, unknown=unknown)
+                findings += [differing] if differing is not None else []
         figures |= figures_of_contact(problem, contacts, named, unknown=unknown)
         lines |= contact_lines(contacts, figures)
         error: Mapping[str, Any] = {}

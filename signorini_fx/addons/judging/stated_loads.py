@@ -270,8 +270,8 @@ def switches_inside(effect: Effect, element: ReferenceElement, x: Floats, *, kin
     """Whether what an effect varies by may jump inside facets or cells with the nodes x, length, shape (f, k, d), or
     has a kink there, if ``kinks``.
     """
-    given = [value for value in effect.given.values() if isinstance(value, Expression)]
-    switching = [value for value in given if value.jumps or (kinks and value.switch_count)]
+    expressions = [value for value in effect.given.values() if isinstance(value, Expression)]
+    switching = [value for value in expressions if value.jumps or (kinks and value.switch_count)]
     if not switching or not len(x):
         return False
     sizes = np.abs(np.linalg.det(cut(_filled(element, x)[1], switching)[1]))

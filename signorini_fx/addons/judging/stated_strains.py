@@ -65,7 +65,7 @@ def strains_of(
         everywhere = np.arange(len(mesh.cells))
         varies = any(isinstance(value, Expression) for value in strain.given.values())
         name = strain.name
-        while name in {strain.name for strain in strains}:
+        while name in {listed.name for listed in strains}:
             name += "'"
         x = mesh.points[mesh.cells]
         switches = switches_inside(strain, mesh.element, x, kinks=True)
