@@ -126,7 +126,10 @@ def test_past_the_end_of_a_guide(friction, kind, degree, finer, apart):
         size = {"lower": (11 * finer, 4 * finer), "upper": (5 * finer, 4 * finer), "width": 1.4, "degree": degree}
         scene = blocks(kind, slave=slave, friction=friction, **size, **CLOSED)
         scene.move(*ways[0])
-        forces.append([(-1.0) ** slave * scene.move(*way) for way in ways])
+        pressed = scene.move(*ways[0])
+        if degree == 2:  # in one step to .35 the tangent loses its stiffness
+            scene.move(0.175, -0.1)
+        forces.append([(-1.0) ** slave * force for force in (pressed, *(scene.move(*way) for way in ways[1:]))])
         assert scene.problem.certificate.holds
         force, moment = out_of_balance(scene)
         assert max(force, moment) < 1e-11
