@@ -176,11 +176,9 @@ class Equilibrium:
     @cached_property
     def printed(self) -> float:
         """Rho that the digits of the displacement leave, independent at each node."""
-        diagonal, sizes = self.stiffness.diagonal()[self._free], np.abs(self.v.ravel())
+        diagonal = self.stiffness.diagonal()[self._free]
         square = float(diagonal @ self._half_digits.ravel()[self._free] ** 2) / 3
-        # Of a rigid motion the energy is what is left by round-off where its terms cancel.
-        hidden = float(np.finfo(np.float64).eps * (sizes @ (abs(self.stiffness) @ sizes)))
-        return float(np.sqrt(square / self.energy)) if self.energy > hidden else np.inf
+        return float(np.sqrt(square / self.energy)) if self.energy > 0 else np.inf
 
     @property
     def threshold(self) -> float:
