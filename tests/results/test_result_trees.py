@@ -118,7 +118,9 @@ class Tree:
             self.writer.update(dict.fromkeys(every(folder / manifest.PART), folder))
         elif what == "file":
             path = folder / self.chance.choice(STRANGERS)
-            if not os.path.lexists(path) and not any(map(Path.is_symlink, path.parents)):
+            # All that is in the hidden folder that a run which was killed has filled half is that run's.
+            half = path.parent.name == manifest.PART and (path.parent / manifest.MANIFEST).exists()
+            if not half and not os.path.lexists(path) and not any(map(Path.is_symlink, path.parents)):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(f"mine {path}")
                 self.writer[path] = None
