@@ -86,10 +86,25 @@ def ring(rng, folder):
 
 
 def ball(rng, folder):
-    """A quarter of half a ball on a plane."""
+    """A quarter of half a ball on a plane, with a pressure on its section."""
+
+    def pressure(radius, wide, poisson):
+        return 4 * 200 / (1 - poisson**2) * wide**3 / (3 * radius) / (math.pi * radius**2)
+
+    return _ball(rng, lambda *of: {"traction": {"boundary": "top", "pressure": pressure(*of)}})
+
+
+def pressed_ball(rng, folder):
+    """The ball, whose section is moved down."""
+    return _ball(
+        rng, lambda radius, wide, _: {"displacement": [*MIRRORED, {"boundary": "top", "z": -(wide**2) / radius}]}
+    )
+
+
+def _ball(rng, acting):
+    """A quarter of half a ball on a plane, and what acts by radius, half-width of contact and Poisson's ratio."""
     radius, share, poisson = rng.uniform(3, 10), rng.uniform(0.15, 0.3), rng.uniform(0, 0.4)
     wide = share * radius
-    load = 4 * 200 / (1 - poisson**2) * wide**3 / (3 * radius) / (math.pi * radius**2)
 
     def make(degree, size):
         parameters = {"part": "quarter", "radius": radius, "size": 0.3 * radius * max(size, 0.5), "order": degree}
@@ -99,10 +114,10 @@ def ball(rng, folder):
                 "mesh": {"generator": "half_sphere", "parameters": parameters | sizes},
                 "element": {"degree": degree},
                 "material": {"young": 200.0, "poisson": poisson},
-                "displacement": [{"boundary": "symmetry_x", "x": 0.0}, {"boundary": "symmetry_y", "y": 0.0}],
-                "traction": {"boundary": "top", "pressure": load},
+                "displacement": MIRRORED,
                 "contact": {"boundary": "sphere", "gap": "x[2]", "direction": [0.0, 0.0, -1.0]},
             }
+            | acting(radius, wide, poisson)
         )
 
     return make
@@ -128,27 +143,6 @@ def plate(rng, folder):
                 "displacement": [{"boundary": name, "x": 0.0, "y": 0.0, "z": 0.0} for name in ("left", "right")],
                 "traction": {"boundary": "top", "z": -load},
                 "contact": {"boundary": "bottom", "gap": gap},
-            }
-        )
-
-    return make
-
-
-def pressed_ball(rng, folder):
-    """The ball, whose section is moved down."""
-    radius, share, poisson = rng.uniform(3, 10), rng.uniform(0.15, 0.3), rng.uniform(0, 0.4)
-    wide = share * radius
-
-    def make(degree, size):
-        parameters = {"part": "quarter", "radius": radius, "size": 0.3 * radius * max(size, 0.5), "order": degree}
-        sizes = {"contact_size": wide / 3 * size, "contact_zone": 1.4 * wide}
-        return parse_scene(
-            {
-                "mesh": {"generator": "half_sphere", "parameters": parameters | sizes},
-                "element": {"degree": degree},
-                "material": {"young": 200.0, "poisson": poisson},
-                "displacement": [*MIRRORED, {"boundary": "top", "z": -(wide**2) / radius}],
-                "contact": {"boundary": "sphere", "gap": "x[2]", "direction": [0.0, 0.0, -1.0]},
             }
         )
 

@@ -240,7 +240,7 @@ def test_the_dual_norm_is_the_distance_to_equilibrium():
     equilibrium = equilibrium_of("press_CPE4")
     problem, free = equilibrium.problem, equilibrium.problem.free
     away = np.where(free, np.random.default_rng(3).uniform(-1, 1, free.shape), 0.0) * 1e-4
-    stiffness = equilibrium.stiffness
+    stiffness = equilibrium.system.plain
     moved = Equilibrium(problem, equilibrium.v + away, np.zeros_like(away))
     distance = np.sqrt(away.ravel() @ (stiffness @ away.ravel()) / moved.energy)
     assert moved.fit(FULL).rho == pytest.approx(distance, rel=1e-3)

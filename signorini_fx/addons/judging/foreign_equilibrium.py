@@ -101,6 +101,47 @@ class Fit:
         return self.forces.formulation
 
 
+class JudgedStiffness:
+    """What the equilibrium of any displacement of a problem needs, which neither loads nor initial strains change.
+
+    Attributes:
+        springs: the stiffness of each, shape (n d, n d).
+        free: numbers of the components that are free.
+        basis: the directions that are free, shape (n d, m), see ``free_directions``.
+        independent: the component that each of them changes by 1, shape (m,).
+
+    Args:
+        problem: the problem.
+    """
+
+    def __init__(self, problem: JudgedProblem) -> None:
+        self._problem, self._by_material = problem, dict[Formulation, list[csr_array]]()
+        self.springs = list(problem.springs.values())
+        self.free = np.flatnonzero(problem.free.ravel())
+        self.basis, self.independent = free_directions(problem.links, self.free, problem.free.size)
+
+    def by_material(self, formulation: Formulation) -> list[csr_array]:
+        """See ``stiffness_by_material``."""
+        if formulation not in self._by_material:
+            self._by_material[formulation] = stiffness_by_material(self._problem, formulation)
+        return self._by_material[formulation]
+
+    @cached_property
+    def plain(self) -> csr_array:
+        """K, shape (n d, n d)."""
+        matrices = self.by_material(FULL)
+        return sum((*matrices[1:], *self.springs), matrices[0])
+
+    @cached_property
+    def factor(self) -> splu:
+        """That of K along the directions that are free."""
+        inner = csc_array(self.basis.T @ self.plain @ self.basis)
+        shift = JUDGED_SHIFT * inner.diagonal().max()  # of bodies that nothing holds
+        inner.setdiag(inner.diagonal() + shift)
+        options = {"SymmetricMode": True}
+        return splu(inner, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+
+
 class Equilibrium:
     """The equilibrium of one displacement.
 
@@ -109,20 +150,21 @@ class Equilibrium:
         v: the displacement, length, shape (n, d).
         half_digits: half a unit of the last digit that was printed, length, shape (n, d); no solver has more digits
             than some of the largest displacement.
+        system: of the problem, perhaps with other loads or initial strains; None: it is made.
     """
 
-    def __init__(self, problem: JudgedProblem, v: Floats, half_digits: Floats) -> None:
+    def __init__(
+        self, problem: JudgedProblem, v: Floats, half_digits: Floats, system: JudgedStiffness | None = None
+    ) -> None:
         self.problem, self.v = problem, v
+        self.system = JudgedStiffness(problem) if system is None else system
         self._half_digits = np.maximum(half_digits, JUDGED_SOLVED * np.abs(v).max(initial=0.0))
-        self._free = np.flatnonzero(problem.free.ravel())
-        self._basis, self._independent = free_directions(problem.links, self._free, v.size)
-        self._plain, self._springs = stiffness_by_material(problem, FULL), list(problem.springs.values())
         self.loads = np.array([forces.ravel() for forces in problem.loads.values()]).reshape(-1, v.size)
 
     @cached_property
     def moving(self) -> float:
         """a(v, v), an energy."""
-        return float(self.v.ravel() @ (self.stiffness @ self.v.ravel()))
+        return float(self.v.ravel() @ (self.system.plain @ self.v.ravel()))
 
     @cached_property
     def energy(self) -> float:
@@ -131,24 +173,11 @@ class Equilibrium:
         stored = self.moving - 2 * float(expansion @ self.v.ravel()) + square_of_strains(self.problem)
         return min(self.moving, max(stored, JUDGED_STORED**2 * self.moving))
 
-    @cached_property
-    def stiffness(self) -> csr_array:
-        """K, shape (n d, n d)."""
-        return sum((*self._plain[1:], *self._springs), self._plain[0])
-
-    @cached_property
-    def _factor(self) -> splu:
-        inner = csc_array(self._basis.T @ self.stiffness @ self._basis)
-        shift = JUDGED_SHIFT * inner.diagonal().max()  # of bodies that nothing holds
-        inner.setdiag(inner.diagonal() + shift)
-        options = {"SymmetricMode": True}
-        return splu(inner, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-
     def solved(self, columns: Floats) -> Floats:
         """K^-1 of forces along the directions that are free, shape (n d, k) -> (directions, k)."""
-        if not self._independent.size or not columns.shape[1]:
-            return np.zeros((self._independent.size, columns.shape[1]))
-        return np.asarray(self._factor.solve(np.ascontiguousarray(self._basis.T @ columns)))
+        if not self.system.independent.size or not columns.shape[1]:
+            return np.zeros((self.system.independent.size, columns.shape[1]))
+        return np.asarray(self.system.factor.solve(np.ascontiguousarray(self.system.basis.T @ columns)))
 
     def least(self, start: Floats, columns: Floats) -> tuple[Floats, Floats]:
         """The factors z with which start + columns z is smallest in the dual norm, and what remains.
@@ -157,27 +186,27 @@ class Equilibrium:
             start: forces, shape (n d,).
             columns: forces, shape (n d, k).
         """
-        inner = self._basis.T @ columns
+        inner = self.system.basis.T @ columns
         scales = np.linalg.norm(inner, axis=0)
         used = scales > 0
         factors = np.zeros(columns.shape[1])
         if used.any():
             solved = self.solved(columns[:, used] / scales[used])
             gram = (inner[:, used] / scales[used]).T @ solved
-            right = solved.T @ (self._basis.T @ start)
+            right = solved.T @ (self.system.basis.T @ start)
             factors[used] = -np.linalg.lstsq(gram, right, rcond=1e-12)[0] / scales[used]
         return factors, np.asarray(start + columns @ factors)
 
     def size(self, forces: Floats) -> float:
         """The dual norm of the free components of forces, relative to the root of ``energy``."""
-        square = float((self._basis.T @ forces) @ self.solved(forces[:, None])[:, 0])
+        square = float((self.system.basis.T @ forces) @ self.solved(forces[:, None])[:, 0])
         return float(np.sqrt(max(square, 0.0) / self.energy)) if self.energy > 0 else np.inf
 
     @cached_property
     def printed(self) -> float:
         """Rho that the digits of the displacement leave, independent at each node."""
-        diagonal = self.stiffness.diagonal()[self._free]
-        square = float(diagonal @ self._half_digits.ravel()[self._free] ** 2) / 3
+        diagonal = self.system.plain.diagonal()[self.system.free]
+        square = float(diagonal @ self._half_digits.ravel()[self.system.free] ** 2) / 3
         return float(np.sqrt(square / self.energy)) if self.energy > 0 else np.inf
 
     @property
@@ -187,9 +216,9 @@ class Equilibrium:
 
     def forces(self, formulation: Formulation) -> Forces:
         """The internal forces in a formulation."""
-        matrices = self._plain if formulation == FULL else stiffness_by_material(self.problem, formulation)
+        matrices = self.system.by_material(formulation)
         strained = forces_of_strains(self.problem, formulation)
-        of_springs = np.array([matrix @ self.v.ravel() for matrix in self._springs]).reshape(-1, self.v.size)
+        of_springs = np.array([matrix @ self.v.ravel() for matrix in self.system.springs]).reshape(-1, self.v.size)
         if not formulation.layer:
             by_material = np.array([matrix @ self.v.ravel() for matrix in matrices]) - strained.sum(axis=0)
             columns = np.zeros((self.v.size, 0))
@@ -233,7 +262,7 @@ class Equilibrium:
         _, residual = self.least(forces.total - self.loads.sum(axis=0), forces.columns)
         missed = self.solved(residual[:, None])[:, 0]
         work = np.zeros(self.v.size)
-        work[self._independent] = np.abs(missed * (self._basis.T @ residual))
+        work[self.system.independent] = np.abs(missed * (self.system.basis.T @ residual))
         by_node = work.reshape(self.v.shape).sum(axis=1)
         worst = int(np.argmax(by_node))
         share = float(by_node[worst] / by_node.sum()) if by_node.any() else 0.0
@@ -253,14 +282,14 @@ class Equilibrium:
         equilibrium, or by the digits of the displacements around nodes in contact.
         """
         expansion = fit.forces.strains.sum(axis=0).reshape(self.v.shape)
-        squares = self.stiffness.multiply(self.stiffness) @ self._half_digits.ravel() ** 2 / 3
+        squares = self.system.plain.multiply(self.system.plain) @ self._half_digits.ravel() ** 2 / 3
         of_digits = np.sqrt(squares.reshape(self.v.shape).sum(axis=1))[self.problem.touching].sum()
         expanded = np.linalg.norm(expansion, axis=1).sum()
         return float(self.threshold * expanded + JUDGED_EQUILIBRIUM_OF_PRINT * of_digits)
 
     def moved_by(self, fit: Fit) -> Floats:
         """By how much the free components must move to be in equilibrium, length, shape (n, d)."""
-        missed = self._basis @ -self.solved(fit.residual.reshape(-1, 1))[:, 0]
+        missed = self.system.basis @ -self.solved(fit.residual.reshape(-1, 1))[:, 0]
         return np.asarray(missed).reshape(self.v.shape)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from signorini_fx.addons.judging.contact_findings import contact_findings, conta
 from signorini_fx.addons.judging.distance import measured_distance
 from signorini_fx.addons.judging.expanded_sections import as_they_move
 from signorini_fx.addons.judging.factors import FoundFactors, force_factor, found_factors, unseen_factors
-from signorini_fx.addons.judging.foreign_equilibrium import BestFit, Equilibrium, best_fit, hourglass
+from signorini_fx.addons.judging.foreign_equilibrium import BestFit, Equilibrium, JudgedStiffness, best_fit, hourglass
 from signorini_fx.addons.judging.foreign_result import ForeignResult, read_result
 from signorini_fx.addons.judging.judgement import JudgedFinding, Judgement, sorted_findings
 from signorini_fx.addons.judging.problem_data import JudgedProblem
@@ -126,7 +127,8 @@ class _Judging:
                 self.theirs, (v, largest, equilibrium), best = unprinted, candidate, fits
         readings = [("", equilibrium, best)]
         for words, fields in {} if best.exact else self.problem.other_readings().items():
-            with_them = Equilibrium(replace(equilibrium.problem, **fields), v, self.theirs.half_units)
+            problem = replace(equilibrium.problem, **fields)
+            with_them = Equilibrium(problem, v, self.theirs.half_units, equilibrium.system)
             readings.append((words, with_them, best_fit(with_them, of_calculix=of_calculix)))
             if readings[-1][-1].exact:
                 break
@@ -193,7 +195,9 @@ class _Judging:
         error: Mapping[str, Any] = {}
         beside: Mapping[str, Any] = {}
         if compare and unit is None:
-            distance = measured_distance(problem, v, contacts, self._own_contacts, supported=finding is None)
+            distance = measured_distance(
+                problem, v, contacts, partial(self._own_contacts, equilibrium.system), supported=finding is None
+            )
             error, beside = distance.error, distance.beside
             lines |= distance.lines
         head = self._head(best, equilibrium)
@@ -330,9 +334,9 @@ class _Judging:
         )
         return [contact_figures(self.problem, surface, equilibrium.energy, largest, size) for surface in surfaces]
 
-    def _own_contacts(self, u: Floats) -> list[JudgedContactFigures] | None:
+    def _own_contacts(self, system: JudgedStiffness, u: Floats) -> list[JudgedContactFigures] | None:
         """The figures of our displacement; None: it is in equilibrium in no formulation."""
-        equilibrium = Equilibrium(self.problem, u, np.zeros_like(u))
+        equilibrium = Equilibrium(self.problem, u, np.zeros_like(u), system)
         best = best_fit(equilibrium)
         return self._contacts(u, best.fit.residual, equilibrium, best) if best.exact else None
 

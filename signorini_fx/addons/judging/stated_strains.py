@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.addons.judging.problem_data import JudgedMaterial, JudgedMesh, JudgedStrain
 from signorini_fx.addons.judging.reference_elements import ReferenceElement, gauss
@@ -25,17 +24,19 @@ class CellPoints(LoadPoints):
 
     Attributes:
         expansion: coefficient of thermal expansion, 1 / temperature, shape (f, q).
-        inside: region -> which of the cells it has, shape (f,).
+        cells: numbers, shape (f,).
+        regions: name -> its cells.
     """
 
     expansion: Floats
-    inside: Mapping[str, npt.NDArray[np.bool_]]
+    cells: Ints
+    regions: Mapping[str, Ints]
 
     def value_in(self, region: str | None, value: Any) -> Floats:
         """See ``BodyCoefficients``."""
         if region is None:
             return self.value(value)
-        values, rows = np.zeros(self.x.shape[:2]), self.inside[region]
+        values, rows = np.zeros(self.x.shape[:2]), np.isin(self.cells, self.regions[region])
         values[rows] = sample(value, in_space(self.x[rows].reshape(-1, self.x.shape[2]))).reshape(-1, self.x.shape[1])
         return values
 
@@ -77,10 +78,9 @@ def _at_points(
     strain: InitialStrain, factor: float, mesh: JudgedMesh, expansion: Floats, cells: Ints, x: Floats
 ) -> Floats:
     """A strain at points of cells, shape (c, q, d) -> (c, q)."""
-    inside = {name: np.isin(cells, rows) for name, rows in mesh.regions.items()}
     nothing = np.zeros(x.shape[:2])
     of_cells = np.broadcast_to(expansion[cells, None], nothing.shape)
-    points = CellPoints(x, np.zeros_like(x), nothing, nothing, of_cells, inside)
+    points = CellPoints(x, np.zeros_like(x), nothing, nothing, of_cells, cells, mesh.regions)
     return factor * np.asarray(strain.strain_at(points))
 
 

@@ -1,6 +1,7 @@
 """From forms to arrays: facets, quadrature, nodal blocks, averages, and the pieces of a mesh.
 
-It knows meshes and finite element spaces.  It must not know where there is contact or what loads there are.
+It knows meshes, finite element spaces and the weak forms of contact.  Facets and densities come to it as arguments: it
+must not know what stands where in a problem.
 """
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body

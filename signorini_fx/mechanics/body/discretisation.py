@@ -135,7 +135,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         partial(check_covers, statement, tagged),
     )
     if statement.sides[1] is not None:
-        from signorini_fx.mechanics.assembly.carrying_side import with_chosen_sides
+        from signorini_fx.mechanics.obstacles.carrying_side import with_chosen_sides
 
         statement = with_chosen_sides(statement, tagged, facets, lame[1])
     pieces = find_pieces(tagged.mesh)

@@ -165,7 +165,7 @@ class UnilateralContact(Contact):
         boundary: name of the boundary where contact may occur.
         against: name of the boundary of another body that it may touch; None: the foundation is rigid.
         points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
-            ``assembly.carrying_side``.
+            ``obstacles.carrying_side``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
         adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
             overlaps included; None: none does.
@@ -258,7 +258,7 @@ class BilateralContact(Contact):
         boundary: name of the boundary where contact may occur.
         against: name of the boundary of another body that it may touch; None: the foundation is rigid.
         points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
-            ``assembly.carrying_side``.
+            ``obstacles.carrying_side``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
         adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
             overlaps included; None: none does.

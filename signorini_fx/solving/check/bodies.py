@@ -8,9 +8,9 @@ from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.carrying_side import SideFigures
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.carrying_side import SideFigures
 from signorini_fx.records import Finding
 from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE
 

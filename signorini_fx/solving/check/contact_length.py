@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.carrying_side import SideFigures
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.carrying_side import SideFigures
 from signorini_fx.records import Finding
 from signorini_fx.tuned import (
     COARSE_IN_CONTACT,
