@@ -150,7 +150,10 @@ class EquilibriumSolver:
 
     @cached_property
     def _farthest_place(self) -> float:
+        """The largest coordinate of a body with contact, length; 0: it has none; collective."""
         mesh = self.linear.space.mesh
+        if not (self.linear.shapes or self.linear.pairs):
+            return 0.0
         return float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
 
     @cached_property
@@ -343,21 +346,25 @@ class EquilibriumSolver:
         is met, and supports leave the undeformed body where it is; collective.
         """
         space, comm = self.linear.space, self.linear.space.mesh.comm
+        begun = float(parallel.largest(comm, np.abs(self._begins[0]), 0.0))
+        digits = LOST_UNITS * float(np.finfo(float).eps)
+        if not self._is_within(min(SMALL_INCREMENT * begun, digits * max(begun, self._farthest_place))):
+            return False
         fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
         if self.linear.moving_tools.coordinates.size or parallel.any_rank(comm, bool(values[fixed].any())):
             return False
-        left, begun = (float(parallel.largest(comm, np.abs(part), 0.0)) for part in (self.u.x.array, self._begins[0]))
-        places = self._farthest_place if self.linear.shapes or self.linear.pairs else 0.0
-        digits = LOST_UNITS * float(np.finfo(float).eps)
-        return left <= min(SMALL_INCREMENT * begun, digits * max(begun, places)) and self._bears_no_load
+        return self._bears_no_load
 
     @property
     def _rests_unloaded(self) -> bool:
         """Whether the displacement is round-off of the places where contact is met, and no load acts; collective."""
-        if not (self.linear.shapes or self.linear.pairs):
-            return False
-        left = float(parallel.largest(self.linear.space.mesh.comm, np.abs(self.u.x.array), 0.0))
-        return left <= LOST_UNITS * float(np.finfo(float).eps) * self._farthest_place and self._bears_no_load
+        places = self._farthest_place
+        digits = LOST_UNITS * float(np.finfo(float).eps)
+        return places > 0 and self._is_within(digits * places) and self._bears_no_load
+
+    def _is_within(self, distance: float) -> bool:
+        """Whether no component of the displacement is larger than a length; collective."""
+        return float(parallel.largest(self.linear.space.mesh.comm, np.abs(self.u.x.array), 0.0)) <= distance
 
     @property
     def _bears_no_load(self) -> bool:

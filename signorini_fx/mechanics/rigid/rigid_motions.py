@@ -76,16 +76,15 @@ class RigidMotions:
             fixed: see ``nearest_motion``.
             turned: likewise.
         """
-        known = self._at_supports
-        if not (known and known["turned"] is turned and np.array_equal(known["fixed"], fixed)):
+        kept = self._at_supports
+        if not (kept and kept["turned"] is turned and np.array_equal(kept["fixed"], fixed)):
             node, component = np.nonzero(fixed)
             modes = self.modes(node)
             if turned is not None:
                 modes = np.einsum("nij,nik->njk", turned.frames_at(node), modes)
             modes = modes[np.arange(node.size), component]
-            known.update(turned=turned, fixed=fixed.copy(), found=(node, component, modes))
-        found: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], _Floats] = known["found"]
-        return found
+            kept.update(turned=turned, fixed=fixed.copy(), node=node, component=component, modes=modes)
+        return kept["node"], kept["component"], kept["modes"]
 
     @property
     def of_all(self) -> _Floats:
