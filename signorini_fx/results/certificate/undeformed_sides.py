@@ -102,7 +102,8 @@ def planes_of_symmetry(sides: tuple[UndeformedSide, UndeformedSide], held: tuple
     """Across which axes there are planes at the nodes of the first side that hold both sides, shape (N, d).
 
     There is one where a component is held, the normal has hardly any of it, and a node of the other side that is not
-    farther than a facet beyond the nearest one is held likewise and has the same coordinate.
+    farther than a facet beyond the nearest one is held likewise and has the same coordinate, and where the facets
+    around both nodes do not reach beyond the plane to opposite sides.
 
     Args:
         sides: that of the nodes, and the other one.
@@ -122,8 +123,23 @@ def planes_of_symmetry(sides: tuple[UndeformedSide, UndeformedSide], held: tuple
         far = cdist(x[candidate_nodes], y)
         in_plane = np.abs(x[candidate_nodes, None, axis] - y[None, holding, axis]) < DIGITS_OF_FILES * largest
         in_plane &= far[:, holding] <= largest + far.min(axis=1)[:, None]
+        lowest, highest = _reach_around(nodal_side.chain, axis, candidate_nodes)
+        other_lowest, other_highest = _reach_around(other_side.chain, axis, holding)
+        beyond = DIGITS_OF_FILES * largest
+        ahead = (lowest[:, None] >= -beyond) & (other_lowest >= -beyond)
+        in_plane &= ahead | ((highest[:, None] <= beyond) & (other_highest <= beyond))
         across[candidate_nodes, axis] = in_plane.any(axis=1)
     return across
+
+
+def _reach_around(chain: Chain, axis: int, nodes: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+    """How far the facets around some nodes reach from these along an axis, at least and at most, lengths, shapes (n,)."""
+    place = chain.x[:, axis]
+    lowest, highest = place.copy(), place.copy()
+    for ends, extreme in ((lowest, np.minimum), (highest, np.maximum)):
+        of_facets = extreme.reduce(place[chain.facets], axis=1)
+        extreme.at(ends, chain.facets, of_facets[:, None])
+    return lowest[nodes] - place[nodes], highest[nodes] - place[nodes]
 
 
 def usual_reach(x: Array, y: Array) -> float:

@@ -38,10 +38,18 @@ def across_planes(body: Any, normals: Array, slave: Ints, master: Ints) -> Array
             if not theirs.size or not normals[node].any() or abs(normals[node, axis]) > _SMOOTH:
                 continue
             away = cdist(x[[node]], x[others])[0]
-            in_plane = np.abs(x[theirs, axis] - x[node, axis]) < _NEAR * size
-            if (in_plane & (cdist(x[[node]], x[theirs])[0] <= size + away.min())).any():
+            near = np.abs(x[theirs, axis] - x[node, axis]) < _NEAR * size
+            near &= cdist(x[[node]], x[theirs])[0] <= size + away.min()
+            own = _ways_out(x[:, axis], slave, node, _NEAR * size)
+            if any(own & _ways_out(x[:, axis], master, other, _NEAR * size) for other in theirs[near]):
                 found[node, axis, axis] = 1.0
     return found
+
+
+def _ways_out(place: Array, facets: Ints, node: int, close: float) -> set[str]:
+    """To which sides of a plane through a node no facet of it goes; ``place``: of all nodes, across the plane."""
+    ends = place[np.unique([facet for facet in facets if node in facet])] - place[node]
+    return {name for name, beyond in (("left", -ends.min()), ("right", ends.max())) if beyond <= close}
 
 
 def _still(body: Any, axis: int) -> Array:
