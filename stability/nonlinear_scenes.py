@@ -1,24 +1,32 @@
 """Random scenes with nonlinear materials under rigid foundations, on one rank or several, judged by another program.
 
-    ./env python3 -m stability.nonlinear_scenes 300 [FIRST]
-    ./env mpirun -n 2 python3 -m stability.nonlinear_scenes 100 [FIRST]
+    ./env python3 -m stability.nonlinear_scenes 300 [FIRST] [--csv FILE]
+    ./env mpirun -n 2 python3 -m stability.nonlinear_scenes 100 [FIRST] [--csv FILE]
 
 The judge is in NumPy and shares nothing with the package but the mesh and the displacements that it looks at.  Its
 elastic bodies have energies of the three principal stretches, whose stresses are U diag(dW/dl) V^T of the singular
 value decomposition of F and derivatives by a complex step; its metal is integrated along the load steps that are
 there, by bisection of the yield condition.  Of each load step that is called converged it looks at equilibrium, gaps,
 signs, friction and its direction, whether forces that are reported are those that it finds, whether a tool that a force
-moves is in balance, and of elastic bodies without friction whether the second derivative of the energy is positive.
+moves is in balance, and of elastic bodies without friction whether the second derivative of the energy is positive.  Several
+ranks must end as one rank alone, with its displacements and forces.  Counts are added to a table.
 """
 
 from __future__ import annotations
 
+import argparse
+import csv
+import os
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+
+# Ranks that wait for each other leave a core to the others, of which there may be fewer: read as MPI begins.
+os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
 
 import basix
 import numpy as np
@@ -58,6 +66,7 @@ _DEGREES_OF_REVOLUTION = {
 # Penetration and slip relative to the size: of augmentation, and of a regularised law, whose gamma is 1e5 moduli over
 # the size, below pressures of ten moduli.  Forces are relative to the largest one.
 _NEAR, _SMALL = {"alm": 1e-6, "auto": 1e-4}, 1e-6
+_SAME_ON_RANKS = 1e-8  # displacements and forces of several ranks and of one, relative to the largest
 _SIDES = 600  # unknowns up to which the second derivative is looked at
 
 
@@ -624,16 +633,70 @@ def gathered(solution: Solution, comm: MPI.Comm) -> tuple[Array, npt.NDArray[np.
     return x, connected, [np.concatenate(comm.allgather(values)) for values in steps]
 
 
-def tried(seed: int, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[str, list[str], str]:
-    """How the scene of a seed ends, what is wrong with what is called converged, and what is said of the end."""
-    scene = RandomScene.drawn(seed)
+def ended(scene: RandomScene, comm: MPI.Comm) -> tuple[str, Solution | None, str]:
+    """How a scene ends, with its solution if there is one, and what is said of the end; collective."""
     try:
         solution = solve(parse_scene(scene.stated()), comm, check=False)
     except ConvergenceError as error:
-        return str(error).partition(":")[0], [], str(error)
+        return str(error).partition(":")[0], None, str(error)
     except SignoriniError as error:
-        return "refused", [], str(error)
-    return solution.status.value, judged(scene, solution, comm), "" if solution.converged else solution.advice
+        return "refused", None, str(error)
+    return solution.status.value, solution, "" if solution.converged else solution.advice
+
+
+def tried(seed: int, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[str, list[str], str]:
+    """How the scene of a seed ends, what is wrong with what is called converged, and what is said of the end; of
+    several ranks also what one rank does otherwise; collective.
+    """
+    scene = RandomScene.drawn(seed)
+    end, solution, said = ended(scene, comm)
+    faults = [] if solution is None else judged(scene, solution, comm)
+    if comm.size > 1:
+        steps = None if solution is None else _reported(solution, comm)
+        faults += comm.bcast(_unlike_one_rank(scene, end, steps) if comm.rank == 0 else None)
+    return end, faults, said
+
+
+Reported = tuple[Array, list[Array], list[Array]]
+
+
+def _reported(solution: Solution, comm: MPI.Comm) -> Reported:
+    """Nodes, and of the load steps that are converged displacements of all nodes, and forces of contact; collective."""
+    x, _, displacements = gathered(solution, comm)
+    steps = [step for step in solution.steps if step.status.value == "converged" and step.contact is not None]
+    forces = [np.sum(step.contact.forces, axis=0) for step in steps if step.contact is not None]
+    return x, displacements[: len(steps)], forces
+
+
+def _unlike_one_rank(scene: RandomScene, end: str, steps: Reported | None) -> list[str]:
+    """What one rank alone does otherwise than several.
+
+    Args:
+        scene: the scene.
+        end: how it ends on several ranks.
+        steps: what they report; None: they have no solution.
+    """
+    end_alone, solution, _ = ended(scene, MPI.COMM_SELF)
+    if end_alone != end or (solution is None) != (steps is None):
+        return [f"one rank ends as {end_alone}"]
+    if solution is None or steps is None:
+        return []
+    alone = _reported(solution, MPI.COMM_SELF)
+    if len(alone[1]) != len(steps[1]):
+        return [f"one rank has {len(alone[1])} load steps, {len(steps[1])} here"]
+    size = float(scene.sizes.max())
+    orders = [np.lexsort(np.round(x.T / size, 9)) for x in (alone[0], steps[0])]
+    faults = []
+    # No force is known better than the round-off of places tells it.
+    modulus = scene.law.get("young", scene.law.get("bulk", 0.0))
+    least = 1e-9 * modulus * size ** (1 if scene.kind == "plane strain" else 2)
+    for number, (ours, theirs) in enumerate(zip(steps[1], alone[1], strict=True)):
+        apart = np.abs(ours[orders[1]] - theirs[orders[0]]).max() / max(np.abs(theirs).max(), 1e-9 * size)
+        force, force_alone = steps[2][number], alone[2][number]
+        forces_apart = np.abs(force - force_alone).max() / max(np.abs(force_alone).max(), least)
+        if max(apart, forces_apart) > _SAME_ON_RANKS:
+            faults.append(f"step {number}: displacement {apart:.1e}, force {forces_apart:.1e} from one rank")
+    return faults
 
 
 def judged(scene: RandomScene, solution: Solution, comm: MPI.Comm) -> list[str]:
@@ -654,23 +717,42 @@ def judged(scene: RandomScene, solution: Solution, comm: MPI.Comm) -> list[str]:
     return faults
 
 
-def main(count: int, first: int = 0) -> int:
-    """Try seeds, print what is wrong and how scenes end; the number of wrong ones."""
+def main(count: int, first: int = 0, table: Path | None = None) -> int:
+    """Try seeds, print what is wrong and how scenes end, and add it to a table; whether any is wrong."""
     comm = MPI.COMM_WORLD
-    ends, wrong, begun = Counter[tuple[str, str]](), 0, time.process_time()
+    ends, wrong, begun = Counter[tuple[str, str]](), Counter[tuple[str, str]](), time.process_time()
     for seed in range(first, first + count):
         scene, (end, faults, said) = RandomScene.drawn(seed), tried(seed, comm)
-        ends[scene.law["law"], end] += 1
-        wrong += bool(faults)
+        law = str(scene.law["law"])
+        ends[law, end] += 1
+        wrong[law, end] += bool(faults)
         if comm.rank == 0 and (faults or end != "converged"):
-            kind = f"{scene.kind}, {scene.law['law']}, {scene.shape}, {scene.friction['law']}, {scene.algorithm}"
+            kind = f"{scene.kind}, {law}, {scene.shape}, {scene.friction['law']}, {scene.algorithm}"
             print(f"seed {seed}: {kind}: {end}: {'; '.join(faults[:3])} {said}", flush=True)
     if comm.rank == 0:
-        print(f"{count} scenes on {comm.size} ranks, {wrong} wrong, {time.process_time() - begun:.0f} s")
+        print(f"{count} scenes on {comm.size} ranks, {wrong.total()} wrong, {time.process_time() - begun:.0f} s")
         for (law, end), number in sorted(ends.items()):
             print(f"{law:24}{end:40}{number:>5}")
-    return int(wrong > 0)
+        if table is not None:
+            rows = [(comm.size, f"{first} to {first + count - 1}", *of, ends[of], wrong[of]) for of in sorted(ends)]
+            _add_rows(table, rows)
+    return int(wrong.total() > 0)
+
+
+def _add_rows(table: Path, rows: list[tuple[Any, ...]]) -> None:
+    """Add counts to a table, which begins with its header."""
+    begins = not table.exists()
+    with table.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if begins:
+            writer.writerow(("ranks", "seeds", "material", "end", "scenes", "wrong"))
+        writer.writerows(rows)
 
 
 if __name__ == "__main__":
-    sys.exit(main(*(int(argument) for argument in sys.argv[1:3])))
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument("count", type=int, help="how many seeds")
+    reader.add_argument("first", type=int, nargs="?", default=0, help="the first of them")
+    reader.add_argument("--csv", type=Path, metavar="FILE", help="table to which the counts are added")
+    given = reader.parse_args()
+    sys.exit(main(given.count, given.first, given.csv))

@@ -54,7 +54,7 @@ def punch(dim, kind=None, degree=1, away=1e-6, clamped=-np.inf, **settings):
         lambda x: np.isclose(x[up], -1.0) | (np.isclose(x[up], 0.0) & (x[0] <= clamped)),
         lambda x: np.isclose(x[up], 0.3) | ((x[up] >= away / 2) & (clamped > -1.0)),
     ]
-    pair = {"reach": 0.5, "friction": Coulomb(0.3)}
+    pair = {"reach": 0.5, "friction": settings.pop("friction", Coulomb(0.3))}
     return SlidingBodies(kind, meshes, touching, held, degree=degree, pair=pair, **settings)
 
 
@@ -422,6 +422,38 @@ def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
     size = np.abs(scene.u.x.array).max()
     assert np.abs(pair.coupling.slip(pair.begun)[pair.begun.partnered]).max() < 1e-14 * size
     assert scene.problem.state.in_contact.sum() >= 2
+
+
+ANGLES = (np.pi / 2, 0.4, 1.0, 2.0, 3.0, 4.5, 5.5)
+
+
+@pytest.mark.parametrize(
+    ("degree", "upto", "friction", "angles"),
+    [
+        (2, 0.05, None, ANGLES[2:3]),
+        *(
+            pytest.param(degree, upto, friction, ANGLES, marks=pytest.mark.slow)
+            for degree, upto, friction in (
+                (1, 0.05, None),
+                (1, -0.4, Coulomb(0.3)),
+                (2, 0.05, None),
+                (2, 0.05, Coulomb(0.3)),
+                (2, -0.4, None),
+                (2, -0.4, Coulomb(0.3)),
+            )
+        ),
+    ],
+)
+def test_nodes_over_each_other_that_are_held(degree, upto, friction, angles):
+    """A node of the one side lies exactly over the last held one of the other side, and both are held along the axes
+    of space: forces are those of any other rotation of the scene, as no plane of symmetry is there.
+    """
+    forces = []
+    for angle in (0.0, *angles):
+        scene = punch(2, degree=degree, clamped=upto, slave=1, friction=friction, angle=angle, algorithm="alm")
+        forces.append(scene.move(0.0, -DEPTH))
+    assert np.abs(forces[0][1]) > 0.1
+    assert np.array(forces[1:]) == pytest.approx(np.tile(forces[0], (len(angles), 1)), abs=1e-9 * np.abs(forces[0]).max())
 
 
 @pytest.mark.parametrize("fault", FAULTS)
