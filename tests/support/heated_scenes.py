@@ -61,6 +61,7 @@ def heated(scene, seed):
     orthotropic material that expands alike in all directions or not."""
     chance, tagged = np.random.default_rng([seed, 31]), scene.mesh
     plane = not hasattr(tagged, "mesh") or tagged.mesh.geometry.dim == 2
+    plane &= not (scene.body and len(scene.body[0].shift) == 3)
     length = 1.0 if scene.body or not plane else float(scene.mesh.parameters["length"])
     hypothesis = str(chance.choice(["plane strain", "plane stress"]))
     material = []
