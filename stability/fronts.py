@@ -4,7 +4,7 @@
 
 The fronts share the core, and nothing else that is compared here is shared: a scene finds facets by names, integrates
 its loads and supports by effects and has its contact as entries; forms have UFL, DirichletBCs and Foundations; of a
-residual with a linear F there are a Newton iteration and a certificate of its own.  Status, load steps, forces,
+residual with a linear F there are a Newton iteration and a certificate of its own.  Status, load steps, sets, forces,
 displacements, pressures, states, the contact table, the estimated error, and the guaranteed bound have to agree; and so
 have runs that are stopped in their last load step and go on from their folders.
 """
@@ -598,6 +598,16 @@ class Differences:
             self.look("guaranteed bound", ours.duality, theirs.duality, ours.error)  # without round-off
 
 
+def iterations(solution: Solution) -> list[tuple[int, ...]]:
+    """What each linear solve has begun and ended with: load step, number, points in contact and slipping either way,
+    and those that change.
+    """
+    return [
+        (one.step, one.iteration, one.active_contact, one.slip_plus, one.slip_minus, one.changed)
+        for one in solution.history.iterations
+    ]
+
+
 def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Status, list[str]]:
     """How the scene ends, and what the fronts differ in; collective."""
     scene = solve(parse_scene(drawn.stated()), comm, check=False)
@@ -606,10 +616,12 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
     ends = [f"{solution.status.value}, {len(solution.steps)} load steps" for solution in (scene, other)]
     if ends[0] != ends[1]:
         return scene.status, [f"{ends[0]}; forms: {ends[1]}"]
+    differences = Differences(comm, [])
+    if (ours := iterations(scene)) != (theirs := iterations(other)):
+        differences.found.append(f"iterations: {len(ours)} and {len(theirs)} linear solves, or other sets")
     solved = [(a, b) for a, b in zip(scene.steps, other.steps, strict=True) if a.status is Status.CONVERGED]
     if not solved:
-        return scene.status, []
-    differences = Differences(comm, [])
+        return scene.status, differences.found
     sizes = Sizes.of([a for a, _ in solved], comm)
     differences.look_at_steps(solved, sizes)
     if scene.converged:

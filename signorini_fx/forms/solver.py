@@ -229,6 +229,9 @@ class FormSolver:
             begun, self.previous_step = self._last.begins_on(
                 self.boundary, data, law, moved, begun, self._spin(self.boundary)
             )
+            solved = self._solution is not None and self._solution.step == begun.step
+            if self.boundary is not self._last.boundary and not solved:
+                self._last.taken_up(self.task, self.elastic, self.rigid)
         begun = replace(begun, factors=np.ones(1))
         self._checkpoint = self.task.iterate.newton.checkpoint()
         return begun if self._solution is None else self._solution.begins(begun, self.boundary)

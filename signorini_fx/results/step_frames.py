@@ -17,9 +17,10 @@ from signorini_fx.algebra.contact.nodal_vectors import length, unit
 from signorini_fx.algebra.contact.resting_place import RestingMotion
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.tuned import SAME_DIRECTION
 
@@ -69,7 +70,26 @@ class StepEnd:
         normal = outcome.problem.system.contact.traces(outcome.newton.x)[0]
         law = Law(*task.promised(outcome))
         previous = PreviousStep.of(displacement, Tractions.of(contact), law, before, rigid)
-        return cls(outcome.next_step(start), task.rest, normal, contact.boundary, previous)
+        # Not from the iterate: a point that slips is at its bound, and round-off would decide whether it still does.
+        following = replace(outcome.next_step(start), sets=task.iterate.newton.problem.sets)
+        return cls(following, task.rest, normal, contact.boundary, previous)
+
+    def taken_up(self, task: Task, body: ElasticBody, rigid: RigidBodies) -> None:
+        """Begin the iterate of a contact problem that was made anew with the displacement with which this step has
+        ended, as that of one that has stayed does; collective.
+
+        Args:
+            task: the contact problem.
+            body: its elastic body, with the same points in the frames that they have now.
+            rigid: its rigid bodies.
+        """
+        counted = self.before.displacement.copy()
+        if task.rest is not None:
+            counted.x.array[:] -= body.motions.displacement(task.rest.motion).ravel()
+        unknowns = body.unknowns(counted)
+        if rigid.bodies:
+            body.begin_driven(unknowns, rigid.unknowns(self.before.rigid), task.rest)
+        task.iterate.newton.begin_at(task.system.unknowns(unknowns))
 
     def begins_on(
         self,
@@ -154,18 +174,25 @@ class LastSolution:
     def begins(self, start: Start, boundary: ContactBoundary) -> Start:
         """The start of a solve, from this solution in the frames that its points have now; collective.
 
-        Unchanged where the points are others, and in a step that begins with the iterate of the last one.
+        Unchanged where the points are others, and in a step without a solution so far.
         """
+        if start.step != self.step:
+            return start
         if boundary is self.boundary:
-            return start if start.step != self.step else start.begin_from(self.sets, self.multipliers)
+            return start.begin_from(self.sets, self.multipliers)
         if parallel.any_rank(boundary.comm, not np.array_equal(boundary.nodes, self.boundary.nodes)):
             return start
         rotation = turned(self.boundary, boundary)
         pressure, shear = self.multipliers
-        direction, shear = (np.einsum("njk,nk->nj", rotation, vectors) for vectors in (self.sets.direction, shear))
-        slips = self.sets.slip & (length(direction) > 0)
-        sets = ActiveSets.of(self.sets.contact, np.where(slips[:, None], unit(direction), 0.0), self.sets.turning)
-        return start.begin_from(sets, (pressure, shear))
+        shear = np.einsum("njk,nk->nj", rotation, shear)
+        return start.begin_from(_turned_sets(self.sets, rotation), (pressure, shear))
+
+
+def _turned_sets(sets: ActiveSets, rotation: Array) -> ActiveSets:
+    """The sets of points in the frames that these have now; ``rotation``: see ``turned``."""
+    direction = np.einsum("njk,nk->nj", rotation, sets.direction)
+    slips = sets.slip & (length(direction) > 0)
+    return ActiveSets.of(sets.contact, np.where(slips[:, None], unit(direction), 0.0), sets.turning)
 
 
 def from_rest(
@@ -233,6 +260,7 @@ def carried(
     begun = replace(
         start,
         data=replace(data, mu_hat=along(data.mu_hat), slip_origin=origin),
+        sets=None if start.sets is None else _turned_sets(start.sets, rotation),
         multipliers=None if multipliers is None else (multipliers[0], along(multipliers[1])),
         elastic_slip=None if start.elastic_slip is None else along(start.elastic_slip),
     )

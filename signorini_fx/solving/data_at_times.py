@@ -96,9 +96,7 @@ def on_moved_foundations(
             assert carried_start.multipliers is not None
             begun = begun.begin_from(start.sets, carried_start.multipliers)
         return from_rest(moved.space, moved.boundary, begun, drift)
-    x, free = moved.unknowns(end.before.displacement), ~moved.fixed
-    if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone
-        task.iterate.x.getArray()[free] = x.getArray(readonly=True)[free]
+    end.taken_up(task, moved, moved.rigid)
     begun, _ = end.seen_from(moved.boundary, held=True)
     if task.rest is not None:  # contact alone holds the body, which comes to rest elsewhere with another gap
         origin = begun.data.slip_origin

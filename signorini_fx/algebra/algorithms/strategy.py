@@ -358,15 +358,12 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
 
     def monolithic() -> Status:
         if s.algorithm != "alm":
-            # A point that has slipped is at its bound: from the iterate, round-off decides which of them slip.
-            begun_sets = newton.problem.sets if start.monolithic and start.step > 0 else first_sets
-            return coulomb_newton(task.iterate.unsymmetric_newton, data, law, begun_sets)
+            return coulomb_newton(task.iterate.unsymmetric_newton, data, law, first_sets)
         coupled = replace(data, bound=law.given, follows=law)
         augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
         return augmented_lagrangian(augmentation, coupled, first_sets, max_outer=s.max_outer_iterations)
 
-    # Later load steps have the multipliers of the previous one, but sets only where a solution of their own is near.
-    near = start.multipliers is not None and (start.step == 0 or start.sets is not None)
+    near = start.multipliers is not None  # of a coarser mesh, of an earlier load step, or of another load
     first = s.coulomb == "newton" or start.monolithic or (s.coulomb == "auto" and near and s.algorithm != "alm")
     return _either_way(task, start, law, first_outcome, fixed, monolithic, monolithic_first=first)
 

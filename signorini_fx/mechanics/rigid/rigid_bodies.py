@@ -154,6 +154,11 @@ class RigidBodies:
             for k, body in enumerate(self.bodies)
         )
 
+    def unknowns(self, motions: Sequence[RigidBodyMotion]) -> _Floats:
+        """The inverse of ``moved``, shape (k,)."""
+        rows = [np.concatenate((motion.translation, motion.rotation)) * self._units for motion in motions]
+        return np.array(rows).ravel()
+
 
 @dataclass(frozen=True)
 class RigidBodyMotion:
