@@ -639,10 +639,8 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
         if len(third) != len(solved):
             differences.found.append(f"residual: {len(third)} of {len(solved)} load steps")
         for number, ((a, _), (u, forces)) in enumerate(zip(solved, third, strict=False), 1):
-            differences.look(
-                f"residual, step {number}: displacement", a.displacement.x.array, u, 10 * sizes.displacement
-            )
-            differences.look(f"residual, step {number}: force", _forces(a), forces, 10 * sizes.force)
+            differences.look(f"residual, step {number}: displacement", a.displacement.x.array, u, sizes.displacement)
+            differences.look(f"residual, step {number}: force", _forces(a), forces, sizes.force)
     return scene.status, differences.found
 
 

@@ -273,7 +273,8 @@ class EquilibriumSolver:
     def _iterate(self, *, damps: bool) -> Status:
         """Newton's method from the present ``u``; ``damps``: whether its tangent may be damped; collective.
 
-        It ends where increments are small and the certificate holds.  Where increments are small and it does not, as
+        It ends where increments are small and the certificate holds.  The first increment is the last one where F and
+        contact are linear: another would only go on with the outer iteration of a contact problem that is solved.  Where increments are small and it does not, as
         with a tangent that is not the derivative of F, iterations go on for as long as they make it better.  In a body
         that comes to rest without load increments are relative to nothing: with a J, which may be another tangent, the
         residual is round-off once they are no longer halved.  So are forces there: the certificate is asked as soon as
@@ -328,7 +329,11 @@ class EquilibriumSolver:
             least = change <= LEAST_INCREMENT * self.linear.extent or self._keeps_round_off()
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
-            if small or (least and not (shortened and iteration < self.max_newton)):
+            if (
+                small
+                or (length == 1.0 and self._is_linear)
+                or (least and not (shortened and iteration < self.max_newton))
+            ):
                 status = self._judge(residual)
                 if status is not Status.NOT_CERTIFIED or self.certificate is None:
                     return status
@@ -340,6 +345,15 @@ class EquilibriumSolver:
                     u.x.array[:], residual, keeps, rests = 0.0, None, False, True
         self._detail = alternating_points(self.linear.pairs)
         return Status.MAX_ITERATIONS
+
+    @property
+    def _is_linear(self) -> bool:
+        """Whether a problem of an iteration is the one that is to be solved: no material has a state, F is affine in
+        the displacement, and contact is met where the undeformed body is.
+        """
+        linear = self.linear
+        follows = linear.shapes or linear.pairs or linear.moving_tools.coordinates.size
+        return not (follows or self.residual.has_state) and self.tangents.affine
 
     def _keeps_round_off(self) -> bool:
         """Whether the displacement is round-off of the one that the attempt began with, or of the places where contact

@@ -123,7 +123,7 @@ class NonlinearContactProblem(ProblemOfForms):
         with compiling():
             compiled = fem.form(F, **options)
         refuse_miscompiled(F, compiled, u, options)
-        residual = Residual(compiled, u, update or (lambda: None))
+        residual = Residual(compiled, u, update)
         self.assembled = self.linear = LinearisedProblem(
             tangents.leading,
             compiled,

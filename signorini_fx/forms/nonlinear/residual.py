@@ -25,14 +25,19 @@ class Residual:
     Attributes:
         form: F, compiled.
         u: the displacement that it depends on.
-        update: the user's function.
+        update: the user's function; None: the material has no state.
         loads: forces on the body beside F, at the owned unknowns, shape (owned dofs,); a number: the same at all.
     """
 
     form: fem.Form
     u: fem.Function
-    update: Callable[[], object]
+    update: Callable[[], object] | None
     loads: Array | float = 0.0
+
+    @property
+    def has_state(self) -> bool:
+        """Whether the material may have a state that ``update`` finds."""
+        return self.update is not None
 
     @cached_property
     def _inside_out(self) -> InsideOut:
@@ -70,6 +75,8 @@ class Residual:
         Raises:
             FormError: it has raised an exception on some rank.
         """
+        if self.update is None:
+            return
         error: Exception | None = None
         try:
             self.update()

@@ -12,6 +12,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from ufl.algorithms import compute_form_data
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
@@ -49,6 +51,14 @@ class Tangents:
     @cached_property
     def _leading(self) -> fem.Form:
         return self._compiled(self._J)
+
+    @cached_property
+    def affine(self) -> bool:
+        """Whether the tangent of Newton's method is the derivative of F, and the same at all displacements."""
+        if self.given:
+            return False
+        lowered = apply_derivatives(apply_algebra_lowering(ufl.derivative(self._F, self._u)))
+        return self._u not in lowered.coefficients()
 
     @cached_property
     def derivative(self) -> fem.Form:
