@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 # Figures of a summary.
 Summary = dict[str, Any]
+# It grows when a key of a summary goes or changes its meaning, not when one is added.
+SCHEMA_VERSION = 1
 
 
 @dataclass(frozen=True)

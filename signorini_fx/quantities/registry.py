@@ -16,11 +16,7 @@ from signorini_fx.extensions import QUANTITIES, load, names_of
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.families import FAMILIES
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
-from signorini_fx.quantities.summary_schema import RowOfSteps, Run
 from signorini_fx.quantities.text import row
-
-# Keys of a summary that say how it was computed, and columns of steps.csv.
-RESERVED = {*Run.model_fields, *RowOfSteps.model_fields}
 
 
 def quantities() -> tuple[Quantity, ...]:
@@ -47,11 +43,15 @@ def _usable(name: str, extension: Any) -> Quantity:
     Raises:
         InstallationError: it is none, or its key is taken.
     """
+    from signorini_fx.quantities.summary_schema import RowOfSteps, Run
+
+    # Keys of a summary that say how it was computed, and columns of steps.csv.
+    reserved = {*Run.model_fields, *RowOfSteps.model_fields}
     quantity: Quantity = extension() if isinstance(extension, type) else extension
     key, title = getattr(quantity, "key", None), getattr(quantity, "title", None)
     if Quantity not in type(quantity).__mro__ or not isinstance(title, str):
         raise InstallationError(f"the quantity {name!r} is no signorini_fx.Quantity with a key and a title")
-    if key != name or not name.isidentifier() or name in RESERVED or name in {known.key for known in of_package()}:
+    if key != name or not name.isidentifier() or name in reserved or name in {known.key for known in of_package()}:
         raise InstallationError(f"the quantity {name!r} needs a key that is its name, an identifier that is not taken")
     try:
         TypeAdapter(quantity.kind).json_schema()

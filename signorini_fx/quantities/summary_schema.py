@@ -8,8 +8,6 @@ from pydantic import Field
 
 from signorini_fx.quantities.kinds import Count, Number, Point, Row, described
 
-# It grows when a key goes or changes its meaning, not when one is added.
-SCHEMA_VERSION = 1
 Setting = Number | Literal["infinite"]
 
 

@@ -13,8 +13,8 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import effort_in_words, results_of, status_in_words
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.assembly.pieces import extent
+from signorini_fx.quantities.quantity import SCHEMA_VERSION
 from signorini_fx.quantities.registry import at_stage, quantities, shown_lines
-from signorini_fx.quantities.summary_schema import SCHEMA_VERSION
 from signorini_fx.quantities.text import row
 from signorini_fx.records import OuterRecord, Record, StepRecord
 from signorini_fx.results.accuracy import price_list

@@ -37,7 +37,7 @@ def blas_in_use() -> str:
         maps = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return "unknown"
-    files = sorted({Path(line.split()[-1]) for line in maps if "/" in line and ".so" in line})
+    files = map(Path, sorted({line.split()[-1] for line in maps if "/" in line and ".so" in line}))
     libraries = ("libblas", "openblas", "blis", "mkl_rt")
     blas_files = [file for file in files if any(word in file.name for word in libraries)]
     names = [f"{file.parent.name}/{file.name}" if file.name.startswith("libblas") else file.name for file in blas_files]

@@ -321,12 +321,22 @@ def test_import_is_light():
 
 
 def test_only_named_effects_are_imported():
-    """A scene imports the files of its effects alone, and without UFL."""
+    """A scene imports the files of its effects and materials alone, and without UFL."""
     read = "import sys; from signorini_fx.scenes.reading import parse_scene; "
     scene = "{'mesh': {'generator': 'rectangle'}, 'material': {'young': 1, 'poisson': 0.3}, 'body_force': {'x': 1}}"
-    told = "print(sorted(m.rpartition('.')[2] for m in sys.modules if m.startswith('signorini_fx.mechanics.effects.')))"
+    of_room = "sorted(m.rpartition('.')[2] for m in sys.modules if m.startswith(f'signorini_fx.mechanics.{room}.'))"
+    told = f"print(*({of_room} for room in ('effects', 'materials')))"
     ended = python(f"{read}parse_scene({scene}); {told}; print('ufl' in sys.modules)")
-    assert (ended.stdout.split("\n")[:2], ended.stderr) == (["['body_force', 'material']", "False"], "")
+    named = ["['body_force', 'material'] ['isotropic', 'protocol', 'registry']", "False"]
+    assert (ended.stdout.split("\n")[:2], ended.stderr) == (named, "")
+
+
+def test_a_small_solve_imports_no_more_than_it_runs(tmp_path):
+    """Neither materials nor methods that the scene does not need."""
+    code = "import sys; from signorini_fx.scenes.cli import main; main(['solve', 'demos/scenes/example1_coulomb.toml', "
+    code += f"'--out', {str(tmp_path / 'out')!r}, '--no-pictures', '--no-fields', '--quiet']); print([m for m in "
+    code += "sys.modules if m in ('scipy.optimize', 'signorini_fx.mechanics.materials.nonlinear')])"
+    assert python(code).stdout.splitlines()[-1:] == ["[]"]
 
 
 def test_public_names():

@@ -10,7 +10,7 @@ import pytest
 from scenes import alone, example1
 from spaces import block
 
-from signorini_fx.quantities.summary_schema import SCHEMA_VERSION
+from signorini_fx.quantities.quantity import SCHEMA_VERSION
 from signorini_fx.quantities.table import markdown
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.motions import FreeMotions
@@ -104,6 +103,8 @@ def _furthest(
         along = rows[:, 0] * np.sign(work[0])
         stops = along > CLOSED_GAP * along.max(initial=0.0)  # along a wall that it slides on there is only round-off
         return np.sign(work) * (gap[stops] / along[stops]).min() if stops.any() else None
+    from scipy.optimize import linprog  # imported by what needs it alone: it takes 0.07 s
+
     result = linprog(-work, A_ub=rows, b_ub=gap, bounds=[(None, None)] * work.size)
     if result.status != 0:
         return None

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
 
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions
@@ -227,6 +226,8 @@ def largest_multiple(contact: Reactions, dead: Nodal, live: Nodal) -> Limit | No
         total_load = dead + live
         balanced = not total_load.any() or nearest(contact, total_load).balanced
         return Limit(np.inf, np.inf, None, np.zeros(0, dtype=np.int64)) if balanced else None
+    from scipy.optimize import linprog  # imported by what needs it alone: it takes 0.07 s
+
     k, size = live.size, float(np.linalg.norm(live))
     target, along = np.append(dead / size, 1.0), np.append(live / size, 0.0)
     columns, pressing = np.eye(k + 1)[-1:], np.array([-1])

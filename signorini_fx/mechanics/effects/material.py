@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from signorini_fx.mechanics.materials.registry import OneMaterial
+from signorini_fx.mechanics.materials.registry import OneMaterial, every_material
 
-Entry = OneMaterial
+Entry, every_entry = OneMaterial, every_material

@@ -137,3 +137,6 @@ class J2(PathDependent):
 
 # The deviator of a strain whose shear components are twice epsilon_ij, shape (6, 6).
 _DEVIATORIC = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) - np.pad(np.full((3, 3), 1 / 3), (0, 3))
+
+
+Entry = J2

@@ -82,3 +82,6 @@ class MooneyRivlin(Hyperelastic):
     def said(self) -> str:
         """See ``Material``."""
         return f"C10 = {self.c10:g}, C01 = {self.c01:g}, bulk = {self.bulk:g}, finite strains"
+
+
+Entry = MooneyRivlin

@@ -84,3 +84,6 @@ class NeoHooke(Hyperelastic):
     def said(self) -> str:
         """See ``Material``."""
         return f"E = {self.young:g}, nu = {self.poisson:g}{', isochoric' * self.isochoric}, finite strains"
+
+
+Entry = NeoHooke

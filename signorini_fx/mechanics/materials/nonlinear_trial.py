@@ -9,7 +9,6 @@ import numpy as np
 
 from signorini_fx.mechanics.materials.nonlinear import (
     Hyperelastic,
-    NonlinearMaterial,
     PathDependent,
     inverse_transposed,
 )
@@ -17,7 +16,7 @@ from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.tuned import ENERGY_DIFFERENCE, SAME_STRESS, TRIED_STRAINS
 
 
-def fault_of_nonlinear(material: NonlinearMaterial) -> str:
+def fault_of_nonlinear(material: Any) -> str:
     """What it does not keep; "": nothing was found."""
     name = type(material).__name__
     try:

@@ -125,3 +125,6 @@ def _beyond_mean(ratio: Any, power: float) -> Any:
         series = series + factor * ratio**k
     root = ufl.sqrt(far)
     return ufl.conditional(near, series, ((1 + root) ** power + (1 - root) ** power) / 2 - 1)
+
+
+Entry = Ogden

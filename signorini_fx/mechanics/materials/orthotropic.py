@@ -135,3 +135,6 @@ class OrthotropicElastic(Material):
 
 
 _ENERGY = "otherwise some strain has no positive energy"
+
+
+Entry = OrthotropicElastic

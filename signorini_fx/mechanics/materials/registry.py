@@ -6,58 +6,67 @@ A package that says in its pyproject.toml
     "transversely isotropic" = "its.module:TransverselyIsotropic"
 
 has scenes with [material] law = "transversely isotropic" and the keys of this class.  Linear materials of this folder
-are known by their keys alone, nonlinear ones by their law.
+are known by their keys alone, nonlinear ones by their law, which names their file.  A scene imports the files of
+its materials alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import reduce
+from importlib import import_module
+from operator import or_
 from typing import Annotated, Any
 
-from pydantic import TypeAdapter, WrapValidator
+from pydantic import BeforeValidator, TypeAdapter
 
 from signorini_fx.extensions import MATERIALS, load_class, names_of
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
-from signorini_fx.mechanics.materials.j2 import J2
-from signorini_fx.mechanics.materials.mooney_rivlin import MooneyRivlin
-from signorini_fx.mechanics.materials.neo_hooke import NeoHooke
-from signorini_fx.mechanics.materials.ogden import Ogden
-from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.materials.protocol import Material
-from signorini_fx.mechanics.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 
-NONLINEAR: Mapping[str, type[Material]] = {
-    "j2": J2,
-    "mooney-rivlin": MooneyRivlin,
-    "neo-hooke": NeoHooke,
-    "ogden": Ogden,
-    "saint-venant-kirchhoff": SaintVenantKirchhoff,
-}
+NONLINEAR = ("j2", "mooney-rivlin", "neo-hooke", "ogden", "saint-venant-kirchhoff")
 
 
-def _named(entry: Any, kinds: Any) -> Any:
-    """A material from a table; itself if it is one.
+def _of_file(name: str) -> type[Material]:
+    """The material of a file of this folder, which is imported."""
+    entry_class: type[Material] = import_module(f"{__package__}.{name.replace('-', '_')}").Entry
+    return entry_class
+
+
+def _class_of(entry: Mapping[str, Any]) -> type[Material]:
+    """The class of the material of a table.
 
     Raises:
         InstallationError: that of another package is none.
         ValueError: there is no such material.
     """
-    if isinstance(entry, Material) or not isinstance(entry, Mapping):
-        return entry if isinstance(entry, Material) else kinds(entry)
-    material: Any = OrthotropicElastic if "orthotropic" in entry else LinearElastic
     name = entry.get("law")
-    if isinstance(name, str) and name in NONLINEAR:
-        material = NONLINEAR[name]
-    elif name is not None:
-        if name not in (known := names_of(MATERIALS)):
-            added = f", those of other packages: {', '.join(known)}" if known else ""
-            cure = f"leave law out, or take another one: {', '.join(NONLINEAR)}{added}"
-            raise ValueError(f"there is no material {name!r}: {cure}")
-        material = load_class(MATERIALS, name, Material)
-    return TypeAdapter(material).validate_python(entry)
+    if name is None:
+        return _of_file("orthotropic") if "orthotropic" in entry else LinearElastic
+    if name in NONLINEAR:
+        return _of_file(name)
+    if name not in (known := names_of(MATERIALS)):
+        added = f", those of other packages: {', '.join(known)}" if known else ""
+        cure = f"leave law out, or take another one: {', '.join(NONLINEAR)}{added}"
+        raise ValueError(f"there is no material {name!r}: {cure}")
+    return load_class(MATERIALS, name, Material)
 
 
-OneMaterial = Annotated[
-    LinearElastic | OrthotropicElastic | NeoHooke | SaintVenantKirchhoff | MooneyRivlin | Ogden | J2,
-    WrapValidator(_named),
-]
+def read_material(entry: Any) -> Any:
+    """A material from a table; itself if it is one.
+
+    Raises:
+        InstallationError: that of another package is none.
+        ValueError: there is no such material, or its keys are wrong.
+    """
+    if isinstance(entry, Material):
+        return entry
+    return TypeAdapter(_class_of(entry) if isinstance(entry, Mapping) else LinearElastic).validate_python(entry)
+
+
+def every_material() -> Any:
+    """The type of any material of this folder, for help and messages: this imports all of them."""
+    return reduce(or_, map(_of_file, ("orthotropic", *NONLINEAR)), LinearElastic)
+
+
+OneMaterial = Annotated[Any, BeforeValidator(read_material)]

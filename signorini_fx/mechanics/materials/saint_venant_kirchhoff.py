@@ -56,3 +56,6 @@ class SaintVenantKirchhoff(Hyperelastic):
     def said(self) -> str:
         """See ``Material``."""
         return f"E = {self.young:g}, nu = {self.poisson:g}, finite strains"
+
+
+Entry = SaintVenantKirchhoff

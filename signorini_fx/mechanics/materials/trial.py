@@ -8,8 +8,6 @@ import numpy as np
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
-from signorini_fx.mechanics.materials.nonlinear import NonlinearMaterial
-from signorini_fx.mechanics.materials.nonlinear_trial import fault_of_nonlinear
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array, Material, stress_of
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
@@ -31,7 +29,9 @@ def check_materials(materials: Iterable[Material]) -> None:
 
 def fault_of(material: Material) -> str:
     """What a material says of itself and does not keep; "": nothing was found."""
-    if isinstance(material, NonlinearMaterial):
+    if not material.linear:
+        from signorini_fx.mechanics.materials.nonlinear_trial import fault_of_nonlinear
+
         return fault_of_nonlinear(material)
     name = type(material).__name__
     try:

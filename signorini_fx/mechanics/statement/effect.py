@@ -429,8 +429,13 @@ def example_of(key: str) -> str:
     return str(getattr(sys.modules.get(module) or import_module(module), "EXAMPLE", ""))
 
 
-def _type(key: str, *, many: bool) -> Any:
-    entry = entry_type(key)
+def _described_type(key: str) -> Any:
+    """The same, of a key whose entries are of several files from all of them."""
+    every = getattr(import_module(f"{PACKAGE}.{key}"), "every_entry", None) if key in modules_of(PACKAGE) else None
+    return entry_type(key) if every is None else every()
+
+
+def _type(entry: Any, *, many: bool) -> Any:
     return GenericAlias(tuple, (entry, ...)) if many else entry | None
 
 
@@ -443,11 +448,13 @@ def _read_many(entry: Any, info: ValidationInfo) -> Any:
     several = [entry] if isinstance(entry, Mapping | BaseModel) else entry
     if several in ((), []):
         return ()
-    return _adapter(_type(str(info.field_name), many=True)).validate_python(several)
+    return _adapter(_type(entry_type(str(info.field_name)), many=True)).validate_python(several)
 
 
 def _read_one(entry: Any, info: ValidationInfo) -> Any:
-    return None if entry is None else _adapter(_type(str(info.field_name), many=False)).validate_python(entry)
+    return (
+        None if entry is None else _adapter(_type(entry_type(str(info.field_name)), many=False)).validate_python(entry)
+    )
 
 
 # The entries of a key that a scene has: its file is imported when there is one.
@@ -483,7 +490,10 @@ def described(model: type[BaseModel]) -> type[BaseModel]:
     """The same model with the types of all entries, for help and messages: this imports all effects."""
     fields = ((key, model.model_fields[key]) for key in keys())
     types = {
-        key: (_type(key, many=get_origin(field.annotation) is tuple), ... if field.is_required() else field.default)
+        key: (
+            _type(_described_type(key), many=get_origin(field.annotation) is tuple),
+            ... if field.is_required() else field.default,
+        )
         for key, field in fields
     }
     return _extended(model, types)
