@@ -63,7 +63,7 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.effects.contact import BondedContact, Contact
+from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.springs import Springs
 from signorini_fx.mechanics.model import Model
@@ -605,7 +605,7 @@ class PlainProblem:
         """
         t, whole = self.t, [spring.boundary for spring in self._statement.of(Springs)]
         for contact in self._statement.contact:
-            if contact.friction.acts or isinstance(contact, BondedContact) or not self.flat:
+            if contact.friction.acts or contact.bonded or not self.flat:
                 whole += [name for name in (contact.boundary, contact.against) if name is not None]
                 continue
             if contact.against is None:

@@ -21,10 +21,8 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.assembly.tried_functions import try_functions
-from signorini_fx.mechanics.elasticity.cellwise_stiffness import cellwise_stiffness
-from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law
+from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law, moduli_of
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
-from signorini_fx.mechanics.elasticity.moduli import check_covers, lame_coefficients, reduced_degree
 from signorini_fx.mechanics.kinematics.trial import fault_of as fault_of_kinematics
 from signorini_fx.mechanics.loads.initial_strains import check_strains
 from signorini_fx.mechanics.loads.jumps import holds, jump_loads, jumps_in
@@ -125,15 +123,13 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
     check_materials(statement.material)
     if fault := fault_of_kinematics(statement.kinematics_in(tagged.dimension)):
         raise SceneError([("material.hypothesis", fault)])
-    facets, lame, stiffness, reduced, *_ = together(
+    facets, moduli, *_ = together(
         partial(boundary_facets, statement, tagged),
-        partial(lame_coefficients, statement, tagged),
-        partial(cellwise_stiffness, statement, tagged),
-        partial(reduced_degree, statement, tagged.mesh),
+        partial(moduli_of, statement, tagged),
         partial(check_fits, statement, tagged),
         partial(check_strains, statement, tagged),
-        partial(check_covers, statement, tagged),
     )
+    lame, stiffness, _ = moduli
     if statement.sides[1] is not None:
         from signorini_fx.mechanics.obstacles.carrying_side import with_chosen_sides
 
@@ -143,7 +139,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
     space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
     inventory = Inventory()
-    elastic = elastic_law(statement, tagged, space, inventory, pieces, (lame, stiffness, reduced))
+    elastic = elastic_law(statement, tagged, space, inventory, pieces, moduli)
     inventory.forms.extend(elastic.names)
     z = ufl.TestFunction(space)
     kinematics = statement.kinematics_in(tagged.dimension)
@@ -350,16 +346,15 @@ def with_moduli(model: M, statement: Statement) -> M | None:
     """
     assert model.coefficients is not None
     check_materials(statement.material)
-    moduli = lame_coefficients(statement, model.tagged), None, reduced_degree(statement, model.tagged.mesh)
     space, inventory, resists = model.space, model.inventory, tuple(model.resists or ())
-    elastic = elastic_law(statement, model.tagged, space, inventory, model.pieces, moduli)
+    elastic = elastic_law(statement, model.tagged, space, inventory, model.pieces)
     if elastic.names != model.elastic.names or elastic.pressed or model.elastic.pressed:
         return None
     changed = replace(
         model,
         terms=partial(_terms, elastic, space, inventory, resists),
         elastic=elastic,
-        lame=moduli[0],
+        lame=elastic.lame,
         coefficients=replace(model.coefficients, statement=statement),
         compressible=_compressible(statement),
         of_body={name: value for name, value in model.of_body.items() if name in ("_supported", "_free")},

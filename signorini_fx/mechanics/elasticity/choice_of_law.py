@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from dolfinx import fem
 
+from signorini_fx.errors import together
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness, cellwise_stiffness
 from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw, VolumeForces
 from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw, PressureForces
-from signorini_fx.mechanics.elasticity.moduli import lame_coefficients, reduced_degree
+from signorini_fx.mechanics.elasticity.moduli import check_covers, lame_coefficients, reduced_degree
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.volumetric import treatment_of
@@ -18,6 +20,21 @@ from signorini_fx.records import Inventory
 
 # Lame parameters, the stiffness of each cell, and the degree of the reduced term, see ``SceneLaw``.
 Moduli = tuple[tuple[Any, Any], CellwiseStiffness | None, int | None]
+
+
+def moduli_of(statement: Statement, tagged: TaggedMesh) -> Moduli:
+    """Those of the materials of a scene on its mesh; collective.
+
+    Raises:
+        SceneError: with all that the mesh reveals of them, see the functions below.
+    """
+    lame, stiffness, reduced, _ = together(
+        partial(lame_coefficients, statement, tagged),
+        partial(cellwise_stiffness, statement, tagged),
+        partial(reduced_degree, statement, tagged.mesh),
+        partial(check_covers, statement, tagged),
+    )
+    return lame, stiffness, reduced
 
 
 def elastic_law(
@@ -38,11 +55,7 @@ def elastic_law(
         pieces: into which the mesh falls; None: only terms and stresses are asked for.
         moduli: those of the scene; None: they are computed.
     """
-    lame, stiffness, reduced = moduli or (
-        lame_coefficients(statement, tagged),
-        cellwise_stiffness(statement, tagged),
-        reduced_degree(statement, tagged.mesh),
-    )
+    lame, stiffness, reduced = moduli or moduli_of(statement, tagged)
     if treatment_of(statement).pressed:
         return MixedLaw(statement, tagged, space, lame, pieces, inventory)
     if stiffness is not None:
