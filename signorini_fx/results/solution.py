@@ -541,7 +541,7 @@ def advice_on_nonlinear(status: Status, materials: Iterable[Any]) -> str:
     """What to do about the outcome of a body of materials that are not all linear, whose own Newton iteration ended."""
     if status is Status.MAX_ITERATIONS:  # not those of an algorithm of contact
         return Status.NOT_SOLVED.advice
-    if status is Status.INVERTED and not any(getattr(material, "finite", False) for material in materials):
+    if status is Status.INVERTED and not any(material.finite for material in materials):
         return _RAN_AWAY
     return status.advice
 

@@ -269,16 +269,11 @@ class OpinionOfScene(SecondOpinion):
     anew: NonlinearForces
     states: StatesOnPath
 
-    @property
-    def _finite(self) -> bool:
-        """Whether some material knows strains that are not small."""
-        return any(getattr(material, "finite", False) for material in self.problem.statement.material)
-
     def too_large(self) -> str:
         """See ``SecondOpinion``: where all strains are small ones, so must the deformation be."""
         linear, limit = self.problem.linear, self.problem.statement.solver.largest_deformation
         if (
-            self._finite
+            self.problem.statement.finite_strains
             or (size := deformation_of(linear.elastic, self.problem.u, linear.scales.size).largest) <= limit
         ):
             return ""
@@ -325,7 +320,8 @@ class OpinionOfScene(SecondOpinion):
         def stresses(model: Model, path: Sequence[fem.Function]) -> NonlinearStresses:
             return NonlinearStresses.of(model, self.states, path)
 
-        return replace(mechanics, loads=loads, supports=supports, displaced=self._finite, stresses=stresses)
+        finite = self.problem.statement.finite_strains
+        return replace(mechanics, loads=loads, supports=supports, displaced=finite, stresses=stresses)
 
 
 def _with_sides_of(statement: Statement, body: Statement) -> Statement:

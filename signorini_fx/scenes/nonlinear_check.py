@@ -34,7 +34,7 @@ def newton_effects(
         SceneError: a setting or a shape does not fit.
     """
     ProblemOfScene.of(statement, body, History())
-    large = any(getattr(material, "finite", False) for material in statement.material)
+    large = statement.finite_strains
     kind = f"{statement.kinematics_in(body.tagged.dimension).words}, {'finite' if large else 'small'} strains"
     inner = " with the contact problem of its tangent in each iteration" if statement.contact else ""
     why = f"always; {kind}, Newton's method{inner}"
@@ -62,7 +62,7 @@ def newton_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     yield from (Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete)
     if body.tagged.note:
         yield Finding("note", "mesh", body.tagged.note)
-    large = any(getattr(material, "finite", False) for material in statement.material)
+    large = statement.finite_strains
     for number, contact in enumerate(statement.contact):
         if large and contact.foundation is None and contact.against is None:
             text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"

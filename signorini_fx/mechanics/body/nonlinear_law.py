@@ -36,9 +36,7 @@ def at_rest(statement: Statement) -> Statement:
     """The same with the linear materials that nonlinear ones are at small strains, and loads that keep their direction
     alone.
     """
-    return without_followers(statement).changed(
-        material=tuple(getattr(material, "at_rest", material) for material in statement.material)
-    )
+    return without_followers(statement).changed(material=tuple(material.at_rest for material in statement.material))
 
 
 def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
@@ -47,7 +45,7 @@ def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
     Raises:
         SceneError: the cells have no reduced form.
     """
-    if not all(getattr(material, "splits", True) for material in statement.material):
+    if not all(material.splits for material in statement.material):
         return None
     return reduced_degree(at_rest(statement), tagged.mesh)
 
@@ -165,7 +163,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         shape = volume = measure(number, metadata={"quadrature_degree": full, "quadrature_rule": "default"})
         if reduced is not None:
             volume = measure(number + len(cells), metadata={"quadrature_degree": reduced})
-        if getattr(material, "finite", False):
+        if material.finite:
             change = kinematics.gradient(u)
             energies.append(material.shape_energy_by_change(change) * around * shape)
             if material.splits:
@@ -196,7 +194,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
 
 def _constants(material: Any) -> tuple[float, float]:
     """The bulk and the shear modulus of a material at small strains, stresses."""
-    linear = getattr(material, "at_rest", material)
+    linear = material.at_rest
     return linear.young / (3 * (1 - 2 * linear.poisson)), linear.young / (2 * (1 + linear.poisson))
 
 

@@ -51,9 +51,7 @@ def _traction(pressure: Any, u: fem.Function, kinematics: Kinematics) -> Any:
 
 def follows(statement: Statement, effect: Any) -> bool:
     """Whether an effect has a pressure that follows the body: where materials know finite strains."""
-    return bool(getattr(effect, "pressure_acts", False)) and any(
-        getattr(material, "finite", False) for material in statement.material
-    )
+    return bool(getattr(effect, "pressure_acts", False)) and statement.finite_strains
 
 
 def following(statement: Statement) -> list[Any]:

@@ -167,8 +167,6 @@ class Hyperelastic(NonlinearMaterial):
     """
 
     finite: ClassVar[bool] = True
-    # Whether it has an energy of the volume apart from that of the shape, which may be integrated with fewer points.
-    splits: ClassVar[bool] = True
 
     def shape_energy(self, gradient: Any) -> Any:
         """The stored energy without ``volume_energy``, per undeformed volume, UFL, a number."""
@@ -222,7 +220,7 @@ class Hyperelastic(NonlinearMaterial):
                 reason = "follows the body at finite strains: give a number, an expression or a callable, not UFL"
                 yield ("traction", row, "pressure"), reason
         for other, beside in enumerate(statement.material):
-            if not getattr(beside, "finite", False):
+            if not beside.finite:
                 cure = "give law = 'saint-venant-kirchhoff', which has the constants of a linear one"
                 yield ("material", other), f"is one of small strains, beside one of finite strains: {cure}"
 
@@ -236,7 +234,6 @@ class PathDependent(NonlinearMaterial):
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
-    finite: ClassVar[bool] = False
     # Numbers of the state at a point.
     state_size: ClassVar[int] = 0
 

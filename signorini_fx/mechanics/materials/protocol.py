@@ -78,6 +78,10 @@ class Material(Effect):
     }
     # Whether the stress is a linear function of the strain, as it is said here; else see ``nonlinear``.
     linear: ClassVar[bool] = True
+    # Whether it knows strains that are not small.
+    finite: ClassVar[bool] = False
+    # Whether a part of it follows the volume alone, and may be integrated with fewer points.
+    splits: ClassVar[bool] = True
     # Whether the stress is a epsilon + b tr(epsilon) I, whose terms may be integrated apart or have a pressure.
     isotropic: ClassVar[bool] = False
     # How much it expands along its axes, relative to ``expansion``.
@@ -112,6 +116,11 @@ class Material(Effect):
         they have no direction.
         """
         return np.broadcast_to(np.eye(3), (x.shape[1], 3, 3))
+
+    @property
+    def at_rest(self) -> Material:
+        """The linear material that it is at small strains."""
+        return self
 
     @property
     def varies(self) -> bool:

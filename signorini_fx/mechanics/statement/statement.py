@@ -92,6 +92,11 @@ class Statement:
         return not all(material.linear for material in self.material)
 
     @property
+    def finite_strains(self) -> bool:
+        """Whether some material knows strains that are not small."""
+        return any(material.finite for material in self.material)
+
+    @property
     def displacement(self) -> tuple[Any, ...]:
         """The prescribed displacements."""
         return self.effects.get("displacement", ())

@@ -195,7 +195,7 @@ class NonlinearForces(NodalForces):
                 stress[inside] = _finite(material, part, shape=shape)
                 continue
             strain = (part + part.swapaxes(-1, -2)) / 2
-            linear = getattr(material, "at_rest", material)
+            linear = material.at_rest
             if not shape:
                 mean = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
                 stress[inside] = linear.young / (3 - 6 * linear.poisson) * mean * np.eye(3)
