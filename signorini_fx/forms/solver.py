@@ -154,8 +154,8 @@ class FormSolver:
         self.outcome: Outcome | None = None
         self.coarser = CoarserMesh()
         self.folders = list[Path]()
-        self._last_pattern: tuple[bytes, bytes] | None = None
-        self._last_modulus: tuple[bytes, float | None] = b"", None
+        self._last_pattern: tuple[tuple[int, ...], tuple[int, ...]] | None = None
+        self._last_modulus: tuple[tuple[int, ...], float | None] = (), None
         self._last: StepEnd | None = None  # at the last advance
         self._rested: RigidMotions | None = None  # of which its resting place is one
         self._start: Start | None = None  # of the present step, in the frames of the present foundations

@@ -647,7 +647,7 @@ class LinearisedProblem(FormSolver):
         self.begun = replace(begun, data=replace(begun.data, gap=begun.data.gap - closed, slip_origin=origin))
         with options.applied(*self.options), self.timings.phase("solve"):
             self.task.system.set_case(0, self._case(self.prescribed[1]))
-            self._last_pattern = self._last_pattern[0], b""  # the load is none that a solve may begin from
+            self._last_pattern = self._last_pattern[0], ()  # the load is none that a solve may begin from
             outcome = solve_task(self.task, self._solution.begins(self.begun, self.boundary))
             if outcome.status is not Status.CONVERGED:
                 self.passed_on, self.begun = last
