@@ -69,29 +69,39 @@ class PairedBodies:
             ended: likewise.
         """
         comm = self.sides.comm
-        low, high = _boxes(ended, self.cells.nodes)
-        lengths = np.linalg.norm(high - low, axis=1)
+        boxes = [_boxes(places, self.cells.nodes) for places in (begun, ended)]
+        lengths = np.linalg.norm(boxes[1][1] - boxes[1][0], axis=1)
         total, count = parallel.global_sum(comm, np.array([lengths.sum(), lengths.size]))
         way = parallel.largest(comm, np.linalg.norm(ended - begun, axis=1), 0.0) / (SHAPE_INSIDE * total / count)
         steps = math.ceil(min(max(float(way), 1.0), MOST_PLACES))
+        (low_begun, high_begun), (low, high) = boxes
+        swept = np.minimum(low_begun, low), np.maximum(high_begun, high)
+        nodes = np.stack([self._at_nodes_of_sides(places) for places in (begun, ended)])
+        near = self._near_others(np.arange(len(low)), swept, nodes)  # of all places on the way
         for share in np.arange(1, steps + 1) / steps:
             # Contact at the end would not see what is deeper than its reach.
             seen = self.sides.reach if share == 1.0 else math.inf
-            if (deep := self._deepest((1.0 - share) * begun + share * ended, seen)) is not None:
+            places = (1.0 - share) * begun + share * ended
+            if (deep := self._deepest(places, near, seen)) is not None:
                 return deep
         return None
 
-    def _deepest(self, places: Array, at_most: float) -> InsideBody | None:
+    def _at_nodes_of_sides(self, places: Array) -> Array:
+        """Places of the nodes of this rank at the nodes of both sides, shape (m, d); collective."""
+        owned = self.sides.space.dofmap.index_map.size_local
+        return self.sides.gathered(np.ascontiguousarray(places[:owned]))
+
+    def _deepest(self, places: Array, cells: npt.NDArray[np.int64], at_most: float) -> InsideBody | None:
         """The node that is deepest in the other body, of those that are too deep; collective.
 
         Args:
             places: of the nodes of this rank, see ``BodyCells.placed``.
+            cells: of this rank that may have nodes of another body inside.
             at_most: depth from which a node is too deep whatever the facets, length.
         """
         sides = self.sides
-        owned, count = sides.space.dofmap.index_map.size_local, sides.slave.nodes.size
-        at = sides.gathered(np.ascontiguousarray(places[:owned]))
-        within = parallel.global_sum(sides.comm, self._within(places, at).astype(np.int64)) > 0
+        at, count = self._at_nodes_of_sides(places), sides.slave.nodes.size
+        within = parallel.global_sum(sides.comm, self._within(places, at, cells).astype(np.int64)) > 0
         deepest: InsideBody | None = None
         for nodes, first, surface in (
             (np.arange(count), count, sides.master.surface),
@@ -108,14 +118,13 @@ class PairedBodies:
                     deepest = InsideBody(float(depth[k]), tuple(at[inner[k]].tolist()))
         return deepest
 
-    def _within(self, places: Array, at: Array) -> npt.NDArray[np.bool_]:
-        """Which points, shape (m, d), are in a cell of this rank of another piece than their own."""
+    def _within(self, places: Array, at: Array, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+        """Which points, shape (m, d), are in a cell of another piece than their own, of some of this rank."""
         within = np.zeros(len(at), dtype=bool)
-        nodes = self.cells.nodes
-        if not len(nodes):
+        if not len(cells):
             return within
-        near_others = self._near_others(places, at)
-        dim, piece, nodes = places.shape[1], self.piece[near_others], nodes[near_others]
+        near_others = self._near_others(cells, _boxes(places, self.cells.nodes[cells]), at[None])
+        dim, piece, nodes = places.shape[1], self.piece[near_others], self.cells.nodes[near_others]
         if dim == 2:
             corners = places[nodes[:, _AROUND[nodes.shape[1]]]]
         else:
@@ -139,16 +148,24 @@ class PairedBodies:
         within[point[(turns >= 0).all(axis=1) | (turns <= 0).all(axis=1)]] = True
         return within
 
-    def _near_others(self, places: Array, at: Array) -> npt.NDArray[np.int64]:
-        """The cells of this rank whose boxes meet the box of all points, shape (m, d), of other pieces."""
-        low, high = _boxes(places, self.cells.nodes)
-        near = np.zeros(len(low), dtype=bool)
-        for piece in np.unique(self.piece):
-            points = at[self.of_node != piece]
+    def _near_others(
+        self, cells: npt.NDArray[np.int64], boxes: tuple[Array, Array], at: Array
+    ) -> npt.NDArray[np.int64]:
+        """Some cells of this rank whose boxes meet the box of all points of other pieces.
+
+        Args:
+            cells: their numbers, shape (c,).
+            boxes: of each of them the smallest and the largest coordinates, shapes (c, d).
+            at: the points at some times, shape (k, m, d).
+        """
+        (low, high), of_cell = boxes, self.piece[cells]
+        near = np.zeros(len(cells), dtype=bool)
+        for piece in np.unique(of_cell):
+            points = at[:, self.of_node != piece].reshape(-1, at.shape[2])
             if len(points):
                 meets = (high >= points.min(axis=0)) & (low <= points.max(axis=0))
-                near |= (self.piece == piece) & meets.all(axis=1)
-        return np.flatnonzero(near)
+                near |= (of_cell == piece) & meets.all(axis=1)
+        return cells[near]
 
 
 def _boxes(places: Array, nodes: npt.NDArray[np.int32]) -> tuple[Array, Array]:
