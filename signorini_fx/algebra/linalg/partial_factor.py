@@ -183,7 +183,8 @@ class PartialFactor:
         data = np.concatenate(entries)[bordering.source]
         del entries
         csr = (bordering.ends, bordering.columns, data)
-        self._matrix = PETSc.Mat().createSBAIJ((bordering.ends.size - 1,) * 2, 1, csr=csr, comm=PETSc.COMM_SELF)
+        # Of the rows of such a matrix MUMPS gets what is above the diagonal.
+        self._matrix = PETSc.Mat().createAIJWithArrays((bordering.ends.size - 1,) * 2, csr, comm=PETSc.COMM_SELF)
         self._matrix.setOption(PETSc.Mat.Option.SPD, definite)
 
     def eliminate(self) -> tuple[Array, Array]:

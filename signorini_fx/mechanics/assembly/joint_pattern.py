@@ -28,7 +28,7 @@ class JointPattern:
 
     Attributes:
         forms: the compiled terms, all with the pattern of the first one.
-        of_forms: dolfinx's pattern of these.
+        of_forms: the matrix of these, whose values each tangent renews.
         keys: of all entries.
         ends, columns: of the rows.
         places: which entries are those of the forms.
@@ -36,7 +36,7 @@ class JointPattern:
     """
 
     forms: tuple[fem.Form, ...] = field(repr=False)
-    of_forms: Any = field(repr=False)
+    of_forms: la.MatrixCSR = field(repr=False)
     keys: Numbers
     ends: npt.NDArray[np.integer[Any]]
     columns: npt.NDArray[np.integer[Any]]
@@ -58,14 +58,14 @@ class JointPattern:
             return last
         of_forms = None if last is None else last.of_forms
         if of_forms is None:
-            of_forms = fem.create_sparsity_pattern(forms[0])
-            of_forms.finalize()
+            entries_of_forms = fem.create_sparsity_pattern(forms[0])
+            entries_of_forms.finalize()
+            of_forms = la.matrix_csr(entries_of_forms, block_mode=la.BlockMode.expanded, dtype=forms[0].dtype)
         dofmap = forms[0].function_spaces[0].dofmap
         size = dofmap.index_map.size_local * dofmap.index_map_bs
         columns: npt.NDArray[np.integer[Any]]
         if last is None:
-            empty = la.matrix_csr(of_forms, block_mode=la.BlockMode.expanded, dtype=forms[0].dtype)
-            columns, counts = empty.indices, np.diff(empty.indptr)
+            columns, counts = of_forms.indices, np.diff(of_forms.indptr)
             by_forms = np.repeat(np.arange(size), counts) * size + columns
         else:
             by_forms, columns = last.keys[last.places], last.columns[last.places]
@@ -109,11 +109,11 @@ def joined_stiffness(
     rows, columns, values = (np.concatenate(parts) for parts in zip(*joints, strict=True))
     keys = rows * size + columns
     pattern = JointPattern.holding(forms, keys, last)
-    entries = la.matrix_csr(pattern.of_forms, block_mode=la.BlockMode.expanded, dtype=forms[0].dtype)
+    pattern.of_forms.data[:] = 0.0
     for form in forms:
-        fem.assemble_matrix(entries, form, list(bcs), 0.0)  # type: ignore[arg-type]
+        fem.assemble_matrix(pattern.of_forms, form, list(bcs), 0.0)  # type: ignore[arg-type]
     data = np.zeros(pattern.keys.size)
-    data[pattern.places] = entries.data
+    data[pattern.places] = pattern.of_forms.data
     np.add.at(data, np.searchsorted(pattern.keys, keys), values)
     csr = pattern.ends, pattern.columns, data
     matrix = PETSc.Mat().createAIJWithArrays((size, size), csr, comm=forms[0].mesh.comm)
