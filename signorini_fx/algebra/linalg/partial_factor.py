@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +51,7 @@ class _Bordering:
             what stays.
         ends, columns: of its rows.
         toward_shape: of ``PartialFactor.toward``.
+        alive: the definite factors that were made with it.
     """
 
     pattern: tuple[npt.NDArray[np.integer[Any]], npt.NDArray[np.integer[Any]]]
@@ -65,6 +67,7 @@ class _Bordering:
     ends: npt.NDArray[np.integer[Any]]
     columns: npt.NDArray[np.integer[Any]]
     toward_shape: tuple[int, int]
+    alive: WeakSet[PartialFactor] = field(default_factory=WeakSet, repr=False, compare=False)
 
     @classmethod
     def of(cls, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> _Bordering:
@@ -133,6 +136,8 @@ class PartialFactor:
     """The symmetric matrix of inner unknowns i, factorised, and what is left of it for those that stay, c; one rank.
 
     A load is one row and column more that stay: the factorisation condenses it, and no back substitution is needed.
+    What MUMPS finds out from the pattern alone serves for the tangents of a nonlinear body, which have one pattern: a
+    factor leaves that behind to one that is still in use, and the next one takes it from there.
 
     Args:
         rows: those of A of the unknowns of this rank, shape (n, n or more); A_ii must be regular.
@@ -171,6 +176,7 @@ class PartialFactor:
         rows = sp.csr_array(rows[self.inner])
         bordering = _bordering(rows, order, places, count, len(loads))
         self._order, self.toward = bordering.numbers[self.inner], bordering.toward(rows)
+        self._alive, self._definite, self._left_behind = bordering.alive, definite, list[ctypes.c_void_p]()
         # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
         self._unit = _power(np.abs(rows.data[bordering.diagonal]).max(initial=0.0))
         # So small that they have no influence on the choice of pivots of an indefinite matrix.
@@ -201,7 +207,11 @@ class PartialFactor:
         if not inside:  # some MUMPS fail with nothing to eliminate
             return np.zeros((count, count)), np.zeros((self._sizes.size, count))
         self._right, self._solution = bordered.createVecs()
-        self._factor = handle = _factorise(bordered, inside, _MEMORY, in_order=self._in_order)
+        left = next((other._left_behind for other in self._alive if other._left_behind), []) if self._definite else []
+        analysed = left.pop() if left else None
+        self._factor = handle = _factorise(bordered, inside, _MEMORY, analysed, in_order=self._in_order)
+        if self._definite:
+            self._alive.add(self)
         dense = ctypes.c_void_p()
         call("MatFactorGetSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
@@ -230,8 +240,14 @@ class PartialFactor:
         return np.asarray(self._solution.getArray(readonly=True)[self._order] / self._unit)
 
     def __del__(self) -> None:
-        if getattr(self, "_factor", None):
-            call("MatDestroy", ctypes.byref(self._factor))
+        if not getattr(self, "_factor", None):
+            return
+        useful = [self._factor, *self._left_behind]
+        heir = next((other for other in self._alive if other is not self and not other._left_behind), None)
+        if heir is not None and self._definite:
+            heir._left_behind.append(useful.pop())
+        for factor in useful:
+            call("MatDestroy", ctypes.byref(factor))
 
 
 def _power(size: float) -> float:
@@ -255,24 +271,40 @@ def _order_is_taken() -> bool:
     return used.value == _ORDER_OF_USER
 
 
-def _factorise(matrix: PETSc.Mat, inside: int, memory: Sequence[tuple[int, int]], *, in_order: bool) -> ctypes.c_void_p:
+def _factorise(
+    matrix: PETSc.Mat,
+    inside: int,
+    memory: Sequence[tuple[int, int]],
+    analysed: ctypes.c_void_p | None = None,
+    *,
+    in_order: bool,
+) -> ctypes.c_void_p:
     """Factorise the first rows and columns of a symmetric matrix; those of the others become the Schur complement.
 
     Args:
         matrix: the matrix.
         inside: number of those rows.
         memory: what is tried one after another, as numbers and values of ICNTL.
+        analysed: the factor of another matrix with the same pattern, which is overwritten; None: there is none.
         in_order: whether to eliminate them one after another, where PETSc lets MUMPS know; else by minimum degree.
 
     Raises:
         PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
     """
-    factor, broken = ctypes.c_void_p(), ctypes.c_int()
+    broken = ctypes.c_int()
+    info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
+    if analysed is not None:
+        numeric = "MatLUFactorNumeric" if in_order else "MatCholeskyFactorNumeric"
+        call(numeric, analysed, matrix, ctypes.byref(info))
+        call("MatFactorGetError", analysed, ctypes.byref(broken))
+        if not broken.value:
+            return analysed
+        call("MatDestroy", ctypes.byref(analysed))
+    factor = ctypes.c_void_p()
     call("MatGetFactor", matrix, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(factor))
     indices = np.arange(matrix.getSize()[0], dtype=PETSc.IntType)
     call("MatFactorSetSchurIS", factor, PETSc.IS().createGeneral(indices[inside:], comm=matrix.comm))
     call("MatMumpsSetIcntl", factor, *memory[0])
-    info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
     if in_order:
         # PETSc passes an order on in the symbolic LU factorisation alone, which is borrowed.
         lent, symbolic = ctypes.c_void_p(), ctypes.c_void_p()
