@@ -2006,6 +2006,20 @@ MUTANTS = (
         tests=("planes_of_symmetry::test_half_a_model",),
     ),
     Mutant(
+        "obstacles/mirrored_points",
+        "(sign * ahead >= -within).all()",
+        "True",
+        "two bodies: a held node in the middle of a side is in a plane of symmetry",
+        tests=("faults_of_sliding_pairs::test_nodes_over_each_other_that_are_held",),
+    ),
+    Mutant(
+        "results/certificate/undeformed_sides",
+        "ahead | ((highest[:, None] <= beyond) & (other_highest <= beyond))",
+        "True",
+        "two bodies: the certificate asks for a plane of symmetry in the middle of a side",
+        tests=("faults_of_sliding_pairs::test_nodes_over_each_other_that_are_held",),
+    ),
+    Mutant(
         "loads/supports",
         "return np.asarray(fixed & (displacements.ravel()[: fixed.size] == 0))",
         "return fixed",

@@ -138,6 +138,7 @@ class EquilibriumSolver:
     farthest: float = 0.0
     hidden: bool | None = None
     _detail: str = ""  # see ``outcomes.failure``
+    _tried: Array | None = None  # see ``Stability.reason_for_none``
     _begins: tuple[Array, Array] = field(init=False)  # values of ``u`` and F where the last attempt began
     _judged: tuple[Array, Array] = field(init=False)  # F and its round-off at the last iterate that was judged
     _unloaded: bool = False  # whether that was at rest, see ``_rests_unloaded``
@@ -178,6 +179,7 @@ class EquilibriumSolver:
             moving.check(number, self.linear.space.mesh.comm)
         last = self.last = self.last or self.snapshot()
         self.certificate, self.status, self.hidden, self.without, self._detail = None, None, None, "", ""
+        self._tried = None
         self.linear_solves, solves = 0, len(self.linear.history.iterations)
         try:
             with self.timings.phase("iterate"):
@@ -189,7 +191,7 @@ class EquilibriumSolver:
             elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stability.verdict()
             elif damps and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self.without:
-                self.without = self.stability.reason_for_none(last.displacement)
+                self.without = self.stability.reason_for_none(last.displacement, self._tried)
         except Exception:
             self.go_back(last)
             raise
@@ -315,6 +317,7 @@ class EquilibriumSolver:
                     return Status.NOT_FINITE
                 raise
             if length == 0.0:
+                self._tried = old + increment
                 return Status.INVERTED
             if iteration == 1:
                 self.predicted = float(parallel.largest(comm, np.abs(increment), 0.0))

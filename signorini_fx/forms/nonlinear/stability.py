@@ -59,14 +59,16 @@ class Stability:
         # Without an energy a symmetric part that is not definite proves nothing.
         return Status.UNSTABLE if self.linear.symmetric else Status.STABILITY_UNKNOWN
 
-    def reason_for_none(self, before: Array) -> str:
+    def reason_for_none(self, before: Array, tried: Array | None = None) -> str:
         """Why there may be no solution, at an iterate; empty: nothing says so; collective.
 
         Args:
             before: the last solution, values of ``u``.
+            tried: where the tangent leads to, and no part of the way is possible, likewise; None: not so.
         """
         comm, size = self.u.function_space.mesh.comm, self.linear.extent
-        away = float(parallel.largest(comm, np.abs(self.u.x.array - before), 0.0))
+        farthest = self.u.x.array if tried is None else tried
+        away = float(parallel.largest(comm, np.abs(farthest - before), 0.0))
         if not away <= max(size, float(parallel.largest(comm, np.abs(before), 0.0))):
             return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
