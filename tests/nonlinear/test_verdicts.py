@@ -239,3 +239,14 @@ def test_loads_without_potential():
     assert problem.certificate.holds
     assert problem.iterations <= 6
     assert any("the tangent is not symmetric" in event for event in problem.history.events)
+
+
+def test_contact_of_a_tangent_that_has_no_solution():
+    """It is no contact problem of the body: the outcome does not advise to iterate longer, but to take smaller steps,
+    which a ramp does by itself.
+    """
+    settings = {"friction": Coulomb(0.3), "algorithm": "alm", "max_outer_iterations": 1, "fallbacks": False}
+    problem = column(stability=False, **settings)
+    with pytest.raises(ConvergenceError, match=r"not solved \(maximum outer iterations reached\).*take smaller steps"):
+        problem.solve()
+    assert problem.status is Status.NOT_SOLVED

@@ -459,7 +459,7 @@ class EquilibriumSolver:
             if self.stability.leads(self.u.x.array.copy()):
                 self.without = f"the tangent does not hold it: {inner.value}"
             return Status.NOT_SOLVED
-        if inner is not Status.CYCLING:
+        if inner not in (Status.CYCLING, Status.OUTER_MAX_ITERATIONS):
             return inner
         self._detail = inner.value
         return Status.NOT_SOLVED
