@@ -5271,6 +5271,13 @@ MUTANTS = (
         tests=("recovered_force::test_the_error_that_one_mesh_tells",),
     ),
     Mutant(
+        "accuracy/recovered_force",
+        "-float(parallel.global_sum(model.comm, of_cells.sum())) / size",
+        "float(parallel.global_sum(model.comm, of_cells.sum())) / size",
+        "estimates: a pressure that is too large is too small",
+        tests=("recovered_force::test_the_largest_pressure_that_one_mesh_tells",),
+    ),
+    Mutant(
         "bounds/plain_scene",
         "return strain if self.jump is None else strain + self.jump.strain",
         "return strain",

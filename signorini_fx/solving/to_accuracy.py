@@ -34,7 +34,7 @@ from signorini_fx.results.accuracy.price_list import (
     price_list,
     with_polygon,
 )
-from signorini_fx.results.accuracy.recovered_force import force_by_recovery
+from signorini_fx.results.accuracy.recovered_force import force_by_recovery, peak_by_recovery
 from signorini_fx.results.deferred_quantities import failure_in_words
 from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.results.solution import Solution
@@ -109,8 +109,8 @@ def solve_to_accuracy(
             elif late:
                 notify(f"accuracy: {ended}")
             return replace(solution, levels=tuple(levels))
-        if goal.of == "force" and meshes.adaptive:
-            level = _with_recovered_force(solved, level)
+        if goal.of in ("force", "peak") and meshes.adaptive:
+            level = _with_recovered_error(solved, level, goal.of)
         if not levels:
             meshes.keep(solved)
         polygon = meshes.problem.polygon_error(solved, polygon)
@@ -182,18 +182,20 @@ def solve_to_accuracy(
             return replace(solution, status=Status.OUT_OF_REACH)
 
 
-def _with_recovered_force(solved: SolvedMesh, level: LevelResult) -> LevelResult:
-    """The mesh with the error of contact forces from stress recovery, where this is known of the problem; collective.
+def _with_recovered_error(solved: SolvedMesh, level: LevelResult, of: str) -> LevelResult:
+    """The mesh with the error of contact forces, or of the largest pressure, from stress recovery, where this is known
+    of the problem; collective.
 
-    Of meshes that are divided here and there changes of forces tell no error.
+    Of meshes that are divided here and there changes of both tell no error.
     """
     solution, outcome = solved.solution, solved.outcome
     covered = (level.dimension, level.degree) in FORCE_OF_ENERGY and len(solution.steps) == 1
     contact = solution.steps[-1].contact
     if not (covered and isinstance(solution.model, StatedBody)) or outcome is None or contact is None:
         return level
-    error = force_by_recovery(solution.model, solved.task, outcome, contact, solution.steps[-1].place)
-    return replace(level, recovered_force=error)
+    recover = force_by_recovery if of == "force" else peak_by_recovery
+    error = recover(solution.model, solved.task, outcome, contact, solution.steps[-1].place)
+    return replace(level, recovered_force=error) if of == "force" else replace(level, recovered_peak=error)
 
 
 def _with_finer_zone(

@@ -10,7 +10,7 @@ smooth *top*, and separates what adds up in the error of the largest nodal press
   extrapolated with its rate; the last change counts at least, with the rate that is seen where both go on changing the
   same way and that is smaller.  Its sign is that of the last change of the top;
 - on meshes that are divided here and there, what an error elsewhere in the body adds, and a share of what was seen on
-  the mesh before.
+  the mesh before; in space and of degree 1 the stress on the mesh tells all of it: ``seen_by_recovery``.
 
 No function of the pressures on these meshes that was tried tells more (docs/trust.md).  A finer mesh does, once it is
 solved: ``seen_from_finer``; and so does one that is finer around the contact only: ``seen_from_zone``.
@@ -200,6 +200,21 @@ def seen_from_zone(last: Peak, zone: FinerZone, error: float) -> float | None:
     return float(np.linalg.norm(parts))
 
 
+def seen_by_recovery(peak: Peak, of_mean: float) -> float | None:
+    """The relative error of the largest pressure on a mesh whose stress tells that of the pressure around it.
+
+    Args:
+        peak: on the mesh.
+        of_mean: the relative error of a mean of the pressure there, with its sign, see ``recovered_force``.
+
+    Returns:
+        None without contact.
+    """
+    if not peak.largest > 0:
+        return None
+    return _of_parts(peak, of_mean)
+
+
 def peak_error(
     peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None = None, pollution: float = 0.0
 ) -> float | None:
@@ -232,11 +247,18 @@ def _seen(peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None) 
     steps = _refinements(peaks, fineness)
     if not steps:
         return None
-    above_top = last.largest / last.top - 1
     of_top = np.sqrt(np.mean([step.beyond(rate) ** 2 for step in steps[-CHANGES_USED:]]))
     seen_rate = _rate_seen(steps[-2], steps[-1], rate) if len(steps) > 1 else rate
     of_top = -np.copysign(max(of_top, steps[-1].beyond(seen_rate)), steps[-1].changes[0])
-    parts = np.linalg.norm([above_top, of_top, SCATTER_SHARE * last.scatter])
+    return _of_parts(last, of_top)
+
+
+def _of_parts(peak: Peak, of_top: float) -> float:
+    """The error of the largest pressure from that of its top and how far it is off this, relative; the parts may cancel
+    by chance.
+    """
+    above_top = peak.largest / peak.top - 1
+    parts = np.linalg.norm([above_top, of_top, SCATTER_SHARE * peak.scatter])
     return max(float(abs(above_top + of_top)), float(LEAST_SHARE_OF_PARTS * parts))
 
 

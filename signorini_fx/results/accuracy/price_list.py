@@ -28,7 +28,14 @@ from signorini_fx.results.accuracy.contact_values import interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.forecast import grown, powers
 from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
-from signorini_fx.results.accuracy.peak_error import FinerZone, Peak, peak_error, seen_from_finer, seen_from_zone
+from signorini_fx.results.accuracy.peak_error import (
+    FinerZone,
+    Peak,
+    peak_error,
+    seen_by_recovery,
+    seen_from_finer,
+    seen_from_zone,
+)
 from signorini_fx.results.accuracy.pressure_error import peak_of
 from signorini_fx.tuned import (
     CHANGES_USED,
@@ -161,6 +168,8 @@ def price_list(
             errors["force"] = force_error(levels[: index + 1], uniform=uniform) if enough else None
             pollution = 0.0 if uniform else POLLUTION_OF_PEAK * level.energy**2
             error = peak_error(peaks[: index + 1], level.degree, fineness if uniform else None, pollution)
+            if level.recovered_peak is not None:
+                error = seen_by_recovery(peaks[index], level.recovered_peak)
             errors["peak"] = None if error is None else error + level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
             errors["zone"] = border_of(level.table)
