@@ -28,7 +28,6 @@ from scipy.spatial import cKDTree
 from signorini_fx.errors import MeshError, OutputError, SceneError, cannot_be_written
 from signorini_fx.machine import manifest, parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.mesh.files.formats import files_of
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, reserve
 from signorini_fx.tuned import SAME_LENGTH
@@ -408,6 +407,8 @@ def _add_contents(scene_part: Any, description: Any) -> None:
     elif isinstance(description, dict) and isinstance(scene_part, BaseModel):
         if isinstance(path := getattr(scene_part, "file", None), Path):
             try:
+                from signorini_fx.mechanics.mesh.files.formats import files_of
+
                 description["content"] = " ".join(map(_digest, files_of(path)))
             except (OSError, MeshError):
                 description["content"] = "unreadable"

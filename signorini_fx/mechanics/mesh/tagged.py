@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -24,7 +24,6 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.distribution import from_root
 from signorini_fx.mechanics.mesh.drawing import set_order
 from signorini_fx.mechanics.mesh.extent import diameter, extremes
-from signorini_fx.mechanics.mesh.files import formats
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations, from_raw
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.gmsh_reader import content
@@ -49,6 +48,9 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.validation import plain_message
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.tuned import SAME_LENGTH
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.mesh.files.formats import Tags
 
 
 @dataclass(frozen=True, repr=False)
@@ -340,6 +342,7 @@ def read_mesh(
         MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
         SceneError: a number or a condition selects nothing.
     """
+    from signorini_fx.mechanics.mesh.files import formats
 
     def read() -> MeshArrays:
         arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sections, sizes)
@@ -363,7 +366,7 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays], touching: Collec
     """
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
-    def made() -> tuple[str, formats.Tags, formats.Tags, str, bool, Mapping[str, int]]:
+    def made() -> tuple[str, Tags, Tags, str, bool, Mapping[str, int]]:
         arrays = make()
         of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
@@ -453,7 +456,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         InstallationError: gmsh is not installed, or cannot be loaded.
     """
 
-    def build(gmsh: Any) -> tuple[int, formats.Tags, formats.Tags]:
+    def build(gmsh: Any) -> tuple[int, Tags, Tags]:
         try:
             draw(gmsh)
         except SignoriniError:
