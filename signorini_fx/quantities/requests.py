@@ -18,6 +18,12 @@ def axis_of(dimension: int, name: str) -> int:
     return "xyz"[:dimension].index(name)
 
 
+def direction_of(dimension: int, axis: str) -> tuple[float, ...]:
+    """The unit vector along an axis, see ``axis_of``."""
+    number = axis_of(dimension, axis)
+    return tuple(float(k == number) for k in range(dimension))
+
+
 def contact_of(statement: Any, boundary: str) -> int:
     """The number of the contact of a boundary.
 

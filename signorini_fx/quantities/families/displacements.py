@@ -8,7 +8,7 @@ import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.quantities.quantity import Quantity
-from signorini_fx.quantities.requests import axis_of
+from signorini_fx.quantities.requests import axis_of, direction_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
 
 if TYPE_CHECKING:
@@ -66,9 +66,8 @@ class Mean(Quantity):
     def bounds(self, solution: Any, *words: str) -> Interval | str | None:
         """See ``Quantity``."""
         boundary, axis = words
-        dimension = solution.model.dimension
-        direction = np.eye(dimension)[axis_of(dimension, axis)]
-        bounds: Interval | str = solution.mean_displacement_bounds(boundary, tuple(direction.tolist()))
+        direction = direction_of(solution.model.dimension, axis)
+        bounds: Interval | str = solution.mean_displacement_bounds(boundary, direction)
         return bounds
 
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from signorini_fx.machine.display import clean, on_several_bodies, touch_each_other
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import components, solved_prices
 from signorini_fx.quantities.kinds import Vector
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
-from signorini_fx.quantities.requests import axis_of, contact_of
+from signorini_fx.quantities.requests import axis_of, contact_of, direction_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
 from signorini_fx.quantities.text import force_lines, has_friction, kinematics_of, named_components
 
@@ -98,9 +96,8 @@ class TotalContactForce(_Force):
     def bounds(self, solution: Any, *words: str) -> Interval | str | None:
         """See ``Quantity``: of a contact or of a support."""
         boundary, axis = words
-        dimension = solution.model.dimension
-        direction = np.eye(dimension)[axis_of(dimension, axis)]
-        bounds: Interval | str = solution.force_bounds(boundary, tuple(direction.tolist()))
+        direction = direction_of(solution.model.dimension, axis)
+        bounds: Interval | str = solution.force_bounds(boundary, direction)
         return bounds
 
 
