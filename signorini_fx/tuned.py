@@ -99,6 +99,9 @@ MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
 # The answers do not depend on it: what touches beyond is added, and the tangent is condensed once more.  Source:
 # docs/evidence/nonlinear_costs.csv, where no tangent had to be condensed twice.
 RETAINED_REACH, FEWEST_LEFT_OUT = 0.5, 0.2
+# Those of the last tangent are retained again if they are at most this many times those that are needed; else the reach
+# is so many times as large, so that the next tangents may have the same points.  Choice, by the same table.
+RETAINED_AGAIN, RETAINED_MARGIN = 1.3, 1.2
 # From this number of unknowns on a Krylov method with multigrid is taken, by dimension; in the plane where the memory
 # ends.  Source: docs/evidence/linear_algebra_in_space.csv.
 FEWEST_KRYLOV_UNKNOWNS = {3: 20_000}

@@ -59,7 +59,8 @@ class CondensedSystem(PlainSystem):
         schur = e.eliminated
         if schur is None or parallel.any_rank(e.comm, not np.array_equal(schur.retained, retained)):
             loads = [case.load.getArray(readonly=True) for case in e.cases]
-            schur = SchurComplement(e.matrix, retained, loads, e.positions, definite=e.definite)
+            followed = e.far is not None  # which is so of tangents alone
+            schur = SchurComplement(e.matrix, retained, loads, e.positions, definite=e.definite, followed=followed)
             condensed = list(zip(schur.loads, schur.between, strict=True))
         else:
             condensed = [schur.condense(case.load) for case in e.cases]

@@ -115,16 +115,19 @@ class _Bordering:
         return sp.csr_array((rows.data[entries], (row, column)), shape=self.toward_shape)
 
 
-# That of the last order, once two matrices have had it: the tangents of a nonlinear body have one pattern.
+# That of the last order, once two matrices have had it, or others are known to follow: the tangents of a nonlinear body
+# have one pattern.
 _last: dict[str, _Bordering] = {}
 _last_order: dict[str, Indices] = {}
 
 
-def _bordering(rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> _Bordering:
-    """That of the rows of inner unknowns, see ``_Bordering``."""
+def _bordering(
+    rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int, *, followed: bool
+) -> _Bordering:
+    """That of the rows of inner unknowns, see ``_Bordering``; ``followed``: see ``PartialFactor``."""
     if (last := _last.get("bordering")) is not None and last.fits(rows, order, places, count, loads):
         return last
-    same_order = _last_order.get("order") is order
+    same_order = followed or _last_order.get("order") is order
     _last.clear()
     _last_order["order"], bordering = order, _Bordering.of(rows, order, places, count, loads)
     if same_order:
@@ -147,6 +150,7 @@ class PartialFactor:
         positions: of the first of these unknowns, shape (at most n, d), from which the order of their elimination is
             taken; None: minimum degree.
         definite: whether A_ii is positive definite.
+        followed: whether matrices of the same pattern are likely to follow.
 
     Attributes:
         inner: the m inner unknowns.
@@ -165,6 +169,7 @@ class PartialFactor:
         positions: Array | None = None,
         *,
         definite: bool,
+        followed: bool = False,
     ) -> None:
         self.inner = np.flatnonzero(places[: rows.shape[0]] < 0)
         self._count, inside = count, self.inner.size
@@ -174,7 +179,7 @@ class PartialFactor:
         stay = places >= 0
         order = nearest_first(rows, stay) if usable_positions is None else dissected(rows, self.inner, usable_positions)
         rows = sp.csr_array(rows[self.inner])
-        bordering = _bordering(rows, order, places, count, len(loads))
+        bordering = _bordering(rows, order, places, count, len(loads), followed=followed)
         self._order, self.toward = bordering.numbers[self.inner], bordering.toward(rows)
         self._alive, self._definite, self._left_behind = bordering.alive, definite, list[ctypes.c_void_p]()
         # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.

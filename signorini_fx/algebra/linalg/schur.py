@@ -37,6 +37,7 @@ class SchurComplement:
         loads: right-hand sides b, the entries of this rank.
         positions: see ``PartialFactor``.
         definite: whether A_ii is positive definite.
+        followed: see ``PartialFactor``.
 
     Attributes:
         dense: A_cc - A_ci A_ii^-1 A_ic, symmetric, the same on all ranks.
@@ -55,6 +56,7 @@ class SchurComplement:
         positions: Array | None = None,
         *,
         definite: bool = True,
+        followed: bool = False,
     ) -> None:
         self.matrix, self.retained = matrix, retained
         self._comm: MPI.Comm = matrix.comm.tompi4py()
@@ -80,7 +82,8 @@ class SchurComplement:
         self._places = np.flatnonzero(touched)
         places = np.where(numbers >= 0, np.searchsorted(self._places, numbers), -1)
         between = sp.coo_array(rows[np.flatnonzero(numbers[:owned] >= 0)])
-        self._factor = PartialFactor(rows, places, self._places.size, loads, positions, definite=definite)
+        stay_here = self._places.size
+        self._factor = PartialFactor(rows, places, stay_here, loads, positions, definite=definite, followed=followed)
         del rows
         broken = False
         try:

@@ -24,7 +24,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.records import Status
-from signorini_fx.tuned import FEWEST_LEFT_OUT, RETAINED_REACH
+from signorini_fx.tuned import FEWEST_LEFT_OUT, RETAINED_AGAIN, RETAINED_MARGIN, RETAINED_REACH
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -43,6 +43,7 @@ class RetainedPoints:
         self._possible = space.mesh.geometry.dim == 3 and space.mesh.comm.size == 1
         self._choosing = self._retain_all = False
         self._moved = 0.0  # the largest increment of this load so far, length
+        self._retained: Flags | None = None  # the last points that were, of earlier loads too
         self.begin_anew()
 
     def begin_anew(self) -> None:
@@ -88,14 +89,30 @@ class RetainedPoints:
             increments.append(np.abs(values - self._last_values))
             self._moved = max(self._moved, float(increments[-1].max(initial=0.0)))
         near = state.in_contact | (state.shear != 0.0).any(axis=1)  # a shear may act without contact
-        near |= distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments)
+        reach = RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments)
+        near |= distance <= reach
         if self._near is not None and self._near.size == near.size:
             near |= self._near
         near[distance.argmin()] = True  # a dense matrix of nothing is none
+        near = self._retained = self._hardly_more(near, near | (distance <= RETAINED_MARGIN * reach))
         self._near, self._last_values, self._distance = near, values.copy(), distance
         if np.count_nonzero(near) > (1.0 - FEWEST_LEFT_OUT) * near.size:
             return None
         return ~near, self._at
+
+    def _hardly_more(self, needed: Flags, wider: Flags) -> Flags:
+        """Points to retain: the last ones where these are hardly more than are needed, as much of a factorisation
+        depends on which points they are alone; else so many that those of the next iterations may be among them.
+
+        Args:
+            needed: which points must be, shape (n,).
+            wider: these and some more, likewise.
+        """
+        last = self._retained
+        if last is not None and last.size == needed.size and not (needed & ~last).any():
+            if np.count_nonzero(last) <= RETAINED_AGAIN * np.count_nonzero(needed):
+                return last
+        return wider
 
     def suffice(self, far: tuple[Flags, fem.Function] | None, begun: Start, outcome: Outcome) -> bool:
         """Whether an outcome is that of the problem with all points; else more of them will be retained.
