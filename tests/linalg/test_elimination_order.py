@@ -170,3 +170,44 @@ def test_the_places_of_entries_are_those_of_the_pattern():
         assert kept[1] is not None
         assert kept[2] is not kept[1]  # which has no place for an entry that was zero
         assert kept[3] is kept[2]  # which has
+
+
+def test_what_is_known_of_a_pattern_serves_for_the_next_matrix(monkeypatch):
+    """A factor that ends leaves its analysis to one that is still in use, whose successor overwrites it: the values are
+    its own, those of the factor in use stay, and nothing is left once all have ended.
+    """
+    graph, x = grid((9, 6))
+    rng, places = np.random.default_rng(1), np.full(len(x), -1)
+    stay = np.flatnonzero(x[:, 1] == 0)
+    places[stay] = np.arange(stay.size)
+    inner, calls, call = np.flatnonzero(places < 0), [], partial_factor.call
+
+    def counted(name, *arguments):
+        calls.append(name)
+        call(name, *arguments)
+
+    monkeypatch.setattr(partial_factor, "call", counted)
+    taken = partial_factor._order_is_taken()
+    partial_factor._last.clear()
+    calls.clear()
+    factor, before = None, None
+    for _ in range(6):
+        rows = sp.csr_array(graph + sp.eye_array(len(x)))
+        rows.data[:] = -rng.uniform(0.1, 1.0, rows.nnz)
+        rows = sp.csr_array(rows + rows.T)
+        rows.setdiag(20.0 + rng.uniform(size=len(x)))
+        rows.sort_indices()
+        right, full = rng.normal(size=len(x)), rows.toarray()
+        further = partial_factor.PartialFactor(rows, places, stay.size, [right], x, definite=True, followed=True)
+        dense, _ = further.eliminate()
+        inverse = np.linalg.inv(full[np.ix_(inner, inner)])
+        expected = -full[np.ix_(stay, inner)] @ inverse @ full[np.ix_(inner, stay)]
+        np.testing.assert_allclose(dense, expected, atol=1e-12)
+        np.testing.assert_allclose(further.solve(right[inner]), inverse @ right[inner], atol=1e-12)
+        if factor is not None:
+            np.testing.assert_allclose(factor.solve(right[inner]), before @ right[inner], atol=1e-12)
+        factor, before = further, inverse
+    analyses = calls.count("MatLUFactorSymbolic") + calls.count("MatCholeskyFactorSymbolic")
+    assert analyses == (2 if taken else 6)
+    del factor, further
+    assert calls.count("MatGetFactor") == calls.count("MatDestroy")

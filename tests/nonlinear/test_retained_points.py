@@ -158,3 +158,21 @@ def test_what_else_acts_on_points(monkeypatch, make, steps, leaves_out):
     for values in zip(found, expected, strict=True):
         for ours, reference in zip(*values, strict=True):
             assert ours == pytest.approx(reference, abs=1e-9 * max(1e-3, np.abs(reference).max()))
+
+
+@pytest.mark.parametrize(
+    ("needed", "retained"),
+    [(range(10, 20), range(8, 21)), (range(10, 19), range(9, 20)), (range(12, 22), range(11, 23))],
+    ids=["hardly-fewer", "many-fewer", "another"],
+)
+def test_points_of_the_last_tangent(needed, retained):
+    """They are retained again where they are hardly more than are needed, so that tangents have one pattern; else some
+    more than are needed, which the next ones may need.
+    """
+    mesh = dmesh.create_unit_square(MPI.COMM_SELF, 1, 1)
+    choice, every = RetainedPoints(fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))), np.arange(30)
+    first = np.isin(every, range(8, 21))
+    choice._retained = choice._hardly_more(np.isin(every, range(9, 20)), first)
+    wanted = np.isin(every, needed)
+    wider = wanted | np.isin(every, (min(needed) - 1, max(needed) + 1))
+    assert np.array_equal(choice._hardly_more(wanted, wider), np.isin(every, retained))

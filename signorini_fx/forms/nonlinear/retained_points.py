@@ -109,10 +109,9 @@ class RetainedPoints:
             wider: these and some more, likewise.
         """
         last = self._retained
-        if last is not None and last.size == needed.size and not (needed & ~last).any():
-            if np.count_nonzero(last) <= RETAINED_AGAIN * np.count_nonzero(needed):
-                return last
-        return wider
+        if last is None or last.size != needed.size or (needed & ~last).any():
+            return wider
+        return last if np.count_nonzero(last) <= RETAINED_AGAIN * np.count_nonzero(needed) else wider
 
     def suffice(self, far: tuple[Flags, fem.Function] | None, begun: Start, outcome: Outcome) -> bool:
         """Whether an outcome is that of the problem with all points; else more of them will be retained.
