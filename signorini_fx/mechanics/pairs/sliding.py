@@ -28,6 +28,7 @@ of the slave around the node of the point, about the normal, too.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -154,7 +155,7 @@ class SlidingCoupling:
         far = np.linalg.norm(along, axis=1)[self.frames.partnered].max(initial=0.0)
         return float(far / self.facet)
 
-    @property
+    @cached_property
     def facet(self) -> float:
         """The size of a facet of the other side, length: the median of those of one edge of each."""
         ends = self.master.x[self.master.nodes]
