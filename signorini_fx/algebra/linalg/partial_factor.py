@@ -247,10 +247,9 @@ class PartialFactor:
     def __del__(self) -> None:
         if not getattr(self, "_factor", None):
             return
-        useful = [self._factor, *self._left_behind]
-        heir = next((other for other in self._alive if other is not self and not other._left_behind), None)
-        if heir is not None and self._definite:
-            heir._left_behind.append(useful.pop())
+        useful, others = [self._factor, *self._left_behind], [other for other in self._alive if other is not self]
+        if others and self._definite and not any(other._left_behind for other in others):  # as it is large, only one
+            others[0]._left_behind.append(useful.pop())
         for factor in useful:
             call("MatDestroy", ctypes.byref(factor))
 
