@@ -8,8 +8,8 @@ elastic bodies have energies of the three principal stretches, whose stresses ar
 value decomposition of F and derivatives by a complex step; its metal is integrated along the load steps that are
 there, by bisection of the yield condition.  Of each load step that is called converged it looks at equilibrium, gaps,
 signs, friction and its direction, whether forces that are reported are those that it finds, whether a tool that a force
-moves is in balance, and of elastic bodies without friction whether the second derivative of the energy is positive.  Several
-ranks must end as one rank alone, with its displacements and forces.  Counts are added to a table.
+moves is in balance, and of elastic bodies without friction whether the second derivative of the energy is positive.
+Several ranks must end as one rank alone, with its displacements and forces.  Counts are added to a table.
 """
 
 from __future__ import annotations

@@ -453,7 +453,9 @@ def test_nodes_over_each_other_that_are_held(degree, upto, friction, angles):
         scene = punch(2, degree=degree, clamped=upto, slave=1, friction=friction, angle=angle, algorithm="alm")
         forces.append(scene.move(0.0, -DEPTH))
     assert np.abs(forces[0][1]) > 0.1
-    assert np.array(forces[1:]) == pytest.approx(np.tile(forces[0], (len(angles), 1)), abs=1e-9 * np.abs(forces[0]).max())
+    assert np.array(forces[1:]) == pytest.approx(
+        np.tile(forces[0], (len(angles), 1)), abs=1e-9 * np.abs(forces[0]).max()
+    )
 
 
 @pytest.mark.parametrize("fault", FAULTS)

@@ -133,7 +133,7 @@ def planes_of_symmetry(sides: tuple[UndeformedSide, UndeformedSide], held: tuple
 
 
 def _reach_around(chain: Chain, axis: int, nodes: npt.NDArray[np.intp]) -> tuple[Array, Array]:
-    """How far the facets around some nodes reach from these along an axis, at least and at most, lengths, shapes (n,)."""
+    """From where to where the facets around some nodes reach from these along an axis, lengths, shapes (n,)."""
     place = chain.x[:, axis]
     lowest, highest = place.copy(), place.copy()
     for ends, extreme in ((lowest, np.minimum), (highest, np.maximum)):
