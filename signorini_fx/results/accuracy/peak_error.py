@@ -253,12 +253,12 @@ def _seen(peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None) 
     return _of_parts(last, of_top)
 
 
-def _of_parts(peak: Peak, of_top: float) -> float:
+def _of_parts(last: Peak, of_top: float) -> float:
     """The error of the largest pressure from that of its top and how far it is off this, relative; the parts may cancel
     by chance.
     """
-    above_top = peak.largest / peak.top - 1
-    parts = np.linalg.norm([above_top, of_top, SCATTER_SHARE * peak.scatter])
+    above_top = last.largest / last.top - 1
+    parts = np.linalg.norm([above_top, of_top, SCATTER_SHARE * last.scatter])
     return max(float(abs(above_top + of_top)), float(LEAST_SHARE_OF_PARTS * parts))
 
 
