@@ -135,8 +135,10 @@ def test_what_statics_determines():
 
 
 def test_where_it_is_not_known():
-    """With Coulomb friction the tangent is not symmetric, and without contact there is no force."""
+    """The error of friction is across the force, and without contact there is none."""
     friction = {"law": "coulomb", "coefficient": 0.3}
+    held = block(contact={"boundary": "bottom", "friction": {"law": "tresca", "bound": 1.0}})
+    assert told(held)[1] is None
     pressed = block()
     contact = [one.model_copy(update={"gap": 1.0}) for one in pressed.contact]
     assert told(pressed.model_copy(update={"contact": tuple(contact)}))[1] is None
