@@ -16,7 +16,7 @@ from stability.fronts import SAME, Differences, RandomProblem, compared, iterati
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("seed", [4, 5, 7, 18, 153, 1026])
+@pytest.mark.parametrize("seed", [4, 5, 7, 18, 153, 1026, 2012])
 def test_fronts_agree(seed):
     """Status, load steps, sets, forces, displacements, pressures, states, estimated error and guaranteed bound."""
     _, found = compared(RandomProblem.drawn(seed), MPI.COMM_WORLD)

@@ -38,7 +38,7 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
         return replace(data, bound=None)
     stick = everywhere
     if motions.held_by(~everywhere, everywhere):
-        touching = touching_nodes(motions.points.comm, data)
+        touching = touching_nodes(motions.points.comm, data, task.coordinate_error)
         stick = touching if possible(touching) else everywhere
     return replace(data, bound=np.where(stick, np.inf, 0.0))
 

@@ -35,12 +35,16 @@ from signorini_fx.tuned import CLOSED_GAP, FALL_BACK_FIRST_SHARE, FALL_BACK_GROW
 class FallBacks:
     """The fall-backs for the problems of a load step.
 
+    Args:
+        coordinate_error: what gaps are uncertain by, length.
+
     Attributes:
         exhausted: whether all of them have failed for one of its problems; then none is tried for the others.
         needless: asked before the first of them whether another solution ends the iteration, so that none is tried.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, coordinate_error: float = 0.0) -> None:
+        self._coordinate_error = coordinate_error
         self.exhausted = False
         self.needless: Callable[[], bool] = lambda: False
 
@@ -57,6 +61,9 @@ class FallBacks:
             return failed
         start = newton.checkpoint()
         ways = _ways(newton, data, first_sets, failed, measure)
+        if np.isfinite(data.gamma_n) and (touching := _touching(newton, data, self._coordinate_error)) is not None:
+            through = replace(data, sigma=np.inf)
+            ways[AT_REST] = lambda: newton.solve_once(through, touching, measure)
         names = for_problem(finite_sigma=bool(np.isfinite(data.sigma)), eliminated=bool(np.isinf(data.gamma_n)))
         statuses = tried(
             ((name, ways[name]) for name in names if name in ways),
@@ -78,33 +85,32 @@ def _ways(
     failed: Status,
     measure: Callable[[], float | None],
 ) -> dict[Attempt, Callable[[], Status]]:
-    """What each attempt does; contact where the body rests only where that can hold it."""
+    """What each attempt does, but for contact where the body rests, which may not hold it."""
     through = replace(data, sigma=np.inf)
-    ways: dict[Attempt, Callable[[], Status]] = {
+    return {
         FULL_STEPS: lambda: failed,
         THROUGH_STICK: lambda: newton.solve_once(through, first_sets, measure),
         SMALLER_GAMMA: lambda: _path(newton, through, first_sets, measure),
         CONVEX: lambda: interior_point(newton, through, measure),
     }
-    touching = None if np.isinf(data.gamma_n) else _touching(newton, data)
-    if touching is not None:
-        ways[AT_REST] = lambda: newton.solve_once(through, touching, measure)
-    return ways
 
 
-def _touching(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
+def _touching(newton: SemismoothNewton, data: RegularisedData, coordinate_error: float) -> ActiveSets | None:
     """Contact and stick at the nodes without a gap, if these hold a body that supports do not; collective."""
-    closed = touching_nodes(newton.problem.points.comm, data)
+    closed = touching_nodes(newton.problem.points.comm, data, coordinate_error)
     sets = ActiveSets.of(closed, np.zeros_like(data.mu_hat))
     nothing = replace(sets, contact=np.zeros_like(closed), slip=np.ones_like(closed))
     loose = not newton.problem.holds(nothing, data)
     return sets if loose and newton.problem.holds(sets, data) else None
 
 
-def touching_nodes(comm: PETSc.Comm, data: RegularisedData) -> npt.NDArray[np.bool_]:
-    """The nodes without a gap where displacements are counted from, shape (n,); collective."""
+def touching_nodes(comm: PETSc.Comm, data: RegularisedData, coordinate_error: float) -> npt.NDArray[np.bool_]:
+    """The nodes without a gap where displacements are counted from, shape (n,); collective.
+
+    On a straight side that lies on a straight foundation all gaps are round-off, which chooses no nodes.
+    """
     gap = np.abs(data.gap)
-    closed: npt.NDArray[np.bool_] = gap <= CLOSED_GAP * parallel.largest(comm, gap)
+    closed: npt.NDArray[np.bool_] = gap <= max(coordinate_error, CLOSED_GAP * parallel.largest(comm, gap))
     return closed
 
 

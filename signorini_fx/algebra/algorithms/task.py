@@ -205,7 +205,7 @@ class Task:
     @cached_property
     def iterate(self) -> Iterate:
         """The iterates, which the algorithms share."""
-        return Iterate(self.settings, self.system, self.motions, self.history)
+        return Iterate(self.settings, self.system, self.motions, self.history, self.coordinate_error)
 
     def contact(self, outcome: Outcome, start: Start) -> PointState:
         """The contact points of this rank in a result, with displacements from the initial position.
@@ -278,12 +278,13 @@ class Iterate:
         system: ElasticSystem,
         motions: FreeMotions,
         history: History,
+        coordinate_error: float = 0.0,
     ) -> None:
         # Not the task, which holds this: PETSc objects in a cycle of references are freed late, or never.
         self._settings, self._history = settings, history
         self._system, self._motions = system, motions
         self.x: PETSc.Vec = system.start.copy()
-        self.fall_backs = FallBacks()
+        self.fall_backs = FallBacks(coordinate_error)
 
     def _newton(self, problem: Problem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
         settings = self._settings
