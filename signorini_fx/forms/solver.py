@@ -26,7 +26,7 @@ from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, 
 from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.mechanics_of_forms import FormBody
 from signorini_fx.forms.named_parts import NamedParts, named_parts
-from signorini_fx.forms.stress import natural_modulus
+from signorini_fx.forms.stress import modulus_of_energy, natural_modulus
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
@@ -376,16 +376,20 @@ class FormSolver:
         return bool(self._rested.displacement(self._last.rest.motion).ravel()[fixed].any())
 
     def _natural_modulus(self) -> float | None:
-        """See ``natural_modulus``: looked for anew when the coefficients of ``a`` change, not when foundations do;
-        collective.
+        """See ``natural_modulus``, of forms without a stress ``modulus_of_energy``: looked for anew when the coefficients
+        of ``a`` change, not when foundations do; collective.
         """
-        law = self.forms.stress
-        if law is None or self.forms.weighted:
-            return None
+        law, forms = self.forms.stress, self.forms
         fingerprint = digest(self.forms.compiled[0])
         last, modulus = self._last_modulus
         if parallel.any_rank(self.space.mesh.comm, fingerprint != last):
-            modulus = natural_modulus(law, self.space)
+            if law is None or forms.weighted:
+                measure = next(
+                    (one.measure for one in forms.contact if getattr(one, "measure", None) is not None), None
+                )
+                modulus = modulus_of_energy(forms.original[0], self.space, measure)
+            else:
+                modulus = natural_modulus(law, self.space)
             self._last_modulus = fingerprint, modulus
         return modulus
 

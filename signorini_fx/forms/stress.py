@@ -178,13 +178,43 @@ def natural_modulus(law: Law, space: fem.FunctionSpace) -> float | None:
     shape, dim = getattr(law(fem.Function(space)), "ufl_shape", None), space.mesh.geometry.dim
     if shape not in ((dim, dim), (3, 3)):
         return None
-    lame = isotropic_moduli(cellwise_moduli(law, space).values, dim, space.mesh)
+    return _stiffest(cellwise_moduli(law, space).values, space.mesh)
+
+
+def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> float | None:
+    """The same from an energy: from a(y, z) of fields with one strain each, which are zero in the middle of the cell
+    where they are taken, so that no hoop strain adds to theirs; collective.
+
+    Args:
+        a: a bilinear form; None comes of a compiled one.
+        space: of the displacements.
+        measure: UFL that the energy is multiplied by; None: nothing.
+    """
+    integrals = [one for one in a.integrals() if one.integral_type() == "cell"] if isinstance(a, ufl.Form) else []
+    if not integrals or is_section(space.mesh) or any(one.subdomain_id() != "everywhere" for one in integrals):
+        return None
+    mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
+    dim, x, (z, y) = kinematics.dimension, ufl.SpatialCoordinate(mesh), a.arguments()
+    x = x - interpolated(x, fem.functionspace(mesh, ("DG", 0, (dim,))))
+    axes = [ufl.unit_vector(k, dim) for k in range(dim)]
+    strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in kinematics.pairs]
+    energy = sum(one.integrand() for one in integrals) / (1 if measure is None else measure)
+    moduli = ufl.as_vector([ufl.replace(energy, {z: first, y: second}) for first in strained for second in strained])
+    cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
+    return _stiffest(cellwise.x.array.reshape(-1, len(strained), len(strained)), mesh)
+
+
+def _stiffest(moduli: npt.NDArray[np.float64], mesh: dmesh.Mesh) -> float | None:
+    """The largest of Young's moduli; ``moduli``: see ``CellwiseModuli.values``; None: some cell is not isotropic;
+    collective.
+    """
+    lame = isotropic_moduli(moduli, mesh.geometry.dim, mesh)
     if lame is None:
         return None
     first, shear = (function.x.array for function in lame)
     with np.errstate(divide="ignore", invalid="ignore"):
         young = shear * (3 * first + 2 * shear) / (first + shear)
-    largest = float(parallel.largest(space.mesh.comm, young, 0.0))
+    largest = float(parallel.largest(mesh.comm, young, 0.0))
     return largest if 0.0 < largest < np.inf else None
 
 

@@ -4,6 +4,7 @@ import runpy
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import forms
 import numpy as np
@@ -29,7 +30,7 @@ from signorini_fx import (
 from signorini_fx.algebra.algorithms import strategy
 from signorini_fx.algebra.linalg import condensed, multigrid
 from signorini_fx.forms import solver
-from signorini_fx.forms.stress import exterior_facets
+from signorini_fx.forms.stress import exterior_facets, modulus_of_energy
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.records import Status
@@ -554,10 +555,38 @@ def test_compiled_forms_need_a_function():
     a, L, u = fem.form(block.a), fem.form(block.L), fem.Function(block.V, name="mine")
     with pytest.raises(FormError, match="u: must be given"):
         ContactProblem(a, L, block.bcs, block.foundation)
-    problem = ContactProblem(a, L, block.bcs, block.foundation, u=u)
+    expected, data = block.problem.solve().x.array, block.problem.assembled.task.start.data
+    # Of compiled forms Young's modulus is not known, the scale of gamma.
+    gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
+    problem = ContactProblem(a, L, block.bcs, block.foundation, u=u, **gammas)
     assert problem.solve() is u
     assert u.name == "mine"
-    assert u.x.array == pytest.approx(block.problem.solve().x.array, abs=1e-13)
+    assert u.x.array == pytest.approx(expected, abs=1e-13)
+
+
+@pytest.mark.parametrize("weight", [None, 2 * np.pi], ids=["plain", "weighted"])
+def test_the_modulus_of_forms_is_that_of_their_energy(weight):
+    """Without a stress gamma is in units of Young's modulus of the stiffest cell, as that of scenes is."""
+    mesh = dmesh.create_rectangle(COMM, [(1.0, 0.0), (2.0, 1.0)], [3, 2])
+    x, tensor = ufl.SpatialCoordinate(mesh), fem.functionspace(mesh, ("DG", 0))
+    V, young = fem.functionspace(mesh, ("Lagrange", 1, (2,))), fem.Function(tensor)
+    young.interpolate(lambda x: np.where(x[0] < 1.4, 3.0e5, 2.0e5))
+    y, z, poisson = ufl.TrialFunction(V), ufl.TestFunction(V), 0.3
+    measure = None if weight is None else weight * x[0]
+
+    def strain(v: Any) -> Any:
+        ring = 0 if measure is None else v[0] / x[0]
+        shear = (v[0].dx(1) + v[1].dx(0)) / 2
+        return ufl.as_matrix([[v[0].dx(0), shear, 0], [shear, v[1].dx(1), 0], [0, 0, ring]])
+
+    shear_modulus = young / (2 * (1 + poisson))
+    lame = 2 * shear_modulus * poisson / (1 - 2 * poisson)
+    stress = 2 * shear_modulus * strain(y) + lame * ufl.tr(strain(y)) * ufl.Identity(3)
+    a = (1 if measure is None else measure) * ufl.inner(stress, strain(z)) * ufl.dx
+    springs = 7e5 * ufl.inner(y, z) * ufl.ds
+    assert modulus_of_energy(a + springs, V, measure) == pytest.approx(3.0e5, rel=1e-12)
+    assert modulus_of_energy(fem.form(a), V, measure) is None
+    assert modulus_of_energy(a + 2e5 * y[0].dx(0) * z[0].dx(0) * ufl.dx, V, measure) is None  # not isotropic
 
 
 def test_stress_is_that_of_the_form():

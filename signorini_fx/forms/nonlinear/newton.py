@@ -276,12 +276,12 @@ class EquilibriumSolver:
         """Newton's method from the present ``u``; ``damps``: whether its tangent may be damped; collective.
 
         It ends where increments are small and the certificate holds.  The first increment is the last one where F and
-        contact are linear: another would only go on with the outer iteration of a contact problem that is solved.  Where increments are small and it does not, as
-        with a tangent that is not the derivative of F, iterations go on for as long as they make it better.  In a body
-        that comes to rest without load increments are relative to nothing: with a J, which may be another tangent, the
-        residual is round-off once they are no longer halved.  So are forces there: the certificate is asked as soon as
-        the displacement is round-off, and of the undeformed body if it refuses, or contact of round-off has no
-        solution.
+        contact are linear: another would only go on with the outer iteration of a contact problem that is solved.
+        Where increments are small and the certificate does not hold, as with a tangent that is not the derivative of F,
+        iterations go on for as long as they make it better.  In a body that comes to rest without load increments are
+        relative to nothing: with a J, which may be another tangent, the residual is round-off once they are no longer
+        halved.  So are forces there: the certificate is asked as soon as the displacement is round-off, and of the
+        undeformed body if it refuses, or contact of round-off has no solution.
         """
         comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
         self.linear.begin_anew()
