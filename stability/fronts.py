@@ -5,8 +5,8 @@
 The fronts share the core, and nothing else that is compared here is shared: a scene finds facets by names, integrates
 its loads and supports by effects and has its contact as entries; forms have UFL, DirichletBCs and Foundations; of a
 residual with a linear F there are a Newton iteration and a certificate of its own.  Status, load steps, sets, forces,
-displacements, pressures, states, the contact table, the estimated error, and the guaranteed bound have to agree; and so
-have runs that are stopped in their last load step and go on from their folders.
+displacements, pressures, states, the contact table, quantities, the estimated error, and the guaranteed bound have to
+agree; and so have runs that are stopped in their last load step and go on from their folders.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -47,6 +47,7 @@ from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.solution import StepResult
 from signorini_fx.scenes.reading import parse_scene
@@ -81,6 +82,14 @@ class Levelling(FrictionLaw):
 
 
 register(LAWS, "own", Levelling)
+# Quantities that forms answer as scenes do; of the others forms call boundaries otherwise.
+QUANTITIES = (
+    *("contact_nodes", "touching_nodes", "held_by_supports", "max_pressure", "max_shear", "pressure_integral"),
+    *("areas", "contact_force", "friction_force", "contact_moment", "friction_moment", "contact_force_through"),
+    *("deformation", "utilisation"),
+)
+# Those of energies, which forms know without what heat strains, and that of the stress.
+ENERGIES, STRESS = ("strain_energy", "functionals"), ("stress",)
 # By how much two fronts may differ, relative to the largest value of all load steps: two assemblies of one problem
 # differ by round-off, which gamma = 1e5 moduli makes 1e5 times as large where a pressure is a penetration.
 SAME = 1e-8
@@ -585,6 +594,18 @@ class Differences:
             differences.look_at_tables("table", solution.table, first.table, sizes)
             self.found += [f"restart of {front}: {text}" for text in differences.found]
 
+    def look_at_quantities(self, scene: Solution, forms: Solution, keys: Collection[str], sizes: Sizes) -> None:
+        """At quantities, relative to the largest number of each, of forces and moments no less than that of all
+        contacts; collective.
+        """
+        arm = scene.model.tagged.size
+        floors = {"force": sizes.force, "moment": sizes.force * arm, "through": sizes.force}
+        for quantity in quantities():
+            if quantity.key in keys:
+                ours, theirs = (np.array(numbers_in(quantity.entries(solution))) for solution in (scene, forms))
+                floor = floors.get(quantity.key.rsplit("_", 1)[-1], 0.0)
+                self.look(quantity.key, ours, theirs, max(floor, np.abs(ours).max(initial=0.0)))
+
     def look_at_estimate(self, scene: Solution, forms: Solution) -> None:
         """At the estimated error; collective."""
         self.look("estimated error", scene.stress.error or 0.0, forms.stress.error or 0.0, scene.stress.error or 1.0)
@@ -609,6 +630,15 @@ def iterations(solution: Solution) -> list[tuple[int, ...]]:
     ]
 
 
+def numbers_in(value: Any) -> list[float]:
+    """Those of a value of JSON, but where it has its largest one: another place may have one that is as large."""
+    if isinstance(value, dict):
+        return [number for key, part in value.items() if key != "place" for number in numbers_in(part)]
+    if isinstance(value, list | tuple):
+        return [number for part in value for number in numbers_in(part)]
+    return [float(value)] if isinstance(value, int | float) else []
+
+
 def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Status, list[str]]:
     """How the scene ends, and what the fronts differ in; collective."""
     scene = solve(parse_scene(drawn.stated()), comm, check=False)
@@ -627,6 +657,9 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
     differences.look_at_steps(solved, sizes)
     if scene.converged:
         differences.look_at_tables("table", scene.table, other.table, sizes)
+    if scene.converged:
+        keys = [*QUANTITIES, *(ENERGIES if drawn.heat is None else ()), *(() if forms.stress is None else STRESS)]
+        differences.look_at_quantities(scene, other, keys, sizes)
     if scene.converged and drawn.stopped:
         differences.look_at_restarts(drawn, (scene, other), sizes)
     if scene.converged and forms.stress is not None:

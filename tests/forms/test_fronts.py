@@ -12,7 +12,7 @@ from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from stability.fronts import SAME, Differences, RandomProblem, compared, iterations
+from stability.fronts import SAME, Differences, RandomProblem, compared, iterations, numbers_in
 
 
 @pytest.mark.mpi
@@ -41,6 +41,12 @@ def test_load_steps_begin_with_the_sets_of_the_last_one(moves):
     for earlier, later in pairwise(steps):
         assert firsts[later][:3] == lasts[earlier][:3]
         assert sum(step == later for step, *_ in iterations(solution)) < 8
+
+
+def test_numbers_are_found_in_quantities():
+    """At any depth, without places and words."""
+    value = {"stress": {"value": 2.0, "place": [7.0, 8.0]}, "name": "top", "rows": [[1, 3.5], None]}
+    assert numbers_in(value) == [2.0, 1.0, 3.5]
 
 
 @pytest.mark.long
