@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite, log2
@@ -27,6 +27,7 @@ from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, estimate_errors
 from signorini_fx.results.accuracy.level_results import compliance_of
 from signorini_fx.results.restart_files import Checkpoint
+from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.hierarchy import scene_on, with_halved_bodies
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.plan import Plan, planned
@@ -34,9 +35,41 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
+from signorini_fx.solving.nested import solve_nested
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
+from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 from signorini_fx.tuned import COARSER_START
+
+
+def solve_scenes(
+    scenes: Sequence[Scene],
+    comm: MPI.Comm,
+    history: History,
+    on_level: Callable[[Solution], object] | None = None,
+    stored: Checkpoint | None = None,
+) -> Solution:
+    """A scene on its coarser meshes, and then on its own, see ``solving.nested.solve_nested``."""
+    shown = [on_level is not None or scene is scenes[-1] for scene in scenes]
+    meshes = [meshed_scene(scene, comm, history, stored, shown=each) for scene, each in zip(scenes, shown, strict=True)]
+    return solve_nested(meshes, len(meshes), comm, history, on_level or _nobody)
+
+
+def solve_scene_to_accuracy(
+    scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History, on_level: Callable[[Solution], object] | None
+) -> Solution:
+    """See ``solving.to_accuracy.solve_to_accuracy``.
+
+    Raises:
+        SceneError: see ``meshes_of``.
+        MeshError: see ``meshes_of``.
+    """
+    budget = Budget.begins(goal, comm, history)
+    return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level or _nobody)
+
+
+def _nobody(solution: Solution) -> None:
+    """Nobody looks at the solution on a coarser mesh."""
 
 
 def meshed_scene(

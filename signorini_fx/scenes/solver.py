@@ -23,14 +23,11 @@ from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.hierarchy import coarser_scenes, varied_scene
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.mesh_sequence import meshed_scene, meshes_of
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
-from signorini_fx.solving.nested import solve_nested
 from signorini_fx.solving.solve_on_mesh import solve_mesh
-from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 from signorini_fx.solving.varied_problem import VariedProblem
 from signorini_fx.tuned import HELPING_MESHES
 
@@ -124,13 +121,13 @@ def _solved(
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if scene.statement.nonlinear:
         return _solved_by_newton(scene, comm, history, stored)
-    coarse = coarser_scenes(scene, scene.solver.levels)
-    if (goal := scene.accuracy) is not None:
-        budget = Budget.begins(goal, comm, history)
-        return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level or _nobody)
-    if not coarse:
+    if scene.accuracy is None and not (coarse := coarser_scenes(scene, scene.solver.levels)):
         return _solve_alone(scene, comm, history, None if stored is None else MeshCheckpoint(stored, 0))
-    return _solve_nested([*coarse, scene], comm, history, on_level, stored)
+    from signorini_fx.scenes.mesh_sequence import solve_scene_to_accuracy, solve_scenes
+
+    if scene.accuracy is not None:
+        return solve_scene_to_accuracy(scene, scene.accuracy, comm, history, on_level)
+    return solve_scenes([*coarse, scene], comm, history, on_level, stored)
 
 
 def _solved_by_newton(scene: Scene, comm: MPI.Comm, history: History, stored: Checkpoint | None) -> Solution:
@@ -174,23 +171,6 @@ def refuse_other_than_comm(comm: object) -> None:
         raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {name}")
 
 
-def _solve_nested(
-    scenes: Sequence[Scene],
-    comm: MPI.Comm,
-    history: History,
-    on_level: Callable[[Solution], object] | None = None,
-    stored: Checkpoint | None = None,
-) -> Solution:
-    """See ``solve_nested``."""
-    shown = [on_level is not None or scene is scenes[-1] for scene in scenes]
-    meshes = [meshed_scene(scene, comm, history, stored, shown=each) for scene, each in zip(scenes, shown, strict=True)]
-    return solve_nested(meshes, len(meshes), comm, history, on_level or _nobody)
-
-
-def _nobody(solution: Solution) -> None:
-    """Nobody looks at the solution on a coarser mesh."""
-
-
 def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, level_checkpoint: MeshCheckpoint | None) -> Solution:
     """Solve on the mesh of the scene; if that fails, the generator may make coarser meshes for a better start."""
     task: Task | None = None
@@ -208,9 +188,11 @@ def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, level_checkpoin
         return solution
 
     def coarser() -> Solution | None:
+        from signorini_fx.scenes.mesh_sequence import solve_scenes
+
         with history.at_most(step_limit(scene.solver.max_iterations)):
             try:
-                return _solve_nested([*coarser_scenes(scene, 1 + HELPING_MESHES), scene], comm, history)
+                return solve_scenes([*coarser_scenes(scene, 1 + HELPING_MESHES), scene], comm, history)
             except (SceneError, MeshError) as error:  # they lack something that the scene names
                 history.add(f"no coarser meshes: {str(error).splitlines()[0]}")
                 return None

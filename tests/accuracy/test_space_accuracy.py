@@ -32,9 +32,9 @@ from signorini_fx.results.accuracy.data_error import data_error
 from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error
 from signorini_fx.results.accuracy.price_list import border_of, fineness_of, predict, zone_change
 from signorini_fx.results.accuracy.surface_pressure import piece_squares
-from signorini_fx.scenes.mesh_sequence import meshed_scene, plane_modulus
+from signorini_fx.scenes.mesh_sequence import meshed_scene, plane_modulus, solve_scenes
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import _solve_nested, solve
+from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 
 WORLD = MPI.COMM_WORLD
@@ -186,7 +186,7 @@ def test_estimates_of_the_block(law):
     for cells in ("hexahedra", "tetrahedra"):
         found = []
         meshes = [block(n, cells, gamma=1e8, **LAWS[law]) for n in (3, 6, 12)]
-        found.append(_solve_nested(meshes, MPI.COMM_SELF, History(), found.append))
+        found.append(solve_scenes(meshes, MPI.COMM_SELF, History(), found.append))
         for solution, level, row in list(zip(found, found[-1].levels, found[-1].price_list, strict=False))[1:]:
             true = reference.errors(solution)
             assert 0.7 < 1.7 * level.energy / true["energy"] < 2.5
@@ -230,7 +230,7 @@ def test_pressure_of_hertz(cells):
 def test_rows_of_the_price_list():
     """Unknowns grow eightfold, time and memory by the powers of space; h is a length."""
     found = []
-    found.append(_solve_nested([block(n) for n in (3, 6, 12)], MPI.COMM_SELF, History(), found.append))
+    found.append(solve_scenes([block(n) for n in (3, 6, 12)], MPI.COMM_SELF, History(), found.append))
     rows = found[-1].price_list
     assert rows[-1].dofs == pytest.approx(rows[-2].dofs ** 2 / rows[-3].dofs, rel=1e-3)
     assert rows[2].h == pytest.approx(np.sqrt(3.0 / (13 * 5)))

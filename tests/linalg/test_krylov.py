@@ -19,8 +19,9 @@ from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.mesh_sequence import solve_scenes
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import _solve_nested, solve
+from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.sweep import sweep
 from signorini_fx.solving.solve_on_mesh import contact_task
 
@@ -137,7 +138,7 @@ def test_about_one_linear_solve(cells, laws, steps):
             for nx in (12, 24):
                 steps.clear()
                 scenes = [block(n, cells, gamma=gamma, linear_algebra="krylov", **LAWS[law]) for n in (nx // 2, nx)]
-                assert _solve_nested(scenes, MPI.COMM_SELF, History()).converged
+                assert solve_scenes(scenes, MPI.COMM_SELF, History()).converged
                 finest = max(size for size, *_ in steps)
                 spent.append(sum(count for size, *_, count in steps if size == finest))
                 once = linear_solve(scenes[-1], steps)

@@ -332,11 +332,11 @@ def test_only_named_effects_are_imported():
 
 
 def test_a_small_solve_imports_no_more_than_it_runs(tmp_path):
-    """Neither materials nor methods nor readers of meshes that the scene does not need."""
+    """Neither materials, methods, readers of meshes nor accuracies that the scene does not need."""
     code = "import sys; from signorini_fx.scenes.cli import main; main(['solve', 'demos/scenes/example1_coulomb.toml', "
     code += f"'--out', {str(tmp_path / 'out')!r}, '--no-pictures', '--no-fields', '--quiet']); print([m for m in "
     code += "sys.modules if m in ('scipy.optimize', 'signorini_fx.mechanics.materials.nonlinear', "
-    code += "'signorini_fx.mechanics.mesh.files.abaqus')])"
+    code += "'signorini_fx.mechanics.mesh.files.abaqus', 'signorini_fx.solving.to_accuracy')])"
     assert python(code).stdout.splitlines()[-1:] == ["[]"]
 
 

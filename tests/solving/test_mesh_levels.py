@@ -19,8 +19,9 @@ from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.rigid import mesh_levels
 from signorini_fx.records import History, Timings
 from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.mesh_sequence import solve_scenes
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import _solve_nested, solve
+from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.sweep import _coarser, _Value, sweep
 from signorini_fx.solving.first_start import begin_at_coarse
 from signorini_fx.solving.solve_on_mesh import contact_task
@@ -174,7 +175,7 @@ def test_another_body_is_no_coarser_mesh():
 
 def nested(scenes, comm=SELF):
     """The solution on the last of some meshes."""
-    return _solve_nested(scenes, comm, History())
+    return solve_scenes(scenes, comm, History())
 
 
 NESTED = {

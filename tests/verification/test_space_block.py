@@ -9,8 +9,8 @@ from spaces import block
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Timings
 from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.mesh_sequence import solve_scenes
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import _solve_nested
 
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
 # Of the block with 24 x 8 x 8 hexahedra and gamma = 1e8, as other programs print it: u_z under the load, the
@@ -147,7 +147,7 @@ def test_nested_iteration(law, cells, degree, meshes, most):
     """
     scenes = [block(nx, cells, degree=degree, **LAWS[law], gamma=1e7) for nx in meshes]
     history = History()
-    solution = _solve_nested(scenes, MPI.COMM_SELF, history)
+    solution = solve_scenes(scenes, MPI.COMM_SELF, history)
     assert solution.certificate.holds
     assert solves_until(solution)[0] <= 6
     assert history.outer[-1].linear_solves <= most
