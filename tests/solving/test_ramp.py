@@ -110,7 +110,8 @@ def test_limit_load(push, method):
     ("method", "push"),
     [
         *(({}, 1.2), ({"coulomb": "newton"}, 1.2), ({"algorithm": "exact"}, 1.2), ({"algorithm": "alm"}, 1.2)),
-        *(({"max_iterations": 2}, 0.9), ({"max_iterations": 6, "algorithm": "alm"}, 0.99)),
+        # With fall-backs such a ramp would begin again with augmentation.
+        *(({"max_iterations": 2, "fallbacks": False}, 0.9), ({"max_iterations": 6, "algorithm": "alm"}, 0.99)),
     ],
 )
 def test_failed_steps_leave_no_trace(method, push):
@@ -123,7 +124,9 @@ def test_failed_steps_leave_no_trace(method, push):
     asked = ramp(push, steps=1, factors=[step.place for step in good], nx=18, **method)
     wanted = solve(asked, check=False)
     assert [step.linear_solves for step in good] == [step.linear_solves for step in wanted.steps]
-    np.testing.assert_array_equal(found.displacement.x.array, wanted.displacement.x.array)
+    # A factor that a failed step has left refines to the last bits only.
+    expected = wanted.displacement.x.array
+    assert found.displacement.x.array == pytest.approx(expected, rel=0, abs=1e-14 * np.abs(expected).max())
 
 
 def test_limit_load_from_nothing():
