@@ -509,7 +509,7 @@ def test_after_augmentation(tmp_path, monkeypatch):
     reference = solve(given, MPI.COMM_SELF)
     assert not reference.steps[2].certificate.law.regularised
     interrupted(given, MPI.COMM_SELF, tmp_path, 4)
-    monkeypatch.undo()
+    monkeypatch.setattr(strategy, "fixed_point", plain)  # Newton's method still fails, so that both go the same way
     solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
     assert not any("solved again" in event for event in solution.history.events)
     assert not solution.steps[2].certificate.law.regularised
