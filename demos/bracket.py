@@ -48,14 +48,9 @@ scene = scene.model_copy(update={"mesh": mesh})
 
 
 def loaded(*factors):
-    """The scene with other load steps, and without fall-backs, which take long where there is no solution."""
+    """The scene with other load steps."""
     bolt, pull = scene.traction
-    return scene.model_copy(
-        update={
-            "traction": (bolt, pull.model_copy(update={"factors": factors})),
-            "solver": scene.solver.model_copy(update={"fallbacks": False}),
-        }
-    )
+    return scene.model_copy(update={"traction": (bolt, pull.model_copy(update={"factors": factors}))})
 
 
 # %% [markdown]
