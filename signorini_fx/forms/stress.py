@@ -93,7 +93,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
         parts: see ``ElementStress``.
 
     Raises:
-        FormError: the law has another shape, or some strain has no stress.
+        FormError: the law has another shape, is known at points of quadrature alone, or some strain has no stress.
     """
     mesh = y.function_space.mesh
     kinematics, full_stress = CARTESIAN[mesh.geometry.dim], law(y)
@@ -101,6 +101,8 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     if not hasattr(full_stress, "ufl_shape") or full_stress.ufl_shape not in ((dim, dim), (3, 3)):
         shape = getattr(full_stress, "ufl_shape", "none")
         raise FormError([("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")])
+    if _by_quadrature(full_stress):
+        raise FormError([("stress", "has a Function of a quadrature element, which has no values at other points")])
     outward = full_stress[2, 2] if full_stress.ufl_shape[0] > dim else None
     moduli = cellwise_moduli(law, y.function_space)
     sigma = ufl.as_matrix([[full_stress[i, j] for j in range(dim)] for i in range(dim)])
@@ -175,8 +177,8 @@ def natural_modulus(law: Law, space: fem.FunctionSpace) -> float | None:
     """Young's modulus of the stiffest cell, the natural unit of stress, as of a scene; None: the law is not isotropic,
     or none that can be evaluated; collective.
     """
-    shape, dim = getattr(law(fem.Function(space)), "ufl_shape", None), space.mesh.geometry.dim
-    if shape not in ((dim, dim), (3, 3)):
+    at_rest, dim = law(fem.Function(space)), space.mesh.geometry.dim
+    if getattr(at_rest, "ufl_shape", None) not in ((dim, dim), (3, 3)) or _by_quadrature(at_rest):
         return None
     return _stiffest(cellwise_moduli(law, space).values, space.mesh)
 
@@ -186,7 +188,7 @@ def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> 
     where they are taken, so that no hoop strain adds to theirs; collective.
 
     Args:
-        a: a bilinear form; None comes of a compiled one.
+        a: a bilinear form; None comes of a compiled one, and of moduli that are known at points of quadrature alone.
         space: of the displacements.
         measure: UFL that the energy is multiplied by; None: nothing.
     """
@@ -199,9 +201,17 @@ def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> 
     axes = [ufl.unit_vector(k, dim) for k in range(dim)]
     strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in kinematics.pairs]
     energy = sum(one.integrand() for one in integrals) / (1 if measure is None else measure)
+    if _by_quadrature(energy):
+        return None
     moduli = ufl.as_vector([ufl.replace(energy, {z: first, y: second}) for first in strained for second in strained])
     cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
     return _stiffest(cellwise.x.array.reshape(-1, len(strained), len(strained)), mesh)
+
+
+def _by_quadrature(expression: Any) -> bool:
+    """Whether it has a Function of a quadrature element, which has no values in the middle of a cell."""
+    coefficients = ufl.algorithms.extract_coefficients(expression)
+    return any(getattr(one.ufl_element(), "has_custom_quadrature", False) for one in coefficients)
 
 
 def _stiffest(moduli: npt.NDArray[np.float64], mesh: dmesh.Mesh) -> float | None:

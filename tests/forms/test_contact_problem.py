@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import basix.ufl
 import forms
 import numpy as np
 import pytest
@@ -587,6 +588,33 @@ def test_the_modulus_of_forms_is_that_of_their_energy(weight):
     assert modulus_of_energy(a + springs, V, measure) == pytest.approx(3.0e5, rel=1e-12)
     assert modulus_of_energy(fem.form(a), V, measure) is None
     assert modulus_of_energy(a + 2e5 * y[0].dx(0) * z[0].dx(0) * ufl.dx, V, measure) is None  # not isotropic
+
+
+def test_moduli_known_at_points_of_quadrature():
+    """Such a form has no modulus in the middle of a cell, the unit of gamma, and is solved all the same."""
+    block = Block()
+    points = fem.functionspace(block.mesh, basix.ufl.quadrature_element(block.mesh.basix_cell(), degree=2))
+    u, v, modulus = ufl.TrialFunction(block.V), ufl.TestFunction(block.V), fem.Function(points)
+    modulus.x.array[:] = 1000.0
+    dx = ufl.dx(metadata={"quadrature_degree": 2, "quadrature_scheme": "default"})
+
+    def stress(y: Any, modulus: Any = modulus) -> Any:
+        return modulus * ufl.sym(ufl.grad(y))
+
+    solved = []
+    for a, law in (
+        (ufl.inner(stress(u, 1000.0), ufl.grad(v)) * ufl.dx, None),
+        (ufl.inner(stress(u), ufl.grad(v)) * dx, None),
+        (ufl.inner(stress(u), ufl.grad(v)) * dx, stress),
+    ):
+        foundation = Foundation(block.bottom, friction=Coulomb(0.3))
+        problem = ContactProblem(a, block.L, block.bcs, foundation, gamma_n=1e8, gamma_t=1e8, stress=law)
+        solved.append(problem.solve().x.array.copy())
+    assert np.abs(solved[0]).max() > 0
+    for displacement in solved[1:]:
+        assert displacement == pytest.approx(solved[0], abs=1e-10 * np.abs(solved[0]).max())
+    with pytest.raises(FormError, match="quadrature element"):
+        problem.stress  # noqa: B018
 
 
 def test_stress_is_that_of_the_form():
