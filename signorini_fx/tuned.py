@@ -511,8 +511,9 @@ SAME_LIMIT = 1e-8
 
 # Residual of a solved step of Newton's method, as a share of the forces: what is above it is no round-off.  Choice.
 RESIDUAL_TOLERANCE = 1e-8
-# A step from as far away as this many times the solution leaves that many times its round-off: above this share of the
-# forces, another step follows.  Choice: a thousand units of round-off times the distance.
+# A step from as far away as this many times the solution, or from forces as many times as large, leaves that many times
+# its round-off: above this share of the forces, another step follows.  Choice: a thousand units of round-off times the
+# distance.
 FAR_START, REFINED_RESIDUAL = 1e3, 1e-12
 # Where one body has smaller forces than this share of another one, solves by an old factor leave too much of them.
 # No record.

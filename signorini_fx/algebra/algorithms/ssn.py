@@ -223,6 +223,7 @@ class SemismoothNewton:
         self._changes: list[tuple[int, int]] = []
         self._stalls: list[float] = []
         self._status: Status | None = None
+        self._forces = 0.0  # their size at the last iterate
         if self.history.exhausted:
             return Status.MAX_ITERATIONS
         remaining = self.history.limit - self._solves_before
@@ -380,6 +381,7 @@ class SemismoothNewton:
         problem = self.problem
         active, plus, minus, changed, fingerprint = self._counts(*problem.friction_bounds(self.x))
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
+        forces, self._forces = self._forces, problem.force_scale
         law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:
             self._record(k, active, plus, minus, changed, residual)
@@ -388,9 +390,8 @@ class SemismoothNewton:
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if self._settled(residual, law):
-                from_afar = (
-                    norms[1] > FAR_START * norms[0] and residual > REFINED_RESIDUAL and k < snes.getTolerances()[3]
-                )
+                far = norms[1] > FAR_START * norms[0] or forces > FAR_START * problem.force_scale
+                from_afar = far and residual > REFINED_RESIDUAL and k < snes.getTolerances()[3]
                 return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
             # corrects, or directions of slip still change.
