@@ -24,6 +24,7 @@ from signorini_fx import (
 )
 from signorini_fx.algebra.contact.active_sets import ActiveSets, linearised, multipliers, tangent
 from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.forms.stress import modulus_of_energy
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
 from signorini_fx.mechanics.obstacles import foundations_on_points
 from signorini_fx.records import Status
@@ -403,9 +404,9 @@ def test_a_law_derived_from_coulomb(more):
     assert not fault_of(law, 2, 1000.0)
 
 
-def between(p):
-    """Whether a pressure is in the middle between two of those at which laws are tried in a body of modulus 5000."""
-    places = np.log10(np.maximum(p, 1e-30) / 5000.0) * 32
+def between(p, modulus=5000.0):
+    """Whether a pressure is in the middle between two of those at which laws are tried in a body of this modulus."""
+    places = np.log10(np.maximum(p, 1e-30) / modulus) * 32
     return (p > 0.1) & (np.abs(places - np.floor(places) - 0.5) < 0.25)
 
 
@@ -461,9 +462,11 @@ def test_a_true_law_is_not_doubted():
 @pytest.mark.parametrize("converges", [True, False])
 def test_forms_name_a_false_law(converges):
     """In the error, and in the findings of a solution."""
-    methods = {"derivative": lambda _, p: np.where(between(p), -3.0, 0.3)}
+    plain = Block((12, 4))
+    modulus = modulus_of_energy(plain.a, plain.V)
+    methods = {"derivative": lambda _, p: np.where(between(p, modulus), -3.0, 0.3)}
     if not converges:
-        methods = {"claimed": lambda _, p: np.where(between(p), 0.29, 0.3) * p}
+        methods = {"claimed": lambda _, p: np.where(between(p, modulus), 0.29, 0.3) * p}
     block = Block((12, 4), friction=type("Lying", (InBetween,), methods)(), gap=lambda x: 0.004 * x[0])
     block.aside.value = 0.004
     said = r"contact\[0\]\.friction: .* in between is not what it says: .* of Lying"
