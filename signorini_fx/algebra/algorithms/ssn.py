@@ -106,6 +106,7 @@ class SemismoothNewton:
         self._symmetric = symmetric
         self._factor: PETSc.KSP | None = None
         self._factorised_in: int | None = None
+        self._outdated = False  # whether the usual preconditioner is of a matrix before the last that was factorised
         self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
         self._keys = _keys(problem.points.comm.rank, problem.points.size)
         self.linear = self._point_count == 0
@@ -143,7 +144,9 @@ class SemismoothNewton:
         ksp, least = snes.getKSP(), problem.least_share(x)
         forces = max(least, SMALL_FORCES_OF_BODY) * problem.force_scale
         exact = not self._may_keep or least < SMALL_FORCES_OF_BODY
-        self._factorised = not problem.system.keep_factor(ksp, problem.moved, forces, exact=exact)
+        kept = problem.system.keep_factor(ksp, problem.moved, forces, exact=exact)
+        self._factorised = not kept or (self._outdated and self._factor is None)
+        self._outdated &= self._factor is not None
         self._loosened |= problem.system.inexact
         if self._factorised:
             problem.factorised(jacobian)
@@ -272,7 +275,7 @@ class SemismoothNewton:
             if self._factor is not None:
                 self.snes.setKSP(usual)
                 self._factor.destroy()
-                self._factor = None
+                self._factor, self._outdated = None, True
         return status
 
     def _improved(self, status: Status) -> bool:
