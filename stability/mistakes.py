@@ -5294,10 +5294,17 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/recovered_force",
-        "-float(parallel.global_sum(model.comm, of_cells.sum())) / size",
-        "float(parallel.global_sum(model.comm, of_cells.sum())) / size",
+        "PEAK_OF_CELLS * apart), -together",
+        "PEAK_OF_CELLS * apart), together",
         "estimates: a pressure that is too large is too small",
         tests=("recovered_force::test_the_largest_pressure_that_one_mesh_tells",),
+    ),
+    Mutant(
+        "accuracy/recovered_force",
+        "PEAK_OF_CELLS * apart",
+        "0.0",
+        "estimates: a pressure has no error where contributions of cells cancel",
+        tests=("recovered_force::test_contributions_that_cancel",),
     ),
     Mutant(
         "bounds/plain_scene",

@@ -11,6 +11,7 @@ from scenes import alone
 
 from signorini_fx import solve
 from signorini_fx.records import History
+from signorini_fx.results.accuracy import recovered_force
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.peak_error import Peak, seen_by_recovery
 from signorini_fx.results.accuracy.recovered_force import force_by_recovery, peak_by_recovery
@@ -72,7 +73,7 @@ def test_the_error_that_one_mesh_tells(size):
 @pytest.mark.parametrize("size", [1.0, 0.7, 0.5])
 def test_the_largest_pressure_that_one_mesh_tells(size):
     """Against curved elements of degree 2: how far it is above the top around it, and the mean pressure there.  On one
-    of these meshes nodes miss the top by what they are too large by.
+    of these meshes nodes miss the top by what they are too large by: estimates are farthest above the error there.
     """
     solved = meshed_scene(ball(1, size), MPI.COMM_SELF, History()).solved(0, None, None)
     contact = solved.solution.contact
@@ -80,8 +81,8 @@ def test_the_largest_pressure_that_one_mesh_tells(size):
     peak, reference = Peak.of(solved.level.table), Peak.of(alone(ball(2, 0.7)).table)
     true = peak.largest / reference.top - 1
     assert of_mean > 0
-    assert true / 2 < of_mean < 2 * true
-    assert true / 2 < seen_by_recovery(peak, of_mean) < 3 * true
+    assert true / 2 < of_mean < 3 * true
+    assert true / 2 < seen_by_recovery(peak, of_mean) < 4 * true
 
 
 def test_the_largest_pressure_that_is_asked_for():
@@ -92,6 +93,23 @@ def test_the_largest_pressure_that_is_asked_for():
     assert level.recovered_peak > 0
     seen = seen_by_recovery(Peak.of(level.table), level.recovered_peak)
     assert row.peak == pytest.approx(seen + level.data, rel=1e-12)
+
+
+def test_contributions_that_cancel(monkeypatch):
+    """Those of the cells do so by chance, and then their sum says nothing: a share of their sizes counts."""
+    solved = meshed_scene(block(), MPI.COMM_SELF, History()).solved(0, None, None)
+    contributions = recovered_force._of_cells
+
+    def told_of_peak():
+        return peak_by_recovery(solved.solution.model, solved.task, solved.outcome, solved.solution.contact, 0.0)
+
+    def cancelling(*given):
+        of_cells = contributions(*given)
+        return of_cells - of_cells.mean()
+
+    error = told_of_peak()
+    monkeypatch.setattr(recovered_force, "_of_cells", cancelling)
+    assert abs(told_of_peak()) > abs(error) / 4
 
 
 def test_no_pressure_has_no_error():

@@ -12,7 +12,7 @@ Both errors are those of stress recovery, and their product follows from the squ
 Contributions of cells may cancel, and where they do so by chance their sum says nothing: shares of both are taken.
 
 A mean of the pressure around its top is such a force, too, with w that decreases away from the top.  Its error is that
-of the smooth part of the pressure; how far a nodal value is off this is known.
+of the smooth part of the pressure, with the sign of the sum; how far a nodal value is off this is known.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.level_results import make_ready
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.tuned import CAP_OF_PEAK, FORCE_OF_CELLS, FORCE_OF_SUM
+from signorini_fx.tuned import CAP_OF_PEAK, FORCE_OF_CELLS, FORCE_OF_SUM, PEAK_OF_CELLS
 
 Floats = npt.NDArray[np.float64]
 
@@ -86,7 +86,10 @@ def peak_by_recovery(model: Model, task: Task, outcome: Outcome, contact: Contac
     along[:, 0] = ((pressure.clip(min=0.0) / top) ** 2 - CAP_OF_PEAK).clip(min=0.0)
     size = float(parallel.global_sum(boundary.comm, boundary.weight @ (pressure * along[:, 0])))
     of_cells = _of_cells(model, task, outcome, contact, along, step)
-    return None if of_cells is None else -float(parallel.global_sum(model.comm, of_cells.sum())) / size
+    if of_cells is None:
+        return None
+    together, apart = parallel.global_sum(model.comm, np.array([of_cells.sum(), np.abs(of_cells).sum()])) / size
+    return float(np.copysign(np.hypot(together, PEAK_OF_CELLS * apart), -together))
 
 
 def _of_cells(
