@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from signorini_fx.addons.picture_data.body_cells import gather_cells
 from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
 from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.pictures.style import PRINT
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.solution import Solution
 
@@ -412,6 +413,7 @@ def _deformed(stem: Path, solution: Solution) -> None:
         field=replace(FIELDS["density"], colours=_GRAYS),
         foundation=DrawnFoundation(nodes, normals * c["gap"][:, None]),
         factor=20.0,
+        suffixes=PRINT,
     )
 
 
