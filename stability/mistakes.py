@@ -5294,14 +5294,14 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/recovered_force",
-        "PEAK_OF_CELLS * apart), -together",
-        "PEAK_OF_CELLS * apart), together",
+        "-total",
+        "total",
         "estimates: a pressure that is too large is too small",
         tests=("recovered_force::test_the_largest_pressure_that_one_mesh_tells",),
     ),
     Mutant(
         "accuracy/recovered_force",
-        "PEAK_OF_CELLS * apart",
+        "PEAK_OF_CELLS * of_sizes",
         "0.0",
         "estimates: a pressure has no error where contributions of cells cancel",
         tests=("recovered_force::test_contributions_that_cancel",),

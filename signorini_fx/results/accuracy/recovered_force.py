@@ -58,8 +58,8 @@ def force_by_recovery(model: Model, task: Task, outcome: Outcome, contact: Conta
     of_cells = _of_cells(model, task, outcome, contact, along, step)
     if of_cells is None:
         return None
-    together, apart = parallel.global_sum(model.comm, np.array([of_cells.sum(), np.abs(of_cells).sum()])) / size
-    return float(FORCE_OF_SUM * abs(together) + FORCE_OF_CELLS * apart)
+    total, of_sizes = parallel.global_sum(model.comm, np.array([of_cells.sum(), np.abs(of_cells).sum()])) / size
+    return float(FORCE_OF_SUM * abs(total) + FORCE_OF_CELLS * of_sizes)
 
 
 def peak_by_recovery(model: Model, task: Task, outcome: Outcome, contact: ContactState, step: float) -> float | None:
@@ -88,8 +88,8 @@ def peak_by_recovery(model: Model, task: Task, outcome: Outcome, contact: Contac
     of_cells = _of_cells(model, task, outcome, contact, along, step)
     if of_cells is None:
         return None
-    together, apart = parallel.global_sum(model.comm, np.array([of_cells.sum(), np.abs(of_cells).sum()])) / size
-    return float(np.copysign(np.hypot(together, PEAK_OF_CELLS * apart), -together))
+    total, of_sizes = parallel.global_sum(model.comm, np.array([of_cells.sum(), np.abs(of_cells).sum()])) / size
+    return float(np.copysign(np.hypot(total, PEAK_OF_CELLS * of_sizes), -total))
 
 
 def _of_cells(
