@@ -212,8 +212,8 @@ class PartialFactor:
         if not inside:  # some MUMPS fail with nothing to eliminate
             return np.zeros((count, count)), np.zeros((self._sizes.size, count))
         self._right, self._solution = bordered.createVecs()
-        left = next((other._left_behind for other in self._alive if other._left_behind), []) if self._definite else []
-        analysed = left.pop() if left else None
+        analyses = next(filter(None, (factor._left_behind for factor in self._alive)), []) if self._definite else []
+        analysed = analyses.pop() if analyses else None
         self._factor = handle = _factorise(bordered, inside, _MEMORY, analysed, in_order=self._in_order)
         if self._definite:
             self._alive.add(self)
@@ -247,11 +247,11 @@ class PartialFactor:
     def __del__(self) -> None:
         if not getattr(self, "_factor", None):
             return
-        useful, others = [self._factor, *self._left_behind], [other for other in self._alive if other is not self]
-        if others and self._definite and not any(other._left_behind for other in others):  # as it is large, only one
-            others[0]._left_behind.append(useful.pop())
-        for factor in useful:
-            call("MatDestroy", ctypes.byref(factor))
+        useful, in_use = [self._factor, *self._left_behind], [factor for factor in self._alive if factor is not self]
+        if in_use and self._definite and not any(factor._left_behind for factor in in_use):  # as it is large, only one
+            in_use[0]._left_behind.append(useful.pop())
+        for handle in useful:
+            call("MatDestroy", ctypes.byref(handle))
 
 
 def _power(size: float) -> float:

@@ -65,7 +65,7 @@ def mirrored(
         reach = size + nearest.query(slave.x[node])[0]
         in_plane &= np.linalg.norm(apart, axis=1) <= reach
         own_sides = _sides_of_plane(slave, int(node), across, within)
-        if any(own_sides & _sides_of_plane(master, int(other), across, within) for other in holding[in_plane]):
+        if any(own_sides & _sides_of_plane(master, int(beside), across, within) for beside in holding[in_plane]):
             slave_projectors[node] += np.outer(across, across)
     return slave_projectors
 
