@@ -819,8 +819,8 @@ MUTANTS = (
     Mutant(
         "ssn",
         "if self._settled(residual, law):\n"
-        "    from_afar = norms[1] > FAR_START * norms[0] and residual > REFINED_RESIDUAL "
-        "and k < snes.getTolerances()[3]\n"
+        "    from_afar = norms[1] > FAR_START * norms[0] or last_forces > FAR_START * problem.force_scale\n"
+        "    from_afar = from_afar and residual > REFINED_RESIDUAL and k < snes.getTolerances()[3]\n"
         "    return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)",
         "return int(_SNES.CONVERGED_FNORM_RELATIVE)",
         "residual of repeated sets is not looked at",
@@ -832,6 +832,27 @@ MUTANTS = (
         "_SNES.CONVERGED_FNORM_RELATIVE",
         "no other step follows one from far away",
         tests=("starts::test_a_foundation_far_away_costs_no_digits",),
+    ),
+    Mutant(
+        "ssn",
+        "norms[1] > FAR_START * norms[0] or last_forces > FAR_START * problem.force_scale",
+        "norms[1] > FAR_START * norms[0]",
+        "no other step follows one from large forces",
+        tests=("load_steps::test_a_body_that_is_taken_off_its_foundation",),
+    ),
+    Mutant(
+        "ssn",
+        "self._factor, self._outdated = None, True",
+        "self._factor = None",
+        "a preconditioner of an earlier matrix is kept after a factorisation",
+        tests=("krylov::test_what_fails_is_factorised",),
+    ),
+    Mutant(
+        "forms/stress",
+        "return any(getattr(function.ufl_element(), 'has_custom_quadrature', False) for function in coefficients)",
+        "return False",
+        "moduli at points of quadrature are evaluated elsewhere",
+        tests=("contact_problem::test_moduli_known_at_points_of_quadrature",),
     ),
     Mutant(
         "ssn",

@@ -384,9 +384,8 @@ class FormSolver:
         last, modulus = self._last_modulus
         if parallel.any_rank(self.space.mesh.comm, fingerprint != last):
             if law is None or forms.weighted:
-                measure = next(
-                    (one.measure for one in forms.contact if getattr(one, "measure", None) is not None), None
-                )
+                measures = (getattr(contact, "measure", None) for contact in forms.contact)
+                measure = next((measure for measure in measures if measure is not None), None)
                 modulus = modulus_of_energy(forms.original[0], self.space, measure)
             else:
                 modulus = natural_modulus(law, self.space)

@@ -192,15 +192,16 @@ def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> 
         space: of the displacements.
         measure: UFL that the energy is multiplied by; None: nothing.
     """
-    integrals = [one for one in a.integrals() if one.integral_type() == "cell"] if isinstance(a, ufl.Form) else []
-    if not integrals or is_section(space.mesh) or any(one.subdomain_id() != "everywhere" for one in integrals):
+    integrals = a.integrals_by_type("cell") if isinstance(a, ufl.Form) else ()
+    everywhere = all(integral.subdomain_id() == "everywhere" for integral in integrals)
+    if not integrals or is_section(space.mesh) or not everywhere:
         return None
     mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
     dim, x, (z, y) = kinematics.dimension, ufl.SpatialCoordinate(mesh), a.arguments()
     x = x - interpolated(x, fem.functionspace(mesh, ("DG", 0, (dim,))))
     axes = [ufl.unit_vector(k, dim) for k in range(dim)]
     strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in kinematics.pairs]
-    energy = sum(one.integrand() for one in integrals) / (1 if measure is None else measure)
+    energy = sum(integral.integrand() for integral in integrals) / (1 if measure is None else measure)
     if _by_quadrature(energy):
         return None
     moduli = ufl.as_vector([ufl.replace(energy, {z: first, y: second}) for first in strained for second in strained])
@@ -211,7 +212,7 @@ def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> 
 def _by_quadrature(expression: Any) -> bool:
     """Whether it has a Function of a quadrature element, which has no values in the middle of a cell."""
     coefficients = ufl.algorithms.extract_coefficients(expression)
-    return any(getattr(one.ufl_element(), "has_custom_quadrature", False) for one in coefficients)
+    return any(getattr(function.ufl_element(), "has_custom_quadrature", False) for function in coefficients)
 
 
 def _stiffest(moduli: npt.NDArray[np.float64], mesh: dmesh.Mesh) -> float | None:

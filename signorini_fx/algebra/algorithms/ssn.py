@@ -144,8 +144,8 @@ class SemismoothNewton:
         ksp, least = snes.getKSP(), problem.least_share(x)
         forces = max(least, SMALL_FORCES_OF_BODY) * problem.force_scale
         exact = not self._may_keep or least < SMALL_FORCES_OF_BODY
-        kept = problem.system.keep_factor(ksp, problem.moved, forces, exact=exact)
-        self._factorised = not kept or (self._outdated and self._factor is None)
+        keeps_factor = problem.system.keep_factor(ksp, problem.moved, forces, exact=exact)
+        self._factorised = not keeps_factor or (self._outdated and self._factor is None)
         self._outdated &= self._factor is not None
         self._loosened |= problem.system.inexact
         if self._factorised:
@@ -226,7 +226,7 @@ class SemismoothNewton:
         self._changes: list[tuple[int, int]] = []
         self._stalls: list[float] = []
         self._status: Status | None = None
-        self._forces = 0.0  # their size at the last iterate
+        self._last_forces = 0.0  # their size at the last iterate
         if self.history.exhausted:
             return Status.MAX_ITERATIONS
         remaining = self.history.limit - self._solves_before
@@ -384,7 +384,7 @@ class SemismoothNewton:
         problem = self.problem
         active, plus, minus, changed, fingerprint = self._counts(*problem.friction_bounds(self.x))
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
-        forces, self._forces = self._forces, problem.force_scale
+        last_forces, self._last_forces = self._last_forces, problem.force_scale
         law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:
             self._record(k, active, plus, minus, changed, residual)
@@ -393,8 +393,8 @@ class SemismoothNewton:
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if self._settled(residual, law):
-                far = norms[1] > FAR_START * norms[0] or forces > FAR_START * problem.force_scale
-                from_afar = far and residual > REFINED_RESIDUAL and k < snes.getTolerances()[3]
+                from_afar = norms[1] > FAR_START * norms[0] or last_forces > FAR_START * problem.force_scale
+                from_afar = from_afar and residual > REFINED_RESIDUAL and k < snes.getTolerances()[3]
                 return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
             # corrects, or directions of slip still change.
