@@ -845,7 +845,7 @@ MUTANTS = (
         "self._factor, self._outdated = None, True",
         "self._factor = None",
         "a preconditioner of an earlier matrix is kept after a factorisation",
-        tests=("krylov::test_what_fails_is_factorised",),
+        tests=("krylov",),
     ),
     Mutant(
         "forms/stress",
@@ -866,21 +866,21 @@ MUTANTS = (
         "self._factorised_in == self.history.step",
         "self._factorised_in is not None",
         "where a Krylov method has failed once, all later load steps are factorised",
-        tests=("krylov::test_what_fails_is_factorised",),
+        tests=("krylov",),
     ),
     Mutant(
         "algorithms/ssn",
         "status is not Status.LINEAR_SOLVER or not self._factorise()",
         "True",
         "a Krylov method that fails is not replaced",
-        tests=("krylov::test_what_fails_is_factorised",),
+        tests=("krylov",),
     ),
     Mutant(
         "linalg/krylov",
         "not enough_memory(self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension))",
         "False",
         "a Krylov method that fails is replaced whatever the memory",
-        tests=("krylov::test_what_fails_is_factorised",),
+        tests=("krylov",),
     ),
     Mutant(
         "ssn",
