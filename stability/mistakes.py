@@ -845,7 +845,7 @@ MUTANTS = (
         "self._factor, self._outdated = None, True",
         "self._factor = None",
         "a preconditioner of an earlier matrix is kept after a factorisation",
-        tests=("krylov",),
+        tests=("krylov::test_what_fails_is_factorised[True-fp-cg]",),
     ),
     Mutant(
         "forms/stress",
