@@ -386,11 +386,15 @@ class FormSolver:
             if law is None or forms.weighted:
                 measures = (getattr(contact, "measure", None) for contact in forms.contact)
                 measure = next((measure for measure in measures if measure is not None), None)
-                modulus = modulus_of_energy(forms.original[0], self.space, measure)
+                modulus = modulus_of_energy(self._bilinear_form(), self.space, measure)
             else:
                 modulus = natural_modulus(law, self.space)
             self._last_modulus = fingerprint, modulus
         return modulus
+
+    def _bilinear_form(self) -> Any:
+        """a in UFL; something else where it is not known so."""
+        return self.forms.original[0]
 
     def _size(self) -> float:
         """The diameter of the body, length; collective."""

@@ -219,6 +219,7 @@ class LinearisedProblem(FormSolver):
         residual: F, a compiled form.
         evaluated: F at the displacement, with the loads beside it.
         at: the displacement where both are evaluated.
+        bilinear: F' in UFL where it is the same at all displacements; else None.
         bcs, contact, boundaries, settings: see ``ContactProblem``.
 
     Raises:
@@ -254,6 +255,7 @@ class LinearisedProblem(FormSolver):
         residual: fem.Form,
         evaluated: Residual,
         at: fem.Function,
+        bilinear: Any,
         bcs: Any,
         contact: Any,
         *,
@@ -263,6 +265,7 @@ class LinearisedProblem(FormSolver):
         **settings: Any,
     ) -> None:
         increment, self.stated, self._at = fem.Function(at.function_space), contact, at
+        self._bilinear = bilinear
         self.shapes = dict[int, MovingShape]()
         seen = [entry if entry.shape is None else self._seen(k, entry) for k, entry in enumerate(contact)]
         forms, increment = given_forms(tangent, residual, seen, increment, boundaries=boundaries)
@@ -286,6 +289,10 @@ class LinearisedProblem(FormSolver):
         foundations.at, foundations.sliding, foundations.shapes_of_tools = at, {}, self.shapes
         foundations._undeformed = {}
         foundations.check_driven(self.settings.algorithm)
+
+    def _bilinear_form(self) -> Any:
+        """See ``FormSolver``: moduli of other tangents depend on the displacement."""
+        return self._bilinear
 
     def _seen(self, number: int, entry: Any) -> Any:
         """A foundation with a shape as the linearised problem has it: a gap and a direction."""

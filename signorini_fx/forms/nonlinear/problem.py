@@ -129,6 +129,7 @@ class NonlinearContactProblem(ProblemOfForms):
             compiled,
             residual,
             u,
+            tangents.bilinear,
             bcs,
             self.contact,
             petsc_options_prefix=petsc_options_prefix,

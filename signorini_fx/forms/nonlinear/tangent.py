@@ -52,13 +52,19 @@ class Tangents:
     def _leading(self) -> fem.Form:
         return self._compiled(self._J)
 
-    @cached_property
+    @property
     def affine(self) -> bool:
         """Whether the tangent of Newton's method is the derivative of F, and the same at all displacements."""
+        return self.bilinear is not None
+
+    @cached_property
+    def bilinear(self) -> Any:
+        """F' in UFL where it is the same at all displacements; else, and where there is one of the user's, None."""
         if self.given:
-            return False
-        lowered = apply_derivatives(apply_algebra_lowering(ufl.derivative(self._F, self._u)))
-        return self._u not in lowered.coefficients()
+            return None
+        form = ufl.derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space))
+        lowered = apply_derivatives(apply_algebra_lowering(form))
+        return None if self._u in lowered.coefficients() else lowered
 
     @cached_property
     def derivative(self) -> fem.Form:
