@@ -393,7 +393,7 @@ class FormSolver:
         return modulus
 
     def _bilinear_form(self) -> Any:
-        """a in UFL; something else where it is not known so."""
+        """The stiffness a in UFL; something else where it is not known so."""
         return self.forms.original[0]
 
     def _size(self) -> float:
