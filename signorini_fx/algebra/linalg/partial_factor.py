@@ -181,7 +181,8 @@ class PartialFactor:
         rows = sp.csr_array(rows[self.inner])
         bordering = _bordering(rows, order, places, count, len(loads), followed=followed)
         self._order, self.toward = bordering.numbers[self.inner], bordering.toward(rows)
-        self._alive, self._definite, self._left_behind = bordering.alive, definite, list[ctypes.c_void_p]()
+        self._alive = bordering.alive if definite else WeakSet[PartialFactor]()  # nothing of others is taken over
+        self._left_behind = list[ctypes.c_void_p]()
         # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
         self._unit = _power(np.abs(rows.data[bordering.diagonal]).max(initial=0.0))
         # So small that they have no influence on the choice of pivots of an indefinite matrix.
@@ -212,11 +213,10 @@ class PartialFactor:
         if not inside:  # some MUMPS fail with nothing to eliminate
             return np.zeros((count, count)), np.zeros((self._sizes.size, count))
         self._right, self._solution = bordered.createVecs()
-        analyses = next(filter(None, (factor._left_behind for factor in self._alive)), []) if self._definite else []
+        analyses = next(filter(None, (factor._left_behind for factor in self._alive)), [])
         analysed = analyses.pop() if analyses else None
         self._factor = handle = _factorise(bordered, inside, _MEMORY, analysed, in_order=self._in_order)
-        if self._definite:
-            self._alive.add(self)
+        self._alive.add(self)
         dense = ctypes.c_void_p()
         call("MatFactorGetSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
@@ -248,7 +248,7 @@ class PartialFactor:
         if not getattr(self, "_factor", None):
             return
         useful, in_use = [self._factor, *self._left_behind], [factor for factor in self._alive if factor is not self]
-        if in_use and self._definite and not any(factor._left_behind for factor in in_use):  # as it is large, only one
+        if in_use and not any(factor._left_behind for factor in in_use):  # as it is large, only one
             in_use[0]._left_behind.append(useful.pop())
         for handle in useful:
             call("MatDestroy", ctypes.byref(handle))

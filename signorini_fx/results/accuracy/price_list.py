@@ -166,9 +166,10 @@ def price_list(
             # In space and between two bodies a single change was seen to mislead.
             enough = index > 1 or not (level.dimension == 3 or level.paired)
             errors["force"] = force_error(levels[: index + 1], uniform=uniform) if enough else None
-            pollution = 0.0 if uniform else POLLUTION_OF_PEAK * level.energy**2
-            error = peak_error(peaks[: index + 1], level.degree, fineness if uniform else None, pollution)
-            if level.recovered_peak is not None:
+            if level.recovered_peak is None:
+                pollution = 0.0 if uniform else POLLUTION_OF_PEAK * level.energy**2
+                error = peak_error(peaks[: index + 1], level.degree, fineness if uniform else None, pollution)
+            else:
                 error = seen_by_recovery(peaks[index], level.recovered_peak)
             errors["peak"] = None if error is None else error + level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:

@@ -66,14 +66,8 @@ def peak_by_recovery(model: Model, task: Task, outcome: Outcome, contact: Contac
     """The error of a mean of the pressure around its top, relative, positive where the pressure is too large; one back
     substitution with the last factor, collective.
 
-    Its weight is what the squared pressure, a paraboloid for Hertz's, is above a share of the largest one.
-
-    Args:
-        model: on the mesh.
-        task: its contact problem.
-        outcome: how it ended.
-        contact: the contact points.
-        step: the load step.
+    Its weight is what the squared pressure, a paraboloid for Hertz's, is above a share of the largest one.  Arguments
+    are those of ``force_by_recovery``.
 
     Returns:
         None without pressure, and where the tangent is not symmetric or is none of regularised contact.
