@@ -688,6 +688,8 @@ LINE_CONTACT = 0.02
 
 # The iteration for chi ends at this change, relative to chi, or after so many solves.  Choice.
 ADJOINT_CHANGE, MOST_ADJOINT_SOLVES = 1e-11, 30
+# A component below this share of the displacement of its point is round-off of one that supports prescribe.  Choice.
+ADJOINT_UNMOVED = 1e-12
 # Below this share of chi a change that does not shrink is round-off.  Choice.
 ADJOINT_STALLED = 1e-6
 # Change of a datum or a Constant for a difference of residuals, relative to it, or to the natural unit of one that is

@@ -598,8 +598,16 @@ class Differences:
         """At quantities, relative to the largest number of each, of forces and moments no less than that of all
         contacts; collective.
         """
-        arm = scene.model.tagged.size
-        floors = {"force": sizes.force, "moment": sizes.force * arm, "through": sizes.force}
+        arm, dimension = scene.model.tagged.size, scene.model.dimension
+        # The energy of a body that only moves as a whole is round-off of that of a body which is strained as much.
+        unstrained = SAME * scene.model.statement.young * sizes.displacement**2 * arm ** (dimension - 2)
+        floors = {
+            "force": sizes.force,
+            "moment": sizes.force * arm,
+            "through": sizes.force,
+            "energy": unstrained,
+            "functionals": unstrained,
+        }
         for quantity in quantities():
             if quantity.key in keys:
                 ours, theirs = (np.array(numbers_in(quantity.entries(solution))) for solution in (scene, forms))

@@ -457,13 +457,21 @@ class FormSolver:
         """Friction at the contact points with the values that Constants have now; collective."""
         return self._point_data(self.foundations.shapes())[1]
 
-    def data_now(self) -> tuple[Any, ...]:
-        """The problem with the values that Constants have now, as derivatives take it; collective."""
-        shapes, fixed = self.foundations.shapes(), self.elastic.fixed
-        boundary = self.boundary
+    def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
+        """The problem with the values that Constants have now, as derivatives take it; collective.
+
+        Args:
+            solved: a problem of the same body that has the solution; None: this one.
+        """
+        solved = self if solved is None else solved
+        shapes, fixed, boundary = self.foundations.shapes(), solved.elastic.fixed, solved.boundary
         if any(shape.factor is not None or shape.direction is not None for shape in shapes):
-            boundary = self.foundations.boundary(shapes, fixed, at_rest=self.foundations.at_rest(*self.prescribed))
+            boundary = self.foundations.boundary(shapes, fixed, at_rest=self.foundations.at_rest(*solved.prescribed))
         settings = Settings.of(self.settings)
-        data, law = self.foundations.problem(boundary, self.foundations.data(shapes), settings, self.scales)
+        data, law = self.foundations.problem(boundary, self.foundations.data(shapes), settings, solved.scales)
         values = prescribed(self.space, conditions_of(self.bcs, self.space))[1][: fixed.size]
-        return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), values, boundary, data.gap, law
+        return (*self._forms_and_forces(), values, boundary, data.gap, law)
+
+    def _forms_and_forces(self) -> tuple[list[fem.Form], Array]:
+        """The terms of a, and L at the owned dofs, as they are now; collective."""
+        return [self.forms.compiled[0]], assemble(self.forms.compiled[1])

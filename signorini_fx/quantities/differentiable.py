@@ -75,7 +75,7 @@ class ContactForce:
     component: int
     moment: bool = False
 
-    def _directions(self, boundary: ContactBoundary) -> Array:
+    def directions(self, boundary: ContactBoundary) -> Array:
         """Direction of the traction that counts at each point, in space, zero elsewhere, shape (n, d)."""
         directions = np.zeros_like(boundary.normal)
         on_part = boundary.part == self.part
@@ -91,7 +91,7 @@ class ContactForce:
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
         """See ``Functional``."""
-        force = -(boundary.nodal_forces(pressure, shear) * self._directions(boundary)).sum()
+        force = -(boundary.nodal_forces(pressure, shear) * self.directions(boundary)).sum()
         return float(parallel.global_sum(boundary.comm, np.array(force)))
 
     def by_displacement(self, y: fem.Function) -> Array | None:
@@ -100,7 +100,7 @@ class ContactForce:
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
         """See ``Functional``."""
-        return -np.einsum("nij,ni->nj", boundary.frames, self._directions(boundary))
+        return -np.einsum("nij,ni->nj", boundary.frames, self.directions(boundary))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ that it is at small strains.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -18,10 +18,12 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.forms.nonlinear.at_solution import linearised_at
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.newton import SecondOpinion
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
+from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
@@ -179,13 +181,19 @@ class ProblemOfScene(NonlinearContactProblem):
         self._solver.tangents.trusted = body.tangent is not None
         self._begins_at(statement.placed(-1))
 
-    def solved(self, timings: Timings, stored: MeshCheckpoint | None = None) -> Solution:
+    def solved(
+        self,
+        timings: Timings,
+        stored: MeshCheckpoint | None = None,
+        on_step: Callable[[StepResult], object] = lambda step: None,
+    ) -> Solution:
         """The solution of all load steps, or of those before one that has none: of the first one the body as it was
         before; collective.
 
         Args:
             timings: of what was done so far.
             stored: the checkpoint that load steps are taken from and stored in; None: there is none.
+            on_step: called after each load step.
 
         Raises:
             ConvergenceError: the first one has none, and its body cannot be evaluated.
@@ -194,7 +202,7 @@ class ProblemOfScene(NonlinearContactProblem):
         failures = list[Finding]()
         try:
             with self._as_convergence_error():
-                self._continuation.along(self.statement.path, self.go_to, lambda step: None, stored)
+                self._continuation.along(self.statement.path, self.go_to, on_step, stored)
         except ConvergenceError as error:
             if self._solver.solved is None:  # not even the body before the first one can be shown
                 raise
@@ -235,6 +243,47 @@ class ProblemOfScene(NonlinearContactProblem):
             carried = {"shift": moving.shape.shift, "rotation": moving.shape.rotation}
             moving.put(shape.model_copy(update=carried))
 
+    def reached(self) -> ReachedStep:
+        """The load step that has just ended."""
+        begun = self._solver.begun
+        assert begun is not None
+        return ReachedStep(self.path_step, self._solver.snapshot(), begun)
+
+    def linearised(self, step: ReachedStep) -> tuple[Any, ...]:
+        """An earlier load step with its linearised problem, see ``linearised_at``; collective."""
+        self.go_to(step.path_step)
+        self._solver.go_back(step.end)
+        self._solver.begun = step.begun
+        return linearised_at(self._solver)
+
+    def go_through(self, begins_at: float | None, path_step: float) -> None:
+        """Loads, supports and foundations of a load step, with slips that count from where the one before it ends;
+        collective.
+
+        Args:
+            begins_at: the place in the lists of factors where that one ends; None: there is none.
+            path_step: that of the load step.
+        """
+        if begins_at is None:
+            self._begins_at(self.statement.placed(-1))
+        else:
+            self.go_to(begins_at)
+            for moving in self.shapes.values():
+                moving.settled = moving.shape
+        self.go_to(path_step)
+
+    def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
+        """Minus the residual of the body in another scene on the mesh at the place of now, by NumPy, forces of shape
+        (owned dofs,); collective.
+
+        Args:
+            statement: that scene, without materials that have a state.
+            displacement: y.
+        """
+        anew = NonlinearForces(statement, self.model.tagged, self.model.space)
+        external = anew.external(self.path_step) + anew.of_followers(displacement, self.path_step)
+        return np.asarray(external - anew.of_body(displacement, {})).ravel()
+
     def _begins_at(self, statement: Statement) -> None:
         """Slip counts from where foundations are at time 0."""
         self._move(statement)
@@ -246,12 +295,27 @@ class ProblemOfScene(NonlinearContactProblem):
         for number, entry in enumerate(statement.contact):
             if self.statement.contact[number].gap_timed:
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
-                self.linear.foundations.give_gap(number, gap)
+                self.linear.give_gap(number, gap)
         dimension = self.model.tagged.dimension
         placed = {number: moving for number, moving in self.shapes.items() if not moving.driven}
         for number, moving in placed.items():
             if (entry := statement.contact[number]) is not self.statement.contact[number]:
                 moving.put(fitting(number, entry.foundation, dimension))
+
+
+@dataclass(frozen=True)
+class ReachedStep:
+    """A load step of a scene.
+
+    Attributes:
+        path_step: its place in the lists of factors.
+        end: the body at its end.
+        begun: where it begins.
+    """
+
+    path_step: float
+    end: Snapshot
+    begun: BeginningOnShapes
 
 
 @dataclass(frozen=True)

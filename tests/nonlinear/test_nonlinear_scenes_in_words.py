@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 from support.nonlinear_scenes import LAWS, block, indented, material
 
-from signorini_fx import SceneError, extensions, read_results, sensitivity, solve, sweep, write_results
+from signorini_fx import SceneError, extensions, read_results, solve, sweep, write_results
 from signorini_fx.extensions import KINEMATICS
 from signorini_fx.forms.nonlinear.outcomes import advice_on_forms
 from signorini_fx.mechanics.kinematics import PLANE_STRAIN
@@ -96,13 +96,6 @@ def test_what_is_refused(message):
         assert len(str(refused.value).splitlines()) == 1
 
 
-def test_gaps_of_shapes_do_not_depend_on_time():
-    """The distance of a shape is evaluated where it is."""
-    timed = {"boundary": "top", "foundation": CIRCLE, "gap": "0.1 * t"}
-    with pytest.raises(SceneError, match=r"contact.gap: that depends on the time, beside a foundation with a shape"):
-        indented(RUBBER, contact=timed, load_steps={})
-
-
 def test_kinematics_of_another_package_are_refused(monkeypatch):
     """They do not say what finite strains are."""
     odd = replace(PLANE_STRAIN, words="odd")
@@ -121,13 +114,11 @@ def test_ogden_in_space_is_refused():
 
 
 def test_what_else_scenes_are_used_for():
-    """A sweep, derivatives and a study say that they do not know the material; none takes it for a linear one."""
+    """A sweep says that it does not know the material: it does not take it for a linear one."""
     rough = {"friction": {"law": "coulomb", "coefficient": 0.3}, "foundation": CIRCLE | {"shift": [0.0, -0.1]}}
     scene = indented(RUBBER, contact=contact(**rough), load_steps={})
     with pytest.raises(SceneError, match="is not possible here yet"):
         sweep(scene, MPI.COMM_SELF, coefficients=[0.1, 0.2])
-    with pytest.raises(SceneError, match="derivatives are not possible yet with a nonlinear material"):
-        sensitivity(scene, "force(top, y)", comm=MPI.COMM_SELF)
 
 
 def test_check():

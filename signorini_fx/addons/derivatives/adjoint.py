@@ -29,14 +29,14 @@ from petsc4py import PETSc
 from signorini_fx.addons.derivatives.law import LinearisedLaw
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.contact_map import ContactMap
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import ElasticSystem, callbacks, petsc_options
 from signorini_fx.algebra.linalg.failures import unprinted
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.algebra.problem.tangent import ContactTangent
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import ADJOINT_CHANGE, ADJOINT_STALLED, MOST_ADJOINT_SOLVES
+from signorini_fx.tuned import ADJOINT_CHANGE, ADJOINT_STALLED, ADJOINT_UNMOVED, MOST_ADJOINT_SOLVES
 
 
 class AdjointError(SignoriniError):
@@ -92,6 +92,7 @@ class TransposedTangent:
         methods: whose factors may serve; None: one that was not used.
         last: the tangent of another load step, which is not needed any more: on the same system its matrix serves, so
             that its factorisation is not planned again, and its factor if the sets are the same; None: there is none.
+        symmetric: whether A is.  At finite displacements it is not where friction acts on a curved shape.
     """
 
     ksp: PETSc.KSP
@@ -103,9 +104,11 @@ class TransposedTangent:
         law: LinearisedLaw,
         methods: Sequence[SemismoothNewton | None] = (),
         last: TransposedTangent | None = None,
+        *,
+        symmetric: bool = True,
     ) -> None:
         self.of, self.system, self._law = system, copy(system), law  # a Krylov system keeps the size of its forces
-        self.symmetric = _symmetric(system, law)
+        self._as_it_is, self.symmetric = not symmetric, symmetric and _symmetric(system, law)
         self.pc = next((pc for pc in map(self._reused, methods) if pc is not None), None)
         if self.pc is not None:
             return
@@ -113,7 +116,8 @@ class TransposedTangent:
             self.system, self.ksp, self.tangent = last.system, last.ksp, last.tangent  # KSP calls the system
         else:
             self._set_up()
-        self.tangent.insert(self.ksp.getOperators()[0], np.ascontiguousarray(law.tangent.transpose(0, 2, 1)))
+        blocks = law.tangent if self._as_it_is else np.ascontiguousarray(law.tangent.transpose(0, 2, 1))
+        self.tangent.insert(self.ksp.getOperators()[0], blocks)
 
     def _reused(self, newton: SemismoothNewton | None) -> PETSc.PC | None:
         """The last factor of a method, if it is of the same blocks; collective."""
@@ -148,7 +152,7 @@ class TransposedTangent:
         self.system.keep_factor(self.ksp, None, forces, exact=True)
         x.set(0.0)
         with petsc_options.defaults(self.system.solver_defaults), unprinted():
-            callbacks.solve(self.ksp.solve, right, x)
+            callbacks.solve(self.ksp.solveTranspose if self._as_it_is else self.ksp.solve, right, x)
         if self.ksp.getConvergedReason() < 0:
             raise AdjointError("the linear solver has failed for the tangent at the solution: there is no derivative")
 
@@ -175,7 +179,7 @@ class TransposedTangent:
             moved = np.column_stack(contact.traces(psi))
             untied = moved - by_traction
             # A traction cannot move what supports prescribe, and so without regularisation it is none of the unknowns.
-            unmoved = (moved == 0.0) & law.exact
+            unmoved = (np.abs(moved) <= ADJOINT_UNMOVED * length(moved)[:, None]) & law.exact
             step = law.gamma * law.tied_tractions(np.where(unmoved, 0.0, untied))
             chi = chi + step
             change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
@@ -193,7 +197,8 @@ class TransposedTangent:
                 f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need fewer"
             )
         turned = np.einsum("nji,nj->ni", law.turning, untied)
-        return Adjoint(right.displacement(psi), untied, chi + turned, law, contact.points.weight, solves)
+        tied = law.by_slips(chi) + turned
+        return Adjoint(right.displacement(psi), untied, tied, law, contact.points.weight, solves)
 
 
 def _symmetric(system: ElasticSystem, law: LinearisedLaw) -> bool:

@@ -13,7 +13,7 @@ that step: one loop from the last step to the first finds all adjoint states.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,7 @@ from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.errors import SceneError
+from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action, node_positions
@@ -37,6 +37,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_map import contact_map
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
+from signorini_fx.quantities.differentiable import ContactForce
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.results.step_frames import turned
 from signorini_fx.tuned import QUANTITY_CHANGE, ROUND_OFF_OF_DIFFERENCE, WRONG_DERIVATIVE
@@ -59,6 +60,8 @@ class SolvedStep:
         displacement: y, from the initial position.
         driven: the unknowns of rigid bodies, shape (k,).
         compliance: 1 / gamma_2, length per stress; zero without regularisation.
+        curvature: how contact forces turn with the displacements of their points, force per length, shape (n, d, d);
+            None: they do not.
     """
 
     body: ElasticBody
@@ -69,6 +72,7 @@ class SolvedStep:
     displacement: fem.Function
     driven: Array
     compliance: float
+    curvature: Array | None = None
 
     @classmethod
     def of(
@@ -80,6 +84,7 @@ class SolvedStep:
         state: ContactState,
         displacement: fem.Function,
         law: PointFriction | None,
+        turning: tuple[Array, Array] | None = None,
     ) -> SolvedStep:
         """A load step that has just been solved; collective.
 
@@ -91,19 +96,31 @@ class SolvedStep:
             state: the contact points.
             displacement: y, from the initial position.
             law: of friction; None: there is none.
+            turning: of points on shapes at finite displacements ``curvature`` and ``LinearisedLaw.slips``; None:
+                normals do not turn.
         """
         exact = not all(np.isfinite(task.promised(outcome)[:2]))
         data = start.data if exact else outcome.problem.data
         gamma = data.gamma_n, data.gamma_t
+        methods = [outcome.newton, vars(task.iterate).get("unsymmetric_newton")]  # if it was used
+        linear_law = linearised(state, law, gamma, exact=exact, before=start.data.mu_hat)
+        if turning is not None:
+            methods = []  # their last tangent is that of another displacement
+            linear_law = replace(linear_law, slips=turning[1])
+            alone = linear_law.tied[:, 1:].any(axis=1) & ~state.in_contact & (turning[1][:, :, 0] != 0.0).any(axis=1)
+            if parallel.any_rank(body.comm, exact and bool(alone.any())):
+                reason = "derivatives are not possible yet where it holds points without pressure while a shape turns"
+                raise FormError([("contact.friction", reason)])
         return cls(
             body,
             task.system,
-            linearised(state, law, gamma, exact=exact, before=start.data.mu_hat),
-            [outcome.newton, vars(task.iterate).get("unsymmetric_newton")],  # if it was used
+            linear_law,
+            methods,
             state,
             displacement,
             body.driven(outcome.displacement(), task.rest),
             0.0 if exact else 1 / data.gamma_t,
+            None if turning is None else turning[0],
         )
 
     def quantity(self, of: Functional) -> tuple[PETSc.Vec, Nodal]:
@@ -114,10 +131,15 @@ class SolvedStep:
         """
         if not is_of_package(type(of)):
             self._check(of)
-        row = of.by_displacement(self.displacement)
-        vector = self.body.vector(np.zeros(self.body.fixed.size) if row is None else row)
+        row, boundary = of.by_displacement(self.displacement), self.state.boundary
+        row = np.zeros(self.body.fixed.size) if row is None else row
+        if self.curvature is not None and isinstance(of, ContactForce):
+            forces = row.reshape(-1, self.body.dimension).copy()
+            np.subtract.at(forces, boundary.nodes, np.einsum("nij,ni->nj", self.curvature, of.directions(boundary)))
+            row = forces.ravel()
+        vector = self.body.vector(row)
         vector.getArray()[self.body.prescribed] = 0.0
-        return vector, of.by_traction(self.state.boundary, self.state.pressure, self.state.shear)
+        return vector, of.by_traction(boundary, self.state.pressure, self.state.shear)
 
     def _check(self, of: Functional) -> None:
         """Compare derivatives with a central difference: displacement and tractions are changed by shares of them."""
@@ -185,7 +207,7 @@ def adjoints_of(
         owed = [step.quantity(of) if at == k else debt for (at, of), debt in zip(quantities, owed, strict=True)]
         if not any(debt is not None for debt in owed):
             continue
-        tangent = TransposedTangent(step.system, step.law, step.methods, tangent)
+        tangent = TransposedTangent(step.system, step.law, step.methods, tangent, symmetric=step.body.symmetric)
         for number, debt in enumerate(owed):
             if debt is None:
                 continue
@@ -343,19 +365,20 @@ def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETS
 
 def central(above: By, below: By, step: float) -> By:
     """The derivatives of what depends on a datum, from what it is where the datum is larger and smaller by a step."""
+    return lambda k: difference(above(k), below(k), step)
 
-    def by(k: int) -> Explicit:
-        high, low, residual = above(k), below(k), None
-        if high.residual is not None and low.residual is not None:
-            residual = (high.residual - low.residual) * (0.5 / step)
-        slopes = [
-            None if upper is None or lower is None else np.asarray((upper - lower) / (2 * step), dtype=np.float64)
-            for upper, lower in ((high.relative, low.relative), (high.bound, low.bound))
-        ]
-        direct = [(upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)]
-        return Explicit(direct, residual, *slopes)
 
-    return by
+def difference(high: Explicit, low: Explicit, step: float) -> Explicit:
+    """The derivatives of a load step by a datum, from those where it is larger and smaller by a step."""
+    residual = None
+    if high.residual is not None and low.residual is not None:
+        residual = (high.residual - low.residual) * (0.5 / step)
+    slopes = [
+        None if upper is None or lower is None else np.asarray((upper - lower) / (2 * step), dtype=np.float64)
+        for upper, lower in ((high.relative, low.relative), (high.bound, low.bound))
+    ]
+    direct = [(upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)]
+    return Explicit(direct, residual, *slopes)
 
 
 def derivatives(

@@ -35,6 +35,8 @@ class LinearisedLaw:
         exact: whether there is no regularisation.
         slip: e where the shear is at its bound, else zero, shape (n, d - 1).
         between: points of all ranks that stand between two sets, where derivatives are one-sided.
+        slips: by how much more slips change with displacements than these along the contact do, as they turn it,
+            without unit, shape (n, d - 1, d); None: by nothing.
     """
 
     tied: npt.NDArray[np.bool_]
@@ -44,17 +46,29 @@ class LinearisedLaw:
     exact: bool
     slip: Nodal
     between: int
+    slips: Nodal | None = None
 
     @property
     def tangent(self) -> Nodal:
-        """D, stress per length, shape (n, d, d)."""
-        return self.turning + self.spread * (self.gamma * self.tied)[:, None, :]
+        """D by displacements of the points, stress per length, shape (n, d, d)."""
+        tied, slopes = self.spread * (self.gamma * self.tied)[:, None, :], self.turning
+        if not self.exact:
+            tied, slopes = np.zeros_like(tied), slopes + tied
+        return (slopes if self.slips is None else slopes + slopes[:, :, 1:] @ self.slips) + tied
 
     def by_bound(self, change: Nodal) -> Nodal:
         """C of a change of the friction bound, stress, shape (n, d)."""
         moving = length(self.slip) > 0
         shear = np.where(moving, change, 0.0)[:, None] * self.slip
         return np.column_stack((np.zeros(len(shear)), shear))
+
+    def by_slips(self, owed: Nodal) -> Nodal:
+        """What is owed to gaps and slips that the law prescribes, from what is owed to displacements, shape (n, d)."""
+        if self.slips is None or not self.exact:
+            return owed
+        normal, along = self.slips[:, :, 0], np.eye(self.slips.shape[1]) + self.slips[:, :, 1:]
+        slips = np.asarray(np.linalg.solve(along.transpose(0, 2, 1), owed[:, 1:, None])[:, :, 0], dtype=np.float64)
+        return np.column_stack((owed[:, 0] - inner(slips, normal), slips))
 
     def tied_tractions(self, tractions: Nodal) -> Nodal:
         """E^T of them in the tied components, shape (n, d)."""

@@ -21,16 +21,12 @@ from signorini_fx.addons.derivatives.gradient import (
     derivatives,
     explicit,
 )
-from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.errors import FormError, SceneError, SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional, Gradient
@@ -152,7 +148,7 @@ def gradient(
     of: Any,
     by: Sequence[Any],
     body: Callable[[], Model],
-    step: tuple[ElasticBody, Task, Outcome, Start, ContactState, fem.Function, PointFriction | None],
+    step: tuple[Any, ...],
     data: Callable[[], tuple[Any, ...]],
 ) -> Gradient:
     """The derivatives of one result; collective.
@@ -170,7 +166,7 @@ def gradient(
         RuntimeError: the result depends on the step before, whose Constants, Functions and conditions are not known
             any more.
     """
-    _, _, _, begun, _, u, _ = step
+    begun, u = step[3], step[5]
     quantity, constants = _quantity_of(of, u, body), _checked(by)
     solved, quantities = SolvedStep.of(*step), [(0, quantity)]
     adjoints, state = adjoints_of([solved], quantities), solved.state

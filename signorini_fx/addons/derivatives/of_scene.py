@@ -28,6 +28,7 @@ from signorini_fx.addons.derivatives.gradient import (
     elastic_forces,
     explicit,
 )
+from signorini_fx.addons.derivatives.of_nonlinear_scene import NonlinearSteps, columns
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import alone, contact_of, law_of, moved_since, placed, prepare
@@ -44,13 +45,14 @@ from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import as_scene
+from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
 
 Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.
 REFUSES = {
-    "nonlinear material": "derivatives are not possible yet with a nonlinear material",
+    "material with a state": "derivatives are not possible yet with a material that has a state",
     "mixed element": "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
     "soft contact": "derivatives are those of contact that gives way as gamma_n says: leave 'overclosure' out",
     "entering load": "derivatives are not possible yet where it enters contact",
@@ -135,6 +137,10 @@ def sensitivity(
     """
     scene = as_scene(scene)
     _check(scene.statement)
+    wanted = [of] if isinstance(of, str) else list(of)
+    if scene.statement.nonlinear:
+        of_bodies = _of_nonlinear(scene, wanted, by, comm)
+        return of_bodies[0] if isinstance(of, str) else of_bodies
     # Coarser meshes give a start, and change nothing of the solution.
     scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
     solved: list[_Step] = []
@@ -151,7 +157,7 @@ def sensitivity(
         raise ConvergenceError(solution)
     # Contact points may be on the other side than the scene says.
     statement = scene.statement.changed(contact=solution.statement.contact)
-    sensitivities = _sensitivities(statement, solved, [of] if isinstance(of, str) else list(of), by, solution, seconds)
+    sensitivities = _sensitivities(statement, solved, wanted, by, solution, seconds)
     return sensitivities[0] if isinstance(of, str) else sensitivities
 
 
@@ -209,7 +215,7 @@ def _sensitivities(
     paths = tuple(default_entries(statement) if by is None else by)
     entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in paths]
     begin = time.perf_counter()
-    quantities = [_at_step(steps, text) for text in of]
+    quantities = [_at_step([step.model for step in steps], text) for text in of]
     adjoints = adjoints_of([step.solved for step in steps], quantities if paths else [])
     columns = [
         derivatives(adjoints, quantities, _by(statement, steps, path, step, quantities))
@@ -238,20 +244,48 @@ def _sensitivities(
     ]
 
 
+def _of_nonlinear(scene: Scene, of: list[str], by: Sequence[str] | None, comm: MPI.Comm) -> list[Sensitivity]:
+    """Those of a scene with a nonlinear material; collective."""
+    steps = NonlinearSteps.solved(scene, comm)
+    statement, model = steps.statement, steps.solution.model
+    paths = tuple(default_entries(statement) if by is None else by)
+    entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in paths]
+    begin = time.perf_counter()
+    quantities = [_at_step([model] * len(steps.reached), text) for text in of]
+    totals = columns(steps, quantities, [(path, step) for path, (_, step) in zip(paths, entries, strict=True)])
+    seconds = parallel.global_max(comm, time.perf_counter() - begin)
+    data = tuple(value for value, _ in entries)
+    return [
+        Sensitivity(
+            text,
+            float(totals.values[k]),
+            paths,
+            data,
+            tuple(totals.slopes[k].tolist()),
+            sum(totals.between[: at + 1]),
+            int(totals.solves[k]),
+            seconds,
+            steps.solution,
+            steps.seconds,
+        )
+        for k, (text, (at, _)) in enumerate(zip(of, quantities, strict=True))
+    ]
+
+
 def _value(solved: SolvedStep, quantity: Functional) -> float:
     state = solved.state
     return quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
 
 
-def _at_step(steps: list[_Step], text: str) -> tuple[int, Functional]:
-    """The number of the load step of a result, and the result."""
+def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
+    """The number of the load step of a result, and the result; ``models``: of all load steps."""
     words = text.rpartition(" step ")
     if not words[1]:
-        return len(steps) - 1, functional_of(steps[-1].model, text)
+        return len(models) - 1, functional_of(models[-1], text)
     number = int(words[2]) if words[2].strip().isdecimal() else 0
-    if not 1 <= number <= len(steps):
-        raise SceneError([(f"of {text!r}", f"there are load steps 1 to {len(steps)}")])
-    return number - 1, functional_of(steps[number - 1].model, words[0])
+    if not 1 <= number <= len(models):
+        raise SceneError([(f"of {text!r}", f"there are load steps 1 to {len(models)}")])
+    return number - 1, functional_of(models[number - 1], words[0])
 
 
 def _by(

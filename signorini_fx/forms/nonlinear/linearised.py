@@ -8,7 +8,8 @@ a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -41,6 +42,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     hessians_at,
     left_by_turning,
     motion_at,
+    slips_by_displacements,
     spin_at,
 )
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
@@ -267,6 +269,7 @@ class LinearisedProblem(FormSolver):
         increment, self.stated, self._at = fem.Function(at.function_space), contact, at
         self._bilinear = bilinear
         self.shapes = dict[int, MovingShape]()
+        self._gaps = {k: entry.gap for k, entry in enumerate(contact) if entry.shape is not None}
         seen = [entry if entry.shape is None else self._seen(k, entry) for k, entry in enumerate(contact)]
         forms, increment = given_forms(tangent, residual, seen, increment, boundaries=boundaries)
         super().__init__(
@@ -299,19 +302,31 @@ class LinearisedProblem(FormSolver):
 
         def seen() -> tuple[Array, Array]:
             moving = self.shapes[number]
+            moving.added = self._added_to_distance(number)
             return moving.seen_from(self.places[moving.nodes])
 
         return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
 
     def _shape_of(self, number: int, entry: Any) -> MovingShape:
         """The shape of a foundation at its nodes."""
-        space, values = self.space, self.foundations._values[number]
+        space, nodes = self.space, self.foundations._values[number].nodes
         dim, turns = space.mesh.geometry.dim, entry.measure is None and not averaging(space)
         shape = fitting(number, entry.shape, dim, turns=turns)
         self.foundations.check_shape(number, shape)
-        added = values(entry.gap, f"contact[{number}].gap")[values.nodes]
-        x = node_positions(space)[values.nodes, :dim].astype(np.float64)
-        return MovingShape(shape, shape, added, values.nodes, x, turns)
+        x = node_positions(space)[nodes, :dim].astype(np.float64)
+        return MovingShape(shape, shape, self._added_to_distance(number), nodes, x, turns)
+
+    def _added_to_distance(self, number: int) -> Array:
+        """The gap of a foundation with a shape as it is now, at its nodes, length, shape (n,); collective."""
+        values = self.foundations._values[number]
+        return values(self._gaps[number], f"contact[{number}].gap")[values.nodes]
+
+    def give_gap(self, number: int, gap: Any) -> None:
+        """Another gap of a contact, see ``Foundations.give_gap``; beside a shape what is added to its distance."""
+        if number in self._gaps:
+            self._gaps[number] = gap
+        else:
+            self.foundations.give_gap(number, gap)
 
     @property
     def places(self) -> Array:
@@ -401,14 +416,10 @@ class LinearisedProblem(FormSolver):
         """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = self._from_pairs(super().begin_step())
-        boundary, previous, tools = self.boundary, self.previous_step, self.moving_tools
+        boundary, tools = self.boundary, self.moving_tools
         origin = np.zeros_like(begun.data.mu_hat) if begun.data.slip_origin is None else begun.data.slip_origin
-        dim, nodes = boundary.x.shape[1], boundary.nodes
-        way = self.places[nodes]
-        places = way - tools.at_points(boundary)
-        if previous is not None:
-            earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
-            way = way - earlier - (0.0 if previous.moved is None else previous.moved)
+        places = self.places[boundary.nodes] - tools.at_points(boundary)
+        way = self._way()
         if tools.there:  # their slips are counted from where a step has begun by their finite motion
             begins = np.einsum("nij,ni->nj", boundary.tangents, places - way)
             origin = np.where((tools.touching(boundary) >= 0)[:, None], begins, origin)
@@ -420,6 +431,17 @@ class LinearisedProblem(FormSolver):
         turned = left_by_turning(boundary, self._hessians, way, slip)
         origin = origin + np.where(self._sticks[:, None], turned, 0.0)
         return replace(begun, data=replace(begun.data, slip_origin=origin))
+
+    def _way(self) -> Array:
+        """Of contact points relative to shapes since the step has begun, length, shape (n, d); what forces have moved
+        these by is not in it.
+        """
+        boundary, previous = self.boundary, self.previous_step
+        dim, nodes = boundary.x.shape[1], boundary.nodes
+        if previous is None:
+            return self.places[nodes]
+        earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
+        return np.asarray(self.places[nodes] - earlier - (0.0 if previous.moved is None else previous.moved))
 
     def _from_pairs(self, begun: Start) -> Start:
         """With the slips of pairs counted from where their step has begun."""
@@ -771,6 +793,58 @@ class LinearisedProblem(FormSolver):
         self._last_pattern = None
         with options.applied(*self.options):
             self.begun = self.begin_step()
+
+    @contextmanager
+    def unchanged(self) -> Iterator[None]:
+        """While it is assembled elsewhere; the next solve assembles anew."""
+        kept = dict(vars(self))
+        try:
+            yield
+        finally:
+            vars(self).update(kept)
+            self._last_pattern = None
+
+    def derivative_at_solution(self) -> tuple[Any, ...]:
+        """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``, and the problem of
+        that; collective.
+
+        The derivative of a shear that turns is not symmetric.  All contact points take part.
+
+        Raises:
+            MatrixError: see ``solve``.
+        """
+        outcome, solved, symmetric = self.outcome, self.state, self.symmetric
+        assert outcome is not None
+        self.passed_on = self.residual = None
+        self.bend()
+        curvature = curvature_of(self._hessians, solved, symmetric=False)
+        sheared = bool((curvature != curvature.transpose(0, 2, 1)).any())
+        if parallel.any_rank(self.space.mesh.comm, sheared):
+            self.curvature, symmetric = NodalStiffness.summed(solved.boundary.nodes, curvature, ()), False
+        self.begin_at_tangent(definite=self.definite, symmetric=symmetric)
+        state, at = replace(solved, boundary=self.boundary), (self._hessians, self._way(), self.places, self.extent)
+        slips = slips_by_displacements(self.boundary, self.shapes, *at)
+        return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), (curvature, slips)
+
+    def _forms_and_forces(self) -> tuple[list[fem.Form], Array]:
+        """See ``FormSolver``: no form, and minus the residual at the displacement of now with what supports prescribe.
+
+        Raises:
+            FormError: the residual is not finite there.
+        """
+        kept, values = self._at.x.array.copy(), self._at.x.array.copy()
+        fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
+        values[fixed] = supports[fixed]
+        residual = self._evaluated.at(values)
+        self._evaluated.go_to(kept)
+        if residual is None:
+            raise FormError([("F", "is not finite beside the solution")])
+        return [], -residual
+
+    @property
+    def moved_shapes(self) -> Array | None:
+        """How far shapes have moved at contact points since the last step, see ``motion_at``."""
+        return self.foundations.moved(self.boundary)
 
     def accept(self, outcome: Outcome) -> None:
         """Take an outcome of an earlier run for that of the contact problem of now; collective."""

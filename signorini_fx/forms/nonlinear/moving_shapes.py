@@ -187,22 +187,25 @@ def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], pl
     return hessians
 
 
-def curvature_of(hessians: Array, state: ContactState) -> Array:
+def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True) -> Array:
     """What the shapes add to the tangent as their normals turn with the displacement, at contact tractions: forces of
-    displacements of the points relative to shapes, force per length, symmetric, shape (n, d, d).
+    displacements of the points relative to shapes, force per length, shape (n, d, d).
 
     The force of a pressure lambda along the normal n turns by -lambda H d, with H the second derivatives of the
-    distance; a shear m in the tangent plane turns by n (m . H d).  The latter is unsymmetric.  Its transpose is added,
-    which acts on displacements along the normal alone: where there is contact these are of second order in d.
+    distance; a shear m in the tangent plane turns by n (m . H d).
 
     Args:
         hessians: H, see ``hessians_at``.
         state: of the contact points, with their tractions.
+        symmetric: whether the transpose of what turns the shear is added.  It acts on displacements along the normal
+            alone: where there is contact these are of second order in d.
     """
     boundary = state.boundary
     shear = np.einsum("nij,nj->ni", boundary.tangents, state.shear)
     turning = np.einsum("ni,nj->nij", boundary.normal, np.einsum("nij,nj->ni", hessians, shear))
-    blocks = turning + turning.transpose(0, 2, 1) - state.pressure[:, None, None] * hessians
+    blocks = turning - state.pressure[:, None, None] * hessians
+    if symmetric:
+        blocks += turning.transpose(0, 2, 1)
     return np.asarray(boundary.weight[:, None, None] * blocks)
 
 
@@ -233,25 +236,65 @@ def turning_of(state: ContactState, size: float) -> Array:
     return blocks
 
 
-def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
-    """What part of a slip turning tangent planes undo, or take on top of it, length, shape (n, d - 1).
+def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Array:
+    """M - 1 on the tangent planes, shape (n, d - 1, d - 1), symmetric.
 
     The slip is the part of the way w along the tangent plane, which turns with a displacement d.  So the slip changes
-    by M d with M = 1 - (n_f . w) H on the plane, not by d, where a point has come to its shape within the step: what is
-    left to go, s, needs d = -M^-1 s.  In a bowl M may vanish: it is not taken below 1 + ``MOST_TURNED``.
+    by M d with M = 1 - (n_f . w) H on the plane, not by d, where a point has come to its shape within the step.
 
     Args:
         boundary: the contact points.
         hessians: H, see ``hessians_at``.
         way: w, of the points relative to their shapes since the last step, length, shape (n, d).
+    """
+    along = np.einsum("ni,ni->n", boundary.normal, way)  # - n_f . w
+    bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)
+    return np.asarray((bends + bends.transpose(0, 2, 1)) / 2)
+
+
+def slips_by_displacements(
+    boundary: ContactBoundary,
+    shapes: Mapping[int, MovingShape],
+    hessians: Array,
+    way: Array,
+    places: Array,
+    size: float,
+) -> Array:
+    """How slips of this step change with displacements d of their points, less d along the contact, without unit, shape
+    (n, d - 1, d): see ``turned_slips``, and a shape that turns within the step has moved farther elsewhere; the
+    arguments are those of ``turned_slips`` and ``hessians_at``.
+    """
+    slopes = np.zeros((boundary.size, boundary.x.shape[1] - 1, boundary.x.shape[1]))
+    slopes[:, :, 1:] = turned_slips(boundary, hessians, way)
+    for number, moving in shapes.items():
+        points = np.flatnonzero(boundary.part == number)
+        if moving.shape == moving.settled or not points.size:
+            continue
+        at, step = boundary.x[points] + places[boundary.nodes[points]], NORMAL_DIFFERENCE * size
+        ways = [moving.moved(at + sign * step * axis) for axis in np.eye(at.shape[1]) for sign in (1, -1)]
+        carried = np.stack(
+            [(ahead - back) / (2 * step) for ahead, back in zip(ways[::2], ways[1::2], strict=True)], axis=2
+        )
+        slopes[points] -= np.einsum("nki,nkl,nlj->nij", boundary.tangents[points], carried, boundary.frames[points])
+    return slopes
+
+
+def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
+    """What part of a slip turning tangent planes undo, or take on top of it, length, shape (n, d - 1).
+
+    With M of ``turned_slips`` what is left to go, s, needs d = -M^-1 s.  In a bowl M may vanish: it is not taken below
+    1 + ``MOST_TURNED``.
+
+    Args:
+        boundary: the contact points.
+        hessians: see ``turned_slips``.
+        way: likewise.
         slip: s, shape (n, d - 1).
 
     Returns:
         s - M^-1 s.
     """
-    along = np.einsum("ni,ni->n", boundary.normal, way)  # - n_f . w
-    bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)
-    sizes, axes = np.linalg.eigh((bends + bends.transpose(0, 2, 1)) / 2)
+    sizes, axes = np.linalg.eigh(turned_slips(boundary, hessians, way))
     sizes = np.maximum(sizes, MOST_TURNED)
     return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip))
 

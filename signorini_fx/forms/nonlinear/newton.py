@@ -30,7 +30,7 @@ from signorini_fx.forms.nonlinear.moving_pairs import alternating_points
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import SolvedBody
-from signorini_fx.forms.nonlinear.snapshot import Snapshot
+from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.machine import parallel
@@ -111,6 +111,7 @@ class EquilibriumSolver:
         tangent_at: where the last tangent was formed: values of the displacement, and coordinates of tools.
         last: the last solution that was taken, or what there was before; None: nothing was tried so far.
         solved: the last solution that was taken, for results; None: there is none.
+        begun: where the step begins that it ends; None: there is none.
         timings: of the attempts.
         farthest: the largest displacement of the solutions that were taken, relative to the size of the body.
         hidden: whether round-off may be all that there is in the last solution; None: nothing moves the body.
@@ -134,6 +135,7 @@ class EquilibriumSolver:
     tangent_at: tuple[Array, Array] = field(init=False)
     last: Snapshot | None = None
     solved: SolvedBody | None = None
+    begun: BeginningOnShapes | None = None
     timings: Timings = field(default_factory=Timings)
     farthest: float = 0.0
     hidden: bool | None = None
@@ -222,6 +224,7 @@ class EquilibriumSolver:
         assert self.certificate is not None
         self.last, self.farthest = self.snapshot(), max(self.farthest, self.certificate.displacement)
         self.solved = SolvedBody.of(self.linear, self.u, self.certificate, self._mechanics, self.linear_solves)
+        self.begun = BeginningOnShapes.of(self.linear)
 
     def take_before(self, status: Status, solves: int) -> None:
         """Show the body as it is, without contact, in place of a first solution that there is not, unless its residual

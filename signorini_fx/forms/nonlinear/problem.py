@@ -11,8 +11,11 @@ from typing import Any
 
 from dolfinx import fem
 
+from signorini_fx.errors import FormError
+from signorini_fx.extensions import add_on
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.nonlinear.arguments import checked
+from signorini_fx.forms.nonlinear.at_solution import linearised_at
 from signorini_fx.forms.nonlinear.displacement_control import ramped
 from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
@@ -31,6 +34,7 @@ from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
+from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import NO_ESTIMATE
@@ -179,6 +183,28 @@ class NonlinearContactProblem(ProblemOfForms):
     def tools(self) -> tuple[RigidBodyMotion, ...]:
         """Where the foundations are that forces move: in the last solution, by how much they have moved."""
         return self.linear.moving_tools.motions
+
+    def gradient(self, of: Any, by: Any) -> Gradient:
+        """Derivatives of a result of the last solution by Constants of the problem, see ``ContactProblem.gradient``;
+        collective.
+
+        Contact forces turn with the displacement, and so do derivatives of theirs.  After a ramp the result must not
+        depend on the step before the last one, as it does with friction.
+
+        Raises:
+            RuntimeError: see ``ContactProblem.gradient``; or a material has a state from an earlier step.
+            FormError: an argument is wrong; contact is one of two bodies, or with a foundation that forces move.
+        """
+        if self._solver.solved is None or self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution to differentiate")
+        if not self.contact:
+            raise FormError([("contact", "there is none: the adjoint problem is that of the tangent alone")])
+        if isinstance(of, str) and of.split()[:1] == ["moment"]:
+            raise FormError([("of", "a moment at displaced points has no derivative yet")])
+        named = self.solution.model
+        with self.linear.unchanged():
+            solved = linearised_at(self._solver)
+            return add_on("gradient")(of, by, lambda: named, solved, self.linear.data_now)
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.

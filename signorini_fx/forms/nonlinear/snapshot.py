@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +12,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, LinearSolution
+from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.results.certificate.certificate import Certificate
 
 Array = npt.NDArray[np.float64]
@@ -51,3 +54,37 @@ class Snapshot:
         linear.go_back(self.linear)
         linear.moving_tools.carry_to(self.tools)
         return self.certificate, self.iterations
+
+
+@dataclass(frozen=True)
+class BeginningOnShapes:
+    """Where a load step begins.
+
+    Attributes:
+        beginning: of the contact problem.
+        settled: where the shapes were, by the numbers of their foundations.
+    """
+
+    beginning: StepBeginning
+    settled: dict[int, Any]
+
+    @classmethod
+    def of(cls, linear: LinearisedProblem) -> BeginningOnShapes:
+        """That of now."""
+        return cls(linear.beginning(), {number: moving.settled for number, moving in linear.shapes.items()})
+
+    def restore(self, linear: LinearisedProblem) -> None:
+        """Go back to it."""
+        linear.return_to(self.beginning)
+        for number, settled in self.settled.items():
+            linear.shapes[number].settled = settled
+
+    @contextmanager
+    def returned_to(self, linear: LinearisedProblem) -> Iterator[None]:
+        """While it is where the step begins, whatever has been advanced since."""
+        now = BeginningOnShapes.of(linear)
+        self.restore(linear)
+        try:
+            yield
+        finally:
+            now.restore(linear)

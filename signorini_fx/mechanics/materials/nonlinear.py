@@ -120,9 +120,6 @@ class NonlinearMaterial(Material):
             for row, support in enumerate(statement.displacement):
                 if support.holds is not None:
                     yield ("displacement", row, "holds"), f"{_NOT_YET} in contact of two bodies"
-        for row, contact in enumerate(statement.contact):
-            if contact.gap_timed and contact.foundation is not None:
-                yield ("contact", row, "gap"), f"that depends on the time, beside a foundation with a shape, {_NOT_YET}"
         for key, entries in statement.effects.items():
             for row, effect in enumerate(entries):
                 foreign = not is_of_package(type(effect))
@@ -236,6 +233,11 @@ class PathDependent(NonlinearMaterial):
 
     # Numbers of the state at a point.
     state_size: ClassVar[int] = 0
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (*super().features, ("material with a state", ()))
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
         """The deviatoric stress, its derivative by the strain, and the new state, from the state of the last load step.

@@ -1,0 +1,278 @@
+"""Derivatives of results of a scene with nonlinear materials by its numbers.
+
+An equilibrium at finite displacements has the derivative of its last linearised problem, formed anew at the solution,
+and the sets of it: so the adjoint states are those of ``gradient``, with contact forces that turn with the body.  Load
+steps are linearised from the last one to the first, each with the debts of the one after it.  What a material or a load
+changes of the residual is a difference of the residual that the certificate evaluates in NumPy: nothing is compiled.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx.addons.derivatives.adjoint import Adjoint, TransposedTangent
+from signorini_fx.addons.derivatives.entries import varied
+from signorini_fx.addons.derivatives.gradient import ChangedStep, Explicit, SolvedStep, difference, explicit
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.body.discretisation import held_at, prepare
+from signorini_fx.mechanics.body.nonlinear_law import at_rest
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.quantities.functional import Functional
+from signorini_fx.records import History, Timings
+from signorini_fx.results.solution import ConvergenceError, Solution
+from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep, linear_body
+from signorini_fx.scenes.scene import Scene
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NonlinearSteps:
+    """The load steps of a scene.
+
+    Attributes:
+        problem: that has solved them.
+        reached: how each of them ended.
+        solution: the results.
+        seconds: wall seconds of the solve.
+    """
+
+    problem: ProblemOfScene
+    reached: list[ReachedStep]
+    solution: Solution
+    seconds: float
+
+    @classmethod
+    def solved(cls, scene: Scene, comm: MPI.Comm) -> NonlinearSteps:
+        """Solve a scene; collective.
+
+        Raises:
+            SceneError: see ``sensitivity``.
+            ConvergenceError: likewise.
+        """
+        refuse_on_bodies(scene.statement)
+        begin, timings, history = time.perf_counter(), Timings(), History()
+        model = linear_body(scene, comm, timings)
+        problem, reached = ProblemOfScene.of(scene.statement, model, history), list[ReachedStep]()
+        solution = problem.solved(timings, on_step=lambda step: reached.append(problem.reached()))
+        if not solution.converged:
+            raise ConvergenceError(solution)
+        return cls(problem, reached, solution, parallel.global_max(comm, time.perf_counter() - begin))
+
+    @property
+    def statement(self) -> Statement:
+        """The scene, with contact points on the sides that were chosen."""
+        return self.problem.statement
+
+    def linearised(self, number: int) -> LinearisedStep:
+        """A load step as it was solved; collective.
+
+        Raises:
+            ConvergenceError: its linearised problem has no solution.
+        """
+        step, preceding = self.reached[number], self.reached[number - 1] if number else None
+        solved = SolvedStep.of(*self.problem.linearised(step))
+        solved = replace(solved, displacement=solved.displacement.copy())
+        return LinearisedStep(self.problem, step.path_step, solved, preceding)
+
+
+@dataclass(frozen=True)
+class LinearisedStep:
+    """A load step of a scene with its linearised problem.
+
+    Attributes:
+        problem: that has solved it, which is there.
+        path_step: in the lists of factors, its place.
+        solved: its solution.
+        preceding: how the load step before it ended; None: there is none.
+    """
+
+    problem: ProblemOfScene
+    path_step: float
+    solved: SolvedStep
+    preceding: ReachedStep | None
+
+    @cached_property
+    def usual(self) -> ChangedStep:
+        """What derivatives leave out where a datum does not change it; collective."""
+        problem, linear = self.problem, self.problem.linear
+        _, _, values, boundary, gap, law = linear.data_now()
+        forces = problem.forces_anew(problem.statement, self.solved.displacement)
+        return ChangedStep((), forces, values, boundary, gap, law, drift=linear.moved_shapes)
+
+    @cached_property
+    def earlier(self) -> SolvedStep | None:
+        """The load step before as far as slips of this one need it; None: there is none."""
+        if self.preceding is None:
+            return None
+        displacement, state = self.solved.displacement.copy(), self.preceding.end.linear.state
+        displacement.x.array[:] = self.preceding.end.displacement
+        assert state is not None
+        return replace(self.solved, displacement=displacement, state=state)
+
+    def explicit(
+        self, data: ChangedStep, quantities: Sequence[Functional], earlier_values: Callable[[float], Array]
+    ) -> Explicit:
+        """See ``explicit``.
+
+        Args:
+            data: of the step.
+            quantities: that are evaluated.
+            earlier_values: the prescribed displacements of a load step at the owned dofs by its place.
+        """
+        if self.preceding is None or self.earlier is None:
+            return explicit(self.solved, data, quantities)
+        boundary, values = self.earlier.state.boundary, earlier_values(self.preceding.path_step)
+        earlier = ChangedStep((), np.zeros_like(values), values, boundary, data.gap, None)
+        return explicit(self.solved, data, quantities, (self.earlier, earlier))
+
+
+class ChangedScene:
+    """A scene in which one number is another.
+
+    Args:
+        steps: of the scene as it is.
+        statement: with the other number.
+        path: of the number.
+    """
+
+    def __init__(self, steps: NonlinearSteps, statement: Statement, path: str) -> None:
+        self._problem, self._statement = steps.problem, statement
+        self._contact = path.startswith("contact")
+        self._model = self._supported() if path.startswith("displacement") else None
+        self._touching = ProblemOfScene.of(statement, steps.problem.model, History()) if self._contact else None
+
+    def _supported(self) -> Model:
+        """The body with other supports; collective."""
+        return prepare(at_rest(self._statement), self._problem.model.tagged, Timings(), path_step=-1)
+
+    def values(self, path_step: float) -> Array:
+        """The prescribed displacements at the owned dofs; collective."""
+        model = held_at(self._problem.model if self._model is None else self._model, path_step)
+        zero = np.zeros(model.fixed.size)
+        return np.asarray(
+            sum((factor * load.prescribed.x.array[: zero.size] for factor, load in model.applied_at(path_step)), zero)
+        )
+
+    def at(self, step: LinearisedStep) -> ChangedStep:
+        """A load step with that number; collective."""
+        usual, y, problem = replace(step.usual, usual=step.usual), step.solved.displacement, self._problem
+        if self._touching is not None:
+            touching = self._touching
+            touching.go_through(None if step.preceding is None else step.preceding.path_step, step.path_step)
+            touching.u.x.array[:] = y.x.array
+            *_, boundary, gap, law = touching.linear.data_now(problem.linear)
+            moved = touching.linear.foundations.moved(boundary)
+            return replace(usual, boundary=boundary, gap=gap, law=law, drift=moved)
+        if self._model is None:
+            return replace(usual, forces=problem.forces_anew(self._statement, y))
+        values, moved_body = self.values(step.path_step), y.copy()
+        fixed = step.solved.body.fixed
+        moved_body.x.array[: fixed.size][fixed] = values[fixed]
+        moved_body.x.scatter_forward()
+        return replace(usual, prescribed=values, forces=problem.forces_anew(problem.statement, moved_body))
+
+
+def refuse_on_bodies(statement: Statement) -> None:
+    """Refuse contacts whose derivatives are not known.
+
+    Raises:
+        SceneError: there is one.
+    """
+    problems = list[tuple[str, str]]()
+    for number, contact in enumerate(statement.contact):
+        if contact.against is not None:
+            reason = "derivatives are not possible yet where two nonlinear bodies touch"
+            problems.append((f"contact[{number}].against", reason))
+        if contact.tool is not None and contact.tool.drives:
+            reason = "derivatives are not possible yet where a force moves it on a nonlinear body"
+            problems.append((f"contact[{number}].foundation", reason))
+    if problems:
+        raise SceneError(problems)
+
+
+@dataclass
+class Columns:
+    """Derivatives of some quantities by some data.
+
+    Attributes:
+        slopes: the derivatives, shape (quantities, data).
+        values: of the quantities, shape (quantities,).
+        solves: linear solves that each took.
+        between: contact points of each load step that stand between two sets.
+    """
+
+    slopes: Array
+    values: Array
+    solves: npt.NDArray[np.int64]
+    between: list[int]
+
+
+def columns(
+    steps: NonlinearSteps, quantities: Sequence[tuple[int, Functional]], data: Sequence[tuple[str, float]]
+) -> Columns:
+    """The derivatives; collective.
+
+    Args:
+        steps: the load steps of the scene.
+        quantities: each with the number of its load step.
+        data: the path of each number, and by how much it is changed for a difference.
+    """
+    dimension, count = steps.problem.model.dimension, len(quantities)
+    totals = Columns(
+        np.zeros((count, len(data))), np.zeros(count), np.zeros(count, dtype=np.int64), [0] * len(steps.reached)
+    )
+    scenes = [
+        tuple(
+            ChangedScene(
+                steps, steps.statement.changed(**varied(steps.statement, path, sign * change, dimension)), path
+            )
+            for sign in (1.0, -1.0)
+        )
+        for path, change in data
+    ]
+    owed: list[Any] = [None] * count
+    for number in range(len(steps.reached) - 1, -1, -1):
+        asked = [(k, of) for k, (at, of) in enumerate(quantities) if at == number]
+        if not asked and all(debt is None for debt in owed):
+            continue
+        step = steps.linearised(number)
+        state, solved = step.solved.state, step.solved
+        for k, of in asked:
+            totals.values[k] = of.value(solved.displacement, state.boundary, state.pressure, state.shear)
+            owed[k] = solved.quantity(of)
+        totals.between[number] = solved.law.between
+        if not data:
+            continue
+        tangent = TransposedTangent(solved.system, solved.law, symmetric=solved.body.symmetric)
+        adjoints = [None if debt is None else tangent.adjoint(*debt) for debt in owed]
+        for column, ((_, change), changed) in enumerate(zip(data, scenes, strict=True)):
+            above, below = (step.explicit(entry.at(step), [of for _, of in asked], entry.values) for entry in changed)
+            by = difference(above, below, change)
+            direct = dict(zip([k for k, _ in asked], by.values, strict=True))
+            for k, adjoint in enumerate(adjoints):
+                if adjoint is not None:
+                    by_datum = by.residual, by.relative, by.bound
+                    totals.slopes[k, column] += adjoint.derivative(direct.get(k, 0.0), *by_datum)
+        owed = [_debt_before(step, adjoint) for adjoint in adjoints]
+        totals.solves += [0 if adjoint is None else adjoint.solves for adjoint in adjoints]
+    return totals
+
+
+def _debt_before(step: LinearisedStep, adjoint: Adjoint | None) -> Any:
+    """What a quantity owes to the load step before, see ``SolvedStep.handed_back``; None: nothing; collective."""
+    if adjoint is None or step.earlier is None:
+        return None
+    if not parallel.any_rank(step.solved.body.comm, bool(adjoint.tied[:, 1:].any())):
+        return None
+    return step.solved.handed_back(adjoint, step.earlier)

@@ -1,0 +1,293 @@
+"""Derivatives of results of nonlinear bodies, against central differences of solves, and by translations."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx import (
+    Coulomb,
+    FormError,
+    Foundation,
+    NonlinearContactProblem,
+    SceneError,
+    Tresca,
+    sensitivity,
+)
+from signorini_fx.scenes.changes import changed
+from signorini_fx.scenes.reading import parse_scene
+
+COMM = MPI.COMM_WORLD
+COULOMB = {"law": "coulomb", "coefficient": 0.3}
+STEP = 1e-4  # of differences, relative
+# Moved and turned to and fro.
+STEPS = {"load_steps": {"times": [0.5, 1.0, 1.5]}}
+MOVED = {"shift": ["0.06*t*(2 - t)", "0.05*t"], "rotation": "0.2*t"}
+MOVED_IN_SPACE = {"shift": ["0.06*t*(2 - t)", "0.02*t", "0.05*t"], "rotation": ["0.1*t", "0.05*t", "0.2*t"]}
+
+
+def rubber(friction=None, moved=None, algorithm="alm", **tables):
+    """A block of rubber that hangs, pushed to one side, over a circle that is pressed into it."""
+    foundation = {"shape": "circle", "centre": [1.05, -0.45], "radius": 0.5} | (moved or {})
+    contact = {"boundary": "bottom", "gap": 0.0, "foundation": foundation}
+    gamma = {"gamma_n": 1e5, "gamma_t": 1e5} if algorithm == "ssn" else {}
+    return {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 12, "ny": 6}},
+        "material": [{"law": "neo-hooke", "young": 100.0, "poisson": 0.3}],
+        "displacement": [{"boundary": "top", "x": 0.0, "y": 0.0}],
+        "traction": [{"boundary": "right", "x": 1.5}],
+        "contact": [contact if friction is None else contact | {"friction": friction}],
+        "solver": {"algorithm": algorithm, **gamma},
+        **tables,
+    }
+
+
+def in_space(friction=None, moved=None, **tables):
+    """The same in space, over a sphere."""
+    scene = rubber(friction, moved, **tables)
+    scene["mesh"] = {
+        "generator": "box",
+        "parameters": {"length": 2.0, "width": 2.0, "height": 1.0, "nx": 5, "ny": 5, "nz": 2},
+    }
+    scene["displacement"][0] |= {"z": 0.0}
+    scene["contact"][0]["foundation"] |= {"shape": "sphere", "centre": [1.05, 0.98, -0.6], "radius": 0.7}
+    return scene
+
+
+def of_revolution():
+    """A disc of rubber over a ball, without and with steps."""
+    scene = rubber(COULOMB, {"shift": [0.0, "0.05*t"]}, **STEPS)
+    scene["material"][0]["hypothesis"] = "axisymmetric"
+    scene["contact"][0]["foundation"] |= {"centre": [0.0, -1.95], "radius": 2.0}
+    scene["displacement"].append({"boundary": "left", "x": 0.0})
+    return scene
+
+
+BOTH = ["traction[0].x", "material[0].young", "material[0].poisson", "contact[0].gap"]
+PLACES = ["contact[0].foundation.centre[0]", "displacement[0].x", "displacement[0].y"]
+COEFFICIENT = ["contact[0].friction.coefficient"]
+MOONEY = [{"law": "mooney-rivlin", "c10": 12.0, "c01": 5.0, "bulk": 100.0}]
+SCENES = {
+    "frictionless": (rubber(), [*BOTH, *PLACES]),
+    "friction": (rubber(COULOMB), [*BOTH, *PLACES, *COEFFICIENT]),
+    "friction without pressure": (rubber({"law": "tresca", "bound": 2.0}), [*BOTH, "contact[0].friction.bound"]),
+    "steps": (rubber(COULOMB, MOVED, **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
+    "steps, regularised": (rubber(COULOMB, MOVED, "ssn", **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
+    "degree 2": (rubber(COULOMB, MOVED, element={"degree": 2}, **STEPS), [*BOTH, *COEFFICIENT]),
+    "of revolution": (of_revolution(), [*BOTH[1:], *COEFFICIENT]),
+    "space": (in_space(COULOMB, MOVED_IN_SPACE, **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
+    "another material": (rubber(COULOMB, material=MOONEY), ["material[0].c10", "material[0].bulk"]),
+}
+
+
+@pytest.mark.parametrize(
+    ("scene", "by"),
+    [pytest.param(*SCENES[name], id=name, marks=[pytest.mark.mpi] * (name in ("steps", "space"))) for name in SCENES],
+)
+def test_differences_of_solves(scene, by):
+    across = "z" if scene["mesh"]["generator"] == "box" else "y"
+    of = ["force bottom x", f"force bottom {across}", "pressure bottom 8", "area bottom", "mean right x"]
+    of += ["force bottom x step 2"] if "load_steps" in scene else []
+    found = sensitivity(parse_scene(scene), of, by, COMM)
+    for path in by:
+        value = found[0].data[by.index(path)]
+        step = STEP * (abs(value) or 1.0)
+        ends = [
+            [
+                entry.value
+                for entry in sensitivity(parse_scene(changed(scene, {path: value + sign * step})), of, [], COMM)
+            ]
+            for sign in (1.0, -1.0)
+        ]
+        differences = (np.array(ends[0]) - ends[1]) / (2 * step)
+        for entry, difference in zip(found, differences, strict=True):
+            digits = 1e-9 * abs(entry.value) / step
+            assert entry[path] == pytest.approx(difference, rel=3e-5, abs=digits), (entry.of, path)
+
+
+def test_without_friction_only_relative_places_matter():
+    data = [*PLACES, "contact[0].foundation.centre[1]"]
+    across, along, up, upwards = sensitivity(parse_scene(rubber(algorithm="ssn")), "force bottom y", data).derivatives
+    assert (along, up) == pytest.approx((-across, -upwards), rel=1e-7)
+
+
+def test_the_sum_of_derivatives_by_moduli_and_loads_is_that_of_units():
+    # Forces are homogeneous of degree one in all stresses, displacements of degree zero.
+    force, mean = sensitivity(
+        parse_scene(rubber(COULOMB, MOVED, **STEPS)), ["force bottom y", "mean right x"], ["material[0].young", BOTH[0]]
+    )
+    for found, expected in ((force, force.value), (mean, 0.0)):
+        scaled = np.dot(found.data, found.derivatives)
+        assert scaled == pytest.approx(expected, rel=1e-7, abs=1e-7 * abs(found.derivatives[0] * found.data[0]))
+
+
+DRIVEN = {"shape": "circle", "centre": [1.05, -0.45], "radius": 0.5, "force": [0.0, 1.0]}
+REFUSED = {
+    "state": ({"material": [{"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 5.0}]}, "has a state"),
+    "tool": (
+        {"contact[0].foundation": DRIVEN | {"prescribed": {"x": 0.0, "rotation": 0.0}}},
+        r"contact\[0\].foundation: .* where a force moves it",
+    ),
+    "bodies": (
+        {"contact[0]": {"boundary": "bottom", "against": "right"}},
+        r"contact\[0\].against: .* where two nonlinear bodies touch",
+    ),
+    "data": ({}, r"material\[0\].isochoric: is no number"),
+}
+
+
+@pytest.mark.parametrize(("change", "why"), REFUSED.values(), ids=list(REFUSED))
+def test_what_has_no_derivatives_is_refused_by_name(change, why):
+    with pytest.raises(SceneError, match=why):
+        sensitivity(parse_scene(changed(rubber(), change)), "force bottom y", ["material[0].isochoric"])
+
+
+# --- forms ------------------------------------------------------------------------------------------------------------
+
+
+class Pressed:
+    """A block of rubber into which a circle, or in space a sphere, is pressed and moved."""
+
+    def __init__(self, friction, dim=2, **settings):
+        counts, size = ([12, 6], [2.0, 1.0]) if dim == 2 else ([5, 5, 2], [2.0, 2.0, 1.0])
+        make, cell = (
+            (dmesh.create_rectangle, dmesh.CellType.quadrilateral)
+            if dim == 2
+            else (dmesh.create_box, dmesh.CellType.hexahedron)
+        )
+        domain = make(COMM, [[0.0] * dim, size], counts, cell)
+        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+        self.u, self.dim = fem.Function(V), dim
+        self.data = {
+            name: fem.Constant(domain, value)
+            for name, value in (("mu", 40.0), ("body", 2.0), ("gap", 0.01), ("friction", 0.3))
+        }
+        mu, body, self.gap = (self.data[name] for name in ("mu", "body", "gap"))
+        gradient = ufl.Identity(dim) + ufl.grad(self.u)
+        volume, dx = ufl.det(gradient), ufl.dx(metadata={"quadrature_degree": 2})
+        energy = mu / 2 * (ufl.inner(gradient, gradient) - dim) - mu * ufl.ln(volume) + 30 * ufl.ln(volume) ** 2
+        v = ufl.TestFunction(V)
+        self.F = ufl.derivative(energy * dx, self.u, v) - body * v[0] * dx
+        bottom, self.top = (
+            dmesh.locate_entities_boundary(domain, dim - 1, lambda x, at=at: np.isclose(x[dim - 1], at))
+            for at in (0.0, 1.0)
+        )
+        self.fixed = fem.dirichletbc(np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, bottom), V)
+        self.shape = (
+            {"shape": "circle", "centre": (1.05, 1.5), "radius": 0.5}
+            if dim == 2
+            else {"shape": "sphere", "centre": (1.05, 0.98, 1.7), "radius": 0.7}
+        )
+        laws = {"coulomb": Coulomb, "tresca": Tresca}
+        self.law = {} if friction is None else {"friction": laws[friction](self.data["friction"])}
+        self.settings = {"algorithm": "alm"} | settings
+        ds = ufl.Measure("ds", domain=domain)
+        self.of = [self.u[0] ** 2 * ds + self.u[dim - 1] * ds, "force 0 x", "pressure 0 8"]
+
+    def at(self, t):
+        return (0.03 * t, *[0.0] * (self.dim - 2), -0.1 * t)
+
+    def problem(self, **changes):
+        contact = Foundation(self.top, shape=self.shape, gap=self.gap, **self.law)
+        return NonlinearContactProblem(
+            **({"F": self.F, "u": self.u, "bcs": [self.fixed], "contact": contact} | self.settings | changes)
+        )
+
+    def solved(self, **changes):
+        self.u.x.array[:] = 0.0
+        problem = self.problem(**changes)
+        problem.place(0, shift=self.at(1.0))
+        problem.solve()
+        return problem
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("friction", "dim"), [(None, 2), ("coulomb", 2), ("tresca", 2), ("coulomb", 3)])
+def test_constants_of_a_residual(friction, dim):
+    pressed = Pressed(friction, dim)
+    names = ["mu", "body", "gap"] + ([] if friction is None else ["friction"])
+    by = [pressed.data[name] for name in names]
+    problem = pressed.solved()
+    found = [problem.gradient(of, by) for of in pressed.of]
+    for column, constant in enumerate(by):
+        ends, value = [], float(constant.value)
+        for sign in (1.0, -1.0):
+            constant.value = value + sign * STEP * value
+            varied = pressed.solved()
+            ends.append([varied.gradient(of, []).value for of in pressed.of])
+        constant.value = value
+        for gradient, ahead, behind in zip(found, *ends, strict=True):
+            difference, digits = (ahead - behind) / (2 * STEP * value), 1e-9 * abs(gradient.value) / (STEP * value)
+            assert gradient.derivatives[column] == pytest.approx(difference, rel=3e-5, abs=digits)
+
+
+def test_a_ramp_has_the_derivatives_of_its_end_where_its_way_does_not_matter():
+    pressed = Pressed(None)
+    of, by = pressed.of[1], [pressed.data["mu"], pressed.data["gap"]]
+    once = pressed.solved().gradient(of, by)
+    pressed.u.x.array[:] = 0.0
+    problem = pressed.problem()
+    problem.ramp(lambda t: problem.place(0, shift=pressed.at(t)), first=0.4)
+    before = problem.u.x.array.copy(), problem.linear.step
+    ramped = problem.gradient(of, by)
+    assert ramped.derivatives == pytest.approx(once.derivatives, rel=1e-8)
+    assert (problem.u.x.array == before[0]).all()
+    # What follows is as it would have been.
+    problem.place(0, shift=pressed.at(1.2))
+    problem.solve()
+    again = pressed.problem()
+    pressed.u.x.array[:] = before[0]
+    again.place(0, shift=pressed.at(1.2))
+    again.solve()
+    assert problem.state.pressure == pytest.approx(again.state.pressure, rel=1e-7, abs=1e-9)
+
+
+def test_after_steps_with_friction_a_residual_does_not_know_its_past():
+    pressed = Pressed("coulomb")
+    pressed.u.x.array[:] = 0.0
+    problem = pressed.problem()
+    problem.ramp(lambda t: problem.place(0, shift=pressed.at(t)))
+    single = problem.gradient(pressed.of[1], [pressed.data["mu"]])
+    assert single.derivatives == pytest.approx(
+        pressed.solved().gradient(pressed.of[1], [pressed.data["mu"]]).derivatives, rel=1e-8
+    )
+    problem.place(0, shift=pressed.at(1.3))
+    problem.solve()
+    with pytest.raises(RuntimeError, match="the step before"):
+        problem.gradient(pressed.of[1], [pressed.data["mu"]])
+
+
+def test_arguments_are_refused_by_name():
+    pressed = Pressed(None)
+    with pytest.raises(RuntimeError, match="no solution to differentiate"):
+        pressed.problem().gradient(pressed.of[1], [])
+    problem = pressed.solved()
+    with pytest.raises(FormError, match="of: a moment at displaced points"):
+        problem.gradient("moment 0 z", [])
+    with pytest.raises(FormError, match=r"of: .* is no result"):
+        problem.gradient("torque 0", [])
+    other = ufl.derivative(pressed.F, pressed.u, ufl.TrialFunction(pressed.u.function_space))
+    wrong = pressed.solved(J=1.5 * other, stability=False)
+    with pytest.raises(FormError, match="J: is not the derivative of F"):
+        wrong.gradient(pressed.of[1], [pressed.data["mu"]])
+
+
+# --- a gap beside a shape ---------------------------------------------------------------------------------------------
+
+
+def test_a_gap_beside_a_shape_is_that_of_now():
+    pressed = Pressed(None)
+    problem = pressed.solved()
+    pressed.gap.value -= 0.03
+    problem.solve()
+    assert problem.state.forces[0] == pytest.approx(pressed.solved().state.forces[0], rel=1e-6)
+
+
+def test_a_gap_beside_a_shape_may_depend_on_the_time():
+    timed, constant = rubber(**{"load_steps": {"times": [0.5, 1.0]}}), rubber()
+    timed["contact"][0]["gap"], constant["contact"][0]["gap"] = "0.02 - 0.05*t", -0.03
+    for of in ("force bottom y", "force bottom x"):
+        ends = [sensitivity(parse_scene(scene), of, []).value for scene in (timed, constant)]
+        assert ends[0] == pytest.approx(ends[1], rel=1e-7)
