@@ -136,3 +136,26 @@ def test_a_foundation_far_away_costs_no_digits(distance):
     solution = solve(parse_scene(scene))
     assert solution.certificate.holds
     assert solution.table.columns["u_n"] == pytest.approx(-3e-3, rel=1e-9)  # poisson * traction / young
+
+
+@pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}], ids=["linear", "neo-hooke"])
+def test_a_tool_that_has_not_arrived_adheres_to_nothing(law):
+    """Friction with cohesion needs contact: under a curved tool that comes nearer, nothing acts and nothing moves."""
+    circle = {"shape": "circle", "centre": [1.0, 1.335], "radius": 0.3, "shift": ["0.01*t", "-0.02*t"]}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}},
+            "material": {"young": 1.0, "poisson": 0.3, **law},
+            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            "contact": {
+                "boundary": "top",
+                "friction": {"law": "coulomb", "coefficient": 0.2, "cohesion": 0.005},
+                "foundation": circle,
+            },
+            "load_steps": {"times": [0.5, 1.0]},
+        }
+    )
+    solution = alone(scene)
+    assert solution.converged
+    assert len(solution.steps) == 2
+    assert not any(step.displacement.x.array.any() for step in solution.steps)

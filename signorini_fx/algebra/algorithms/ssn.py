@@ -227,6 +227,7 @@ class SemismoothNewton:
         self._stalls: list[float] = []
         self._status: Status | None = None
         self._last_forces = 0.0  # their size at the last iterate
+        self._vanishing = False  # whether they still fall where the sets stay
         if self.history.exhausted:
             return Status.MAX_ITERATIONS
         remaining = self.history.limit - self._solves_before
@@ -279,9 +280,17 @@ class SemismoothNewton:
         return status
 
     def _improved(self, status: Status) -> bool:
-        """Whether sets or linear solves may be the reason for a failure, and the next ones are better; collective."""
+        """Whether sets, linear solves or the iterate may be the reason for a failure, and the next ones are better;
+        collective.
+        """
         if self._slow:
             self._propose()
+            return True
+        if status is Status.ROUND_OFF and self._vanishing:
+            # Each solve leaves round-off of the iterate before and nothing else: nothing acts, so the solution is zero.
+            self._vanishing = False
+            self._stalls.clear()
+            self.x.zeroEntries()
             return True
         # It may be the failure of a linear solve that was cheaper than an exact one.
         cheaper = (
@@ -399,6 +408,7 @@ class SemismoothNewton:
             # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
             # corrects, or directions of slip still change.
             self._stalls.append(max(residual, law))
+            self._vanishing = last_forces > FAR_START * problem.force_scale > 0
             turning = law > snes.getTolerances()[0]
             patience = _TURNS if turning else 2
             if len(self._stalls) > patience and self._stalls[-1] > 0.5 * self._stalls[-patience]:
