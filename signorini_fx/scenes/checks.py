@@ -36,7 +36,7 @@ from signorini_fx.solving.check.cost import (
     linear_solves,
     memory_finding,
 )
-from signorini_fx.solving.check.findings import scene_findings
+from signorini_fx.solving.check.findings import nonlinear_findings, scene_findings
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.check.planned import attempts_for
 from signorini_fx.solving.check.pushed_nodes import pushed_before
@@ -130,14 +130,14 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
 def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
     """See ``check_scene``: of a scene with nonlinear materials, whose modules are imported for it alone."""
     from signorini_fx.scenes.nonlinear import linear_body
-    from signorini_fx.scenes.nonlinear_check import newton_cost, newton_effects, newton_findings, newton_plan
+    from signorini_fx.scenes.nonlinear_check import newton_cost, newton_effects, newton_plan
 
     timings = Timings()
     model = linear_body(scene, comm, timings)
     cost, statement = newton_cost(estimated_cost(model), scene.statement.expected_steps), scene.statement
     listed = _effects(replace(model, statement=statement), compared=False)
     effects, forms = newton_effects(statement, model, listed)
-    findings = (*memory_finding(cost, comm), *newton_findings(statement, model))
+    findings = (*memory_finding(cost, comm), *nonlinear_findings(statement, model))
     return Check(scene.title, effects, forms, cost, findings, newton_plan())
 
 

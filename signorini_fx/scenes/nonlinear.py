@@ -45,6 +45,7 @@ from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult, advice_on_nonlinear
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
+from signorini_fx.solving.check.findings import nonlinear_findings, untouched
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
@@ -214,7 +215,11 @@ class ProblemOfScene(NonlinearContactProblem):
         solution = self.titled(self.statement.title)
         forms = Inventory([*compiled_forms(self.model)])
         model = replace(solution.model, statement=self.statement, tagged=self.model.tagged, inventory=forms)
-        findings, named = (*failures, *self.findings), tuple(map(self._named, solution.steps))
+        known = nonlinear_findings(self.statement, self.model)
+        contacts = [step.contact.in_contact.any() for step in solution.steps if step.contact is not None]
+        touching = parallel.any_rank(self.model.comm, bool(np.any(contacts))) if contacts and not failures else None
+        findings = (*failures, *known, *self.findings, *untouched(touching=touching))
+        named = tuple(map(self._named, solution.steps))
         return replace(solution, model=model, steps=named, timings=timings, found=lambda: findings)
 
     def _named(self, step: StepResult) -> StepResult:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -10,7 +10,7 @@ from signorini_fx.forms.nonlinear.problem import MOST_ITERATIONS
 from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding, History
+from signorini_fx.records import History
 from signorini_fx.scenes.nonlinear import RESIDUAL_FORMS, ProblemOfScene, compiled_forms
 from signorini_fx.solving.check.cost import Cost
 from signorini_fx.tuned import NEWTON_SOLVES
@@ -55,24 +55,6 @@ def newton_cost(linear: Cost, steps: int) -> Cost:
     low, high = (new / old if old > 0 else 1.0 for new, old in zip(seconds, linear.seconds, strict=True))
     finer = linear.next_seconds[0] * low, linear.next_seconds[1] * high
     return replace(linear, linear_solves=solves, seconds=seconds, next_seconds=finer)
-
-
-def newton_findings(statement: Statement, body: Model) -> Iterator[Finding]:
-    """What is to be known before a nonlinear scene is solved."""
-    yield from (Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete)
-    if body.tagged.note:
-        yield Finding("note", "mesh", body.tagged.note)
-    large = statement.finite_strains
-    for number, contact in enumerate(statement.contact):
-        if large and contact.foundation is None and contact.against is None:
-            text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"
-            yield Finding("note", f"contact[{number}]", text)
-    nearly = [number for number, material in enumerate(statement.material) if material.locks]
-    if nearly and volume_degree(statement, body.tagged) is None:
-        simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
-        cells = "quadrilaterals or hexahedra, or degree 2, with " if simplices and statement.element.degree == 1 else ""
-        text = f"is nearly incompressible, and its cells lock: take {cells}element.volumetric = 'auto'"
-        yield Finding("warning", f"material[{nearly[0]}]", text)
 
 
 def newton_plan() -> tuple[tuple[str, tuple[str, ...], str], ...]:

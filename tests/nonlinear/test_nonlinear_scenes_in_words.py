@@ -144,6 +144,27 @@ def test_check():
     assert "its cells lock" in locking.warnings[0].message
 
 
+@pytest.mark.parametrize(
+    ("changes", "said", "beforehand"),
+    [
+        ({"material": RUBBER | {"poisson": 0.499}, "element": {"volumetric": "full"}}, "its cells lock", True),
+        ({"solver": {"gamma_n": 1e-3}}, "a penetration of about 100% of the displacements", True),
+        ({"traction": {"boundary": "right", "x": "max(x[0] - 9, 0)"}}, "it is 0 on the whole boundary", True),
+        ({"contact": contact(foundation=CIRCLE | {"centre": [0.8, 5.0]})}, "nothing is in contact", False),
+    ],
+    ids=["locking", "penalty", "idle load", "no contact"],
+)
+def test_results_say_what_check_does(changes, said, beforehand):
+    """A result that is converged and wrong, or of nothing, says so, whether ``check`` was asked or not."""
+    scene = indented(RUBBER, **changes)
+    warnings = [
+        finding.message for finding in solve(scene, MPI.COMM_SELF, check=False).findings if finding.level == "warning"
+    ]
+    assert any(said in message for message in warnings)
+    before = [finding.message for finding in check_scene(scene, MPI.COMM_SELF).warnings]
+    assert any(said in message for message in before) is beforehand
+
+
 @pytest.mark.slow
 def test_estimates_of_linear_solves():
     """What ``check`` expects of a scene is what it takes."""

@@ -20,6 +20,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.deformation import Deformation
+from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
@@ -92,6 +93,30 @@ def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
 
             findings += paired_findings(body, moved if estimates else 0.0)
     return findings
+
+
+def nonlinear_findings(statement: Statement, body: Model) -> list[Finding]:
+    """Findings about a scene with nonlinear materials and its mesh; collective, the same on every rank.
+
+    Args:
+        statement: of the scene.
+        body: the linear one that it is at small strains.
+    """
+    findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
+    findings += [Finding("note", "mesh", body.tagged.note)] if body.tagged.note else []
+    for number, contact in enumerate(statement.contact):
+        if statement.finite_strains and contact.foundation is None and contact.against is None:
+            text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"
+            findings.append(Finding("note", f"contact[{number}]", text))
+    nearly = [number for number, material in enumerate(statement.material) if material.locks]
+    if nearly and volume_degree(statement, body.tagged) is None:
+        simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
+        cells = "quadrilaterals or hexahedra, or degree 2, with " if simplices and statement.element.degree == 1 else ""
+        text = f"is nearly incompressible, and its cells lock: take {cells}element.volumetric = 'auto'"
+        findings.append(Finding("warning", f"material[{nearly[0]}]", text))
+    if body.data is not None:
+        findings += _regularisation(body.statement, body.data, body.scales.gamma)
+    return [*findings, *_idle(body)]
 
 
 def _locking(body: Model) -> list[Finding]:
@@ -178,10 +203,15 @@ def result_findings(
             "normals are those of its initial position; check the gap and the unit of lengths"
         )
         findings.append(Finding("warning", "contact.gap, displacement", message))
-    if touching is False:
-        message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
-        findings.append(Finding("warning", "contact.gap", message))
-    return findings
+    return [*findings, *untouched(touching=touching)]
+
+
+def untouched(*, touching: bool | None) -> list[Finding]:
+    """A finding where contact touches nothing in any load step, see ``result_findings``."""
+    if touching is not False:
+        return []
+    message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
+    return [Finding("warning", "contact.gap", message)]
 
 
 def _pieces(body: Model) -> list[Finding]:
