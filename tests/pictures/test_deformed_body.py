@@ -152,6 +152,28 @@ def test_lengths_are_those_of_the_body(monkeypatch):
     assert not [text for text in axes.texts if text.get_text()]
 
 
+def test_the_circle_moves_with_the_cell_that_has_the_value(monkeypatch):
+    """Of two bodies that touch there and slide past each other that of the largest value, and turned as the cell is."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    points = np.vstack((square - [0.0, 1.0], square))
+    turned = 0.3 * np.column_stack((-square[:, 1], square[:, 0])) + [0.5, 0.0]
+    at, kept = np.array([0.9, 0.0]), []
+    monkeypatch.setattr(deformed_body, "finish", lambda figure, stem, title, suffixes: kept.append(figure))
+    for values, expected in (([1.0, 2.0], np.array([1.4, 0.27])), ([2.0, 1.0], at)):
+        deformed_mesh(
+            "nowhere",
+            points,
+            np.array([[0, 1, 2, 3], [4, 5, 6, 7]]),
+            np.vstack((0.0 * square, turned)),
+            np.array(values),
+            outline=np.array([[0, 1], [4, 5]]),
+            factor=1.0,
+            largest=Largest(at, "2"),
+        )
+        (circle,) = (line for line in kept[-1].axes[0].lines if line.get_marker() == "o")
+        np.testing.assert_allclose(circle.get_xydata()[0], expected, rtol=0, atol=1e-12)
+
+
 def test_a_small_contact_zone_is_enlarged(monkeypatch):
     """In a second panel, which shows it as it is; not where the factor is given."""
     gap = 0.3 * (X - 1.5) ** 2 + 0.001

@@ -255,8 +255,7 @@ def deformed_mesh(
             if panel is panels[0] and panel.factor != 1:
                 draw_lengths(axes, points, below=low)
             if panel is panels[0] and largest is not None:
-                at = largest.nearest(points)
-                mark_largest(axes, largest.place + panel.moved[at] - points[at], largest.text)
+                mark_largest(axes, largest.moved(points, perimeters, values, panel.moved), largest.text)
         tones.bar(figure, list(grid))
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 

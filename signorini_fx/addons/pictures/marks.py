@@ -8,12 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from signorini_fx.addons.pictures.style import INK, MUTED, Floats, math_number
 from signorini_fx.mechanics.statement.units import unit
-from signorini_fx.tuned import ARROWS_AROUND
+from signorini_fx.tuned import ARROWS_AROUND, SAME_PLACE_IN_CELL
 
 _DIGITS = 3  # of a value
 _POINTS = 8.5  # of the letters of a length
@@ -110,6 +111,27 @@ class Largest:
     def nearest(self, points: Floats) -> int:
         """Which of these points of the undeformed body, shape (n, d), is next to it."""
         return int(np.argmin(np.linalg.norm(points - self.place, axis=1)))
+
+    def moved(self, points: Floats, cells: npt.NDArray[np.int64], values: Floats, moved: Floats) -> Floats:
+        """Its place in the picture of a plane body, shape (2,): it moves with the cell around it, of several, such as
+        those of bodies that touch there, with that of the largest value.
+
+        Args:
+            points: of the undeformed body, shape (n, 2).
+            cells: their perimeters, shape (m, p).
+            values: the field in each cell, shape (m,) or (m, q).
+            moved: the points in the picture, shape (n, 2).
+        """
+        corners = points[cells]
+        edges, arms = np.roll(corners, -1, axis=1) - corners, self.place - corners
+        turns = edges[..., 0] * arms[..., 1] - edges[..., 1] * arms[..., 0]
+        twice = np.sum(corners[..., 0] * edges[..., 1] - corners[..., 1] * edges[..., 0], axis=1)  # of the area
+        outside = np.max(-np.sign(twice)[:, None] * turns / np.linalg.norm(edges, axis=2), axis=1)
+        around = outside <= max(float(outside.min()), 0.0) + SAME_PLACE_IN_CELL * np.sqrt(np.abs(twice))
+        sizes = np.abs(values.reshape(len(cells), -1)).max(axis=1)
+        cell = cells[int(np.argmax(np.where(around & np.isfinite(sizes), sizes, -np.inf)))]
+        affine = np.column_stack((np.ones(len(cell)), points[cell] - self.place))
+        return np.asarray(np.linalg.lstsq(affine, moved[cell], rcond=None)[0][0])
 
 
 def mark_largest(axes: Axes, point: Floats, text: str, *, behind: bool = False) -> None:
