@@ -155,3 +155,16 @@ def test_a_side_that_ends_over_the_other(path):
         forces.append(np.linalg.norm(np.sum(solution.steps[-1].contact.forces, axis=0)))
         assert ("in a scene by its key points" in str(solution.findings)) == (points == "against")
     assert forces[1] == pytest.approx(forces[0], rel=0.005)
+
+
+@pytest.mark.parametrize(("depths", "touches"), [((-0.1, -0.3), False), ((0.1, -0.1), True)], ids=["never", "at first"])
+def test_a_body_that_supports_carry_off(depths, touches):
+    """It is without stress, as is the one that it has left: no digit is lost where there is none."""
+    scene = two_blocks({}, depths)
+    held = [*scene.displacement, *({"boundary": f"{name}.right", "x": 0.0} for name in ("lower", "upper"))]
+    solution = solve(Scene.model_validate(scene.model_dump() | {"displacement": held}), MPI.COMM_SELF)
+    assert np.any(solution.steps[0].contact.in_contact) == touches
+    assert not np.any(solution.contact.in_contact)
+    said = [finding.message for finding in solution.findings]
+    assert not any("round-off" in message for message in said)
+    assert any("nothing is in contact" in message for message in said) is not touches

@@ -217,7 +217,10 @@ def equilibrium(
     hidden = 0.0
     if balance.lost is not None:
         lost = LOST_UNITS * pieces.norms(balance.lost)
-        hidden = max(map(ratio, lost, np.where(on_pieces > 0, force, pieces.norms(balance.internal))))
+        # Of a body that nothing acts on, and that supports move as a whole, there is nothing to be lost.
+        judged = (on_pieces > 0) | (pieces.largest_beside(y) > digits * reach)
+        beside = np.where(on_pieces > 0, force, pieces.norms(balance.internal))
+        hidden = max(map(ratio, np.where(judged, lost, 0.0), beside))
         missing = missing - lost
     residual_share = max(map(ratio, missing, force))
     if nodes is None:
