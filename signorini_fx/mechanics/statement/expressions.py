@@ -468,7 +468,12 @@ def real_numbers(values: Any) -> npt.NDArray[np.float64]:
 
 
 def in_space(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Points of shape (n, 2) or (n, 3) as expressions and callables take them, shape (3, n)."""
+    """Points of shape (n, 2) or (n, 3) as expressions and callables take them, shape (3, n).
+
+    dolfinx puts nodes of x = 0 at -7e-18, where sqrt(x) is no number and x, as a bound, negative: below one unit of
+    round-off of the largest one, a coordinate is 0.
+    """
     points = np.zeros((3, len(x)))
     points[: x.shape[1]] = x.T
+    points[np.abs(points) < np.finfo(float).eps * np.abs(points).max(initial=0.0)] = 0.0
     return points
