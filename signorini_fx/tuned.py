@@ -884,6 +884,9 @@ UNRESOLVED_NODES = 2
 ABOVE_THE_MEAN = 1e3
 # Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.  Choice.
 LOST_UNITS = 100.0
+# Units in the last place of the largest coordinate that distances and lengths of sides may lose.  Choice: of scenes 1e6
+# times their size away from the origin nodal forces lost one over the length of a side, distances two.
+UNITS_OF_PLACES = 10.0
 # A linear solve leaves at most so many times what units in the last place of the displacement leave, which is estimated
 # from so many random signs.  Choice: one to five, by any factorisation.
 LAST_DIGITS, ROUNDINGS = 10.0, 4

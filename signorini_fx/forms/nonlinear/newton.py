@@ -49,6 +49,7 @@ from signorini_fx.tuned import (
     LOST_UNITS,
     SMALL_INCREMENT,
     UNITS_OF_NO_LOAD,
+    UNITS_OF_PLACES,
 )
 
 Array = npt.NDArray[np.float64]
@@ -158,6 +159,12 @@ class EquilibriumSolver:
         if not (self.linear.shapes or self.linear.pairs):
             return 0.0
         return float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
+
+    @cached_property
+    def _least_increment(self) -> float:
+        """Increments that may be round-off of the body, or of the places where contact is met, length; collective."""
+        places = UNITS_OF_PLACES * float(np.finfo(float).eps) * self._farthest_place
+        return max(LEAST_INCREMENT * self.linear.extent, places)
 
     @cached_property
     def _cells(self) -> BodyCells:
@@ -332,7 +339,7 @@ class EquilibriumSolver:
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
             small = change <= SMALL_INCREMENT * size
-            least = change <= LEAST_INCREMENT * self.linear.extent or self._keeps_round_off()
+            least = change <= self._least_increment or self._keeps_round_off()
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
             if (

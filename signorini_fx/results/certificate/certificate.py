@@ -348,7 +348,8 @@ def judged(
     strains = mean > LOST_UNITS * NO_FORCE * moduli * reach / sizes
     penalty = np.where(strains, np.minimum(penalty, ABOVE_THE_MEAN * mean), np.maximum(penalty, terms * law.penalty))
     # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of a body at rest, too.
-    placed = NO_FORCE * sizes if balance.displaced or reach == 0 else np.zeros_like(terms)
+    farthest = max(parallel.largest(comm, np.linalg.norm(x, axis=1), 0.0), float(sizes.max()))
+    placed = np.full_like(terms, NO_FORCE * farthest) if balance.displaced or reach == 0 else np.zeros_like(terms)
     length, stress = np.maximum(length, np.maximum(terms, placed)), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
@@ -359,7 +360,6 @@ def judged(
     points = units.between(*at)
     immovable = nodes.immovable(supports, nodal_displacements, rigid)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, immovable, points)
-    farthest = max(parallel.largest(comm, np.linalg.norm(x, axis=1), 0.0), float(sizes.max()))
     places = float(farthest) if balance.displaced else 0.0
     # Forces of contact have the digits of the solver, and no more than those of places in a body that is at rest.
     at_rest = balance.unloaded_at_rest and reach <= LOST_UNITS * np.finfo(float).eps * places

@@ -15,7 +15,7 @@ from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.results.certificate.rigid_part import RigidPart
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAINT, LOST_UNITS, NO_FORCE, ZERO_SUM
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAINT, LOST_UNITS, NO_FORCE, UNITS_OF_PLACES, ZERO_SUM
 
 Nodal = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -167,8 +167,8 @@ def equilibrium(
     Four floors keep round-off from counting as a residual where hardly any force acts: ``least``, from the
     displacement and the stiffness of an element; ``slight``, from all forces, what supports take included;
     ``joint``, from the largest force on any piece, as all are solved in one system; and ``missing``, from the digits
-    that the sums themselves lose, and in a body at rest without load, at the contact nodes, the coordinates at which
-    contact is met.
+    that the sums themselves lose, and coordinates of the nodes over their distances, and in a body at rest without
+    load, at the contact nodes, the coordinates at which contact is met.
 
     Args:
         balance: forces on the body without contact.
@@ -194,7 +194,8 @@ def equilibrium(
     loads = balance.external + balance.initial
     acting = [supports.left(loads), supports.left(balance.resisted)]
     residual = balance.internal + balance.resisted - loads
-    slight = FAINT * np.maximum(pieces.norms(balance.internal), pieces.norms(loads))
+    reacting = np.maximum(pieces.norms(balance.internal), pieces.norms(loads))
+    slight = FAINT * reacting
     if nodes is not None:
         reached, contact_forces, area = nodes.forces()
         pressed = np.zeros_like(residual)
@@ -211,7 +212,9 @@ def equilibrium(
     force = np.maximum(force, joint)
     residual = supports.left(residual)
     digits = LOST_UNITS * np.finfo(float).eps
-    missing = pieces.norms(residual) - digits * least / NO_FORCE
+    coordinates = parallel.largest(comm, np.abs(balance.surface.at_nodes[: balance.surface.owned]), 0.0)
+    last_digit = UNITS_OF_PLACES * np.finfo(float).eps * coordinates
+    missing = pieces.norms(residual) - digits * least / NO_FORCE - last_digit / np.array(spacing) * reacting
     if nodes is not None:
         missing -= digits * places * firmness * pieces.norms(np.ones(len(reached)), pieces.piece[reached])
     hidden = 0.0
@@ -226,13 +229,14 @@ def equilibrium(
     if nodes is None:
         return ForcesLeft(residual_share, unjudged, hidden)
     # The stress at a node is known to the digits of loads, and of the displacement, or of places where contact is met,
-    # over the length of its side.
+    # over the length of its side.  Of that, and so of all forces, the digits of coordinates are known.
     reached_piece, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
-    modulus = np.array([piece_scales.modulus for piece_scales in stiffest])
+    modulus, side = np.array([piece_scales.modulus for piece_scales in stiffest]), balance.stiffest.side(area)
     least_stress = digits * (
-        (modulus * np.maximum(units.far, places))[reached_piece] / balance.stiffest.side(area)
-        + load[reached_piece] / area
+        (modulus * np.maximum(units.far, places))[reached_piece] / side + load[reached_piece] / area
     )
+    acts = np.maximum(load, pieces.largest(np.linalg.norm(balance.internal, axis=1)))[reached_piece]
+    least_stress += last_digit / side * acts / area
     if balance.lost is not None:
         least_stress = least_stress + LOST_UNITS * np.linalg.norm(balance.lost[reached], axis=1) / area
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - least_stress
