@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -99,8 +99,22 @@ _UNDECIDED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS
 # Cells that are turned inside out where strains are small ones.
 _RAN_AWAY = (
     "the displacement that was tried is far beyond small strains, as where all of a section yields and carries no "
-    "larger load: take smaller load steps, prescribe a displacement instead of a force, or take a material that hardens"
+    "larger load: take smaller load steps, prescribe a displacement where a force acts, or take a material that hardens"
 )
+# Where displacements alone move a body, so that none can take the place of a force.
+_ONLY_DISPLACED = {
+    Status.UNSTABLE: (
+        "the residual vanishes, but a displacement that contact admits lowers the energy: the body would leave this "
+        "state, although displacements alone move it. Begin with an imperfection, such as a small traction across a "
+        "slender body, take a material that keeps its stiffness under compression, as neo-Hooke does, or end the load "
+        "steps before"
+    ),
+    Status.LIMIT: (
+        "displacements alone move the body, so that none can take the place of a force: take another mesh or elements "
+        "of degree 1 where cells are squeezed, a material that keeps its stiffness under compression, as neo-Hooke "
+        "does, for a slender body an imperfection, such as a small traction across it, or end the load steps before"
+    ),
+}
 # Those that a law or a material of a user's own may be the reason of.
 _BY_OWN_CODE = (Status.NOT_FINITE, Status.NOT_CERTIFIED)
 
@@ -217,7 +231,7 @@ class Solution:
             return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
         materials = self.statement.material
         nonlinear = any(not material.linear for material in materials)
-        advice = advice_on_nonlinear(self.status, materials) if nonlinear else self.history.advice(self.status)
+        advice = advice_on_nonlinear(self.status, self.statement) if nonlinear else self.history.advice(self.status)
         if self.status in _BY_OWN_CODE and (own := self._own_code):
             return f"{advice}; it may also be that {' or '.join(own)} contradicts itself where it was not tried"
         return advice
@@ -537,12 +551,14 @@ class ConvergenceError(SignoriniError):
         super().__init__("\n".join([outcome(solution), *(f"{warning.path}: {warning.message}" for warning in found)]))
 
 
-def advice_on_nonlinear(status: Status, materials: Iterable[Any]) -> str:
+def advice_on_nonlinear(status: Status, statement: Statement) -> str:
     """What to do about the outcome of a body of materials that are not all linear, whose own Newton iteration ended."""
     if status is Status.MAX_ITERATIONS:  # not those of an algorithm of contact
         return Status.NOT_SOLVED.advice
-    if status is Status.INVERTED and not any(material.finite for material in materials):
+    if status is Status.INVERTED and not any(material.finite for material in statement.material):
         return _RAN_AWAY
+    if status in _ONLY_DISPLACED and statement.only_displaced:
+        return _ONLY_DISPLACED[status]
     return status.advice
 
 

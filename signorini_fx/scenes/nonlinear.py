@@ -350,7 +350,7 @@ class OpinionOfScene(SecondOpinion):
 
     def advice_on(self, status: Status) -> str:
         """See ``SecondOpinion``."""
-        return advice_on_nonlinear(status, self.problem.statement.material)
+        return advice_on_nonlinear(status, self.problem.statement)
 
     def forces(self, residual: Array) -> Array:
         """See ``SecondOpinion``: those of materials and loads."""

@@ -261,11 +261,58 @@ def test_small_strains_that_are_not_small_are_no_solution():
 @pytest.mark.parametrize("status", Status)
 def test_advice_to_a_scene_names_no_arguments_of_forms(status):
     """What a user of forms may change, a scene has not."""
-    advice = advice_on_nonlinear(status, ())
+    advice = advice_on_nonlinear(status, indented(RUBBER).statement)
     assert "max_newton" not in advice
     if status in (Status.NOT_SOLVED, Status.MAX_ITERATIONS):
         assert "max_newton" in advice_on_forms(status)
         assert "load_steps" in advice
+
+
+DRAWN = {"boundary": "top", "x": 0.0, "y": "-0.3*t"}
+ROLLER = {"shape": "circle", "centre": [0.8, 1.5], "radius": 0.5, "pivot": [0.8, 1.5], "force": ["0.0", "-t"]}
+ROLLER |= {"prescribed": {"x": 0.0, "rotation": 0.0}}
+
+
+@pytest.mark.parametrize("law", ["neo-hooke", "j2"])
+@pytest.mark.parametrize(
+    ("moves", "forced"),
+    [
+        ({}, False),
+        ({"displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}, DRAWN]}, False),
+        ({"traction": {"boundary": "right", "x": 0.0}}, False),
+        ({"traction": {"boundary": "right", "x": 1.0}}, True),
+        ({"body_force": {"y": -1.0}}, True),
+        ({"contact": {"boundary": "top", "foundation": ROLLER}}, True),
+    ],
+)
+def test_a_displacement_is_advised_in_place_of_forces_alone(moves, forced, law):
+    """Where a displacement is prescribed already it is no advice."""
+    statement = indented(material(law), **moves).statement
+    instead = [status for status in Status if "instead of a force" in advice_on_nonlinear(status, statement)]
+    assert instead == ([Status.UNSTABLE, Status.LIMIT] if forced else [])
+
+
+@pytest.mark.parametrize("name", ["slender", "softening"])
+def test_what_displacements_alone_cannot_follow(name):
+    """A column that buckles, and a law that loses its stiffness under compression: each does what the advice to it
+    says helps, a small traction across the column and another law, and is solved.
+    """
+    law = "neo-hooke" if name == "slender" else "saint-venant-kirchhoff"
+    drawn = DRAWN if name == "slender" else {"boundary": "top", "y": "-0.6*t"}
+    held = {"boundary": "bottom", "y": 0.0} | ({"x": 0.0} if name == "slender" else {})
+    scene = {
+        "length": 0.1 if name == "slender" else 1.0,
+        "cells": (2, 20) if name == "slender" else (4, 4),
+        "displacement": [held, drawn] + ([] if name == "slender" else [{"boundary": "left", "x": 0.0}]),
+        "contact": [],
+        "load_steps": {"times": [1.0]},
+    }
+    solution = solve(block(material(law), "0", **scene), MPI.COMM_SELF, check=False)
+    assert solution.status is Status.UNSTABLE
+    assert "although displacements alone move it" in solution.advice
+    advised = {"traction": {"boundary": "left", "x": 1e-3}} if name == "slender" else {}
+    assert ("a small traction across" if name == "slender" else "neo-Hooke") in solution.advice
+    assert solve(block(RUBBER, "0", **scene, **advised), MPI.COMM_SELF).converged
 
 
 @pytest.mark.parametrize("law", ["neo-hooke", "j2"])

@@ -96,7 +96,7 @@ class Leaps:
         message = (
             f"between the {what} {begin:.6g} and {end:.6g} the body jumps to another equilibrium: smaller steps do not "
             f"shorten its motion; dynamics may lead to another one, and friction and material states take the jump "
-            f"as one step: prescribe displacements instead of forces, or end the {what} before"
+            f"as one step: where forces act prescribe displacements instead, or end the {what} before"
         )
         self.findings.append(_finding(message))
 
