@@ -2043,15 +2043,15 @@ MUTANTS = (
     ),
     Mutant(
         "obstacles/mirrored_points",
-        "slave_projectors[node] += np.outer(across, across)",
+        'np.add.at(slave_projectors, nodes[ends], np.einsum("ni,nj->nij", across[ends], across[ends]))',
         "pass",
         "two bodies: points on a plane of symmetry carry shear across it",
         tests=("planes_of_symmetry::test_half_a_model",),
     ),
     Mutant(
         "obstacles/mirrored_points",
-        "(sign * ahead >= -within).all()",
-        "True",
+        "rows[(sign * ahead < -within).any(axis=1)]",
+        "rows[:0]",
         "two bodies: a held node in the middle of a side is in a plane of symmetry",
         tests=("faults_of_sliding_pairs::test_nodes_over_each_other_that_are_held",),
     ),

@@ -7,12 +7,14 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from support.surfaces import sheet
 from two_bodies import KINDS, assembled, facets, facets_of_cells, forms, grid, held, per_cell
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Tresca, solve
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.obstacles import paired_points
+from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.records import Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -273,3 +275,33 @@ def test_supports_that_move(halved, normal, symmetric):
     scene = halved(normal, **({"load_steps": {"times": [0.0, 1.0]}} if isinstance(normal, str) else {}))
     found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     assert found.pairs[0].across.any() == symmetric
+
+
+def test_sides_that_are_held_everywhere():
+    """Planes across them end both sides along their edges alone, and how many functions are called for it does not
+    depend on how many nodes are held: each looks at those around it.
+    """
+
+    def count_calls(frame, event, argument):
+        called[-1] += event in ("call", "c_call")
+
+    called = list[int]()
+    for cells in (4, 4, 16):  # the first time functions are called that are not called again
+        sides = [
+            sheet("Q1", (cells, cells), lambda s, t, z=z: (s, t, z), (0.0, 0.0, up))
+            for z, up in ((0.0, 1.0), (0.1, -1.0))
+        ]
+        x = sides[0].x
+        held = np.tile(np.eye(3), (len(x), 1, 1)), np.ones((len(x), 3), dtype=bool)
+        assert all(side.nodal_normals.any() for side in sides)  # which are computed once
+        called.append(0)
+        sys.setprofile(count_calls)
+        try:
+            across = mirrored(*sides, (held, held))
+        finally:
+            sys.setprofile(None)
+        for axis in range(2):
+            at_edge = np.isclose(x[:, axis], 0.0) | np.isclose(x[:, axis], 1.0)
+            assert across[:, axis, axis] == pytest.approx(at_edge.astype(float))
+        assert np.abs(across).sum() == pytest.approx(4 * (cells + 1))
+    assert called[2] < 2 * called[1]

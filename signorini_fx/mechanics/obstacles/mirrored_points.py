@@ -24,6 +24,7 @@ from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, SAME_DIRECTION
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.int64]
 
 
 def mirrored(
@@ -51,35 +52,46 @@ def mirrored(
         return slave_projectors
     projectors = np.einsum("nik,nk,njk->nij", axes[holding], master_held[holding].astype(np.float64), axes[holding])
     size = max(float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max()) for side in (slave, master))
-    nearest = cKDTree(master.x[on_master])
     within = DIGITS_OF_FILES * size
-    for node, k in np.argwhere(held):
-        across = frames[node, :, k]
-        radial = on_axis is not None and on_axis[node] and np.abs(across[1:]).max() <= SAME_DIRECTION
-        if not radial and abs(slave.nodal_normals[node] @ across) > ASKEW_NORMAL:
-            continue
-        apart = master.x[holding] - slave.x[node]
-        in_plane = (np.abs(apart @ across) < within) & (
-            np.linalg.norm(projectors @ across - across, axis=1) < DIGITS_OF_FILES
-        )
-        reach = size + nearest.query(slave.x[node])[0]
-        in_plane &= np.linalg.norm(apart, axis=1) <= reach
-        own_sides = _sides_of_plane(slave, int(node), across, within)
-        if any(own_sides & _sides_of_plane(master, int(beside), across, within) for beside in holding[in_plane]):
-            slave_projectors[node] += np.outer(across, across)
+    nodes, columns = np.nonzero(held)
+    across = frames[nodes, :, columns]
+    along_side = np.abs(np.einsum("ni,ni->n", slave.nodal_normals[nodes], across)) <= ASKEW_NORMAL
+    if on_axis is not None:
+        along_side |= on_axis[nodes] & (np.abs(across[:, 1:]).max(axis=1) <= SAME_DIRECTION)
+    own_sides = _sides_of_planes(slave, nodes, across, within)
+    nodes, across, own_sides = (values[along_side & own_sides.any(axis=1)] for values in (nodes, across, own_sides))
+    reach = size + cKDTree(master.x[on_master]).query(slave.x[nodes])[0]
+    beside = cKDTree(master.x[holding]).query_ball_point(slave.x[nodes], reach)
+    rows = np.repeat(np.arange(len(nodes)), [len(numbers) for numbers in beside])
+    others = np.concatenate([*beside, []]).astype(np.int64)
+    apart, normals = master.x[holding[others]] - slave.x[nodes[rows]], across[rows]
+    left_over = np.einsum("nij,nj->ni", projectors[others], normals) - normals
+    in_plane = np.abs(np.einsum("ni,ni->n", apart, normals)) < within
+    in_plane &= np.linalg.norm(left_over, axis=1) < DIGITS_OF_FILES
+    rows, others = rows[in_plane], others[in_plane]
+    both = own_sides[rows] & _sides_of_planes(master, holding[others], across[rows], within)
+    ends = np.unique(rows[both.any(axis=1)])
+    np.add.at(slave_projectors, nodes[ends], np.einsum("ni,nj->nij", across[ends], across[ends]))
     return slave_projectors
 
 
-def _sides_of_plane(surface: PairSurface, node: int, across: Array, within: float) -> set[int]:
-    """On which sides of a plane through a node all facets around it lie: {1} or {-1}, both where they are in it, and
-    neither where the plane cuts the surface.
+def _sides_of_planes(surface: PairSurface, nodes: Numbers, across: Array, within: float) -> Flags:
+    """Whether all facets around a node lie ahead of a plane through it, and whether all lie behind it: both where they
+    are in it, and neither where the plane cuts the surface; shape (n, 2).
 
     Args:
-        surface: with the node.
-        node: its number.
-        across: the normal of the plane, of length one, shape (d,).
-        within: how far facets may reach beyond the plane, length.
+        surface: with the nodes.
+        nodes: their numbers, shape (n,).
+        across: the normals of the planes, of length one, shape (n, d).
+        within: how far facets may reach beyond a plane, length.
     """
-    around = surface.nodes[(surface.nodes == node).any(axis=1)]
-    ahead = (surface.x[around] - surface.x[node]) @ across
-    return {sign for sign in (1, -1) if (sign * ahead >= -within).all()}
+    order = np.argsort(surface.nodes, axis=None, kind="stable")
+    first, last = (np.searchsorted(surface.nodes.ravel()[order], nodes, side=side) for side in ("left", "right"))
+    rows = np.repeat(np.arange(len(nodes)), last - first)
+    at = np.arange(len(rows)) - np.repeat(np.cumsum(last - first) - last, last - first)
+    around = surface.nodes[order[at] // surface.nodes.shape[1]]
+    ahead = np.einsum("nki,ni->nk", surface.x[around] - surface.x[nodes[rows], None], across[rows])
+    sides = np.ones((len(nodes), 2), dtype=bool)
+    for column, sign in enumerate((1, -1)):
+        sides[rows[(sign * ahead < -within).any(axis=1)], column] = False
+    return sides
