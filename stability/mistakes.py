@@ -2057,8 +2057,8 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate/undeformed_sides",
-        "ahead | ((highest[:, None] <= beyond) & (other_highest <= beyond))",
-        "True",
+        "np.stack((lowest >= -beyond, highest <= beyond))",
+        "np.stack((lowest >= -np.inf, highest <= np.inf))",
         "two bodies: the certificate asks for a plane of symmetry in the middle of a side",
         tests=("faults_of_sliding_pairs::test_nodes_over_each_other_that_are_held",),
     ),

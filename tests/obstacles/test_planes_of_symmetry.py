@@ -1,12 +1,14 @@
 """Two bodies that end at a plane of symmetry: half a model is the whole one, with no shear across the plane."""
 
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scipy.spatial.distance import cdist
 from support.surfaces import sheet
 from two_bodies import KINDS, assembled, facets, facets_of_cells, forms, grid, held, per_cell
 
@@ -16,6 +18,7 @@ from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.obstacles import paired_points
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.records import Timings
+from signorini_fx.results.certificate import undeformed_sides
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.tuned import ASKEW_NORMAL
@@ -305,3 +308,29 @@ def test_sides_that_are_held_everywhere():
             assert across[:, axis, axis] == pytest.approx(at_edge.astype(float))
         assert np.abs(across).sum() == pytest.approx(4 * (cells + 1))
     assert called[2] < 2 * called[1]
+
+
+def test_the_second_opinion_on_sides_that_are_held_everywhere(monkeypatch):
+    """It finds the same planes, and looks for partners of the nodes at edges alone."""
+    cells, looked_at = 12, []
+
+    def counted(x, y):
+        looked_at.append(len(x))
+        return cdist(x, y)
+
+    monkeypatch.setattr(undeformed_sides, "cdist", counted)
+    sides = [sheet("Q1", (cells, cells), lambda s, t, z=z: (s, t, z), (0.0, 0.0, 1.0)) for z in (0.0, 0.1)]
+    every = [
+        SimpleNamespace(
+            chain=SimpleNamespace(x=side.x, facets=side.nodes, diagonals=np.full(len(side.nodes), np.sqrt(2) / cells)),
+            normals=np.tile([0.0, 0.0, 1.0], (len(side.x), 1)),
+        )
+        for side in sides
+    ]
+    count = (cells + 1) ** 2
+    held = np.ones((count, 3), dtype=bool)
+    found = undeformed_sides.planes_of_symmetry(every, (held, held), np.zeros(count, dtype=bool))
+    frames = np.tile(np.eye(3), (count, 1, 1))
+    across = mirrored(*sides, ((frames, held), (frames, held)))
+    assert np.array_equal(found, np.einsum("nii->ni", across) > 0.5)
+    assert looked_at == [2 * (cells + 1)] * 2

@@ -115,19 +115,26 @@ def planes_of_symmetry(sides: tuple[UndeformedSide, UndeformedSide], held: tuple
     x, y = nodal_side.chain.x, other_side.chain.x
     across, normals = np.zeros(held[0].shape, dtype=bool), np.abs(nodal_side.normals)
     largest = max(float(side.chain.diagonals.max()) for side in sides)
+    beyond = DIGITS_OF_FILES * largest
     for axis in range(x.shape[1]):
         candidates = held[0][:, axis] & ((normals[:, axis] <= ASKEW_NORMAL) | (radial & (axis == 0)))
         candidate_nodes, holding = np.flatnonzero(candidates), np.flatnonzero(held[1][:, axis])
+        ends, other_ends = (
+            np.stack((lowest >= -beyond, highest <= beyond))
+            for lowest, highest in (
+                _reach_around(nodal_side.chain, axis, candidate_nodes),
+                _reach_around(other_side.chain, axis, holding),
+            )
+        )
+        # Those of all that hold are many, and those at an end few.
+        candidate_nodes, ends = candidate_nodes[ends.any(axis=0)], ends[:, ends.any(axis=0)]
+        holding, other_ends = holding[other_ends.any(axis=0)], other_ends[:, other_ends.any(axis=0)]
         if not candidate_nodes.size or not holding.size:
             continue
         far = cdist(x[candidate_nodes], y)
-        in_plane = np.abs(x[candidate_nodes, None, axis] - y[None, holding, axis]) < DIGITS_OF_FILES * largest
+        in_plane = np.abs(x[candidate_nodes, None, axis] - y[None, holding, axis]) < beyond
         in_plane &= far[:, holding] <= largest + far.min(axis=1)[:, None]
-        lowest, highest = _reach_around(nodal_side.chain, axis, candidate_nodes)
-        other_lowest, other_highest = _reach_around(other_side.chain, axis, holding)
-        beyond = DIGITS_OF_FILES * largest
-        ahead = (lowest[:, None] >= -beyond) & (other_lowest >= -beyond)
-        in_plane &= ahead | ((highest[:, None] <= beyond) & (other_highest <= beyond))
+        in_plane &= (ends[:, :, None] & other_ends[:, None]).any(axis=0)
         across[candidate_nodes, axis] = in_plane.any(axis=1)
     return across
 
