@@ -126,7 +126,7 @@ def exact_errors(solution) -> dict[str, float]:
     exact.interpolate(lambda x: np.array(manufactured.displacement(manufactured.NUMBERS, x)))
     difference.interpolate(solution.displacement)
     difference.x.array[:] -= exact.x.array
-    lame, mu = d.lame
+    lame, mu = d.elastic.lame
 
     def norm(v):
         epsilon = ufl.sym(ufl.grad(v))

@@ -110,8 +110,6 @@ class NamedParts:
             **{field.name: getattr(elastic, field.name) for field in fields(elastic)},
             statement=replace(self.statement, solver=elastic.settings),
             tagged=self.tagged,
-            lame=(None, None),
-            moduli=None,
             law=law,
             pairs=pairs,
             rigid=rigid,

@@ -27,6 +27,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import action, facet_nodes, o
 from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.elasticity.elastic_law import IsotropicLaw
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.mechanics import StatedBody
@@ -61,8 +62,8 @@ def stated_body(forms: GivenForms, fixed: npt.NDArray[np.bool_], values: Nodal, 
         body_force=tuple(loads["body_force"]),
     )
     tagged = tagged_mesh(body.tagged.mesh, parts)
-    changed = replace(body, statement=statement, tagged=tagged, lame=_lame(forms, body), of_body={}, of_contact={})
-    return StatedBody.of(changed)
+    law = IsotropicLaw(statement, tagged, body.space, lame=_lame(forms, body))
+    return StatedBody.of(replace(body, statement=statement, tagged=tagged, elastic=law, of_body={}, of_contact={}))
 
 
 def _stated(value: Any, what: str) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,6 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.mechanics.assembly.shared_cache import shared_in
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
@@ -35,8 +34,6 @@ class Model(ElasticBody):
         statement: what is known of contact, loads and supports by name, and the settings; of forms of a user's own this
             is less than all that acts.
         tagged: the mesh; where displacements have a component out of it a section in space.
-        lame: Lame parameters as coefficients of the forms; None: they are not known.
-        moduli: stiffness of each cell where a material is not isotropic; None: all are.
         law: the friction law; None where no law can act.
         pairs: both sides of each contact of two bodies, by its place in ``statement.contact``.
         rigid: the rigid bodies whose motion is an unknown.
@@ -49,8 +46,6 @@ class Model(ElasticBody):
 
     statement: Statement
     tagged: TaggedMesh
-    lame: tuple[Any, Any]
-    moduli: CellwiseStiffness | None
     law: PointFriction | None
     pairs: Mapping[int, PairedSides]
     rigid: RigidBodies

@@ -289,7 +289,7 @@ def test_strains_that_no_triangle_holds():
     inside = np.setdiff1d(np.arange(u.x.array.size // 2), outer)  # so that supports hold
     u.x.array.reshape(-1, 2)[inside] += chance.normal(size=(len(inside), 2))
     case = problem(solution)
-    lame, mu = solution.model.lame
+    lame, mu = solution.model.elastic.lame
     # A displacement that is linear, and the part of it that cells miss.
     slope = chance.normal(size=(2, 2))
     difference = ufl.sym(ufl.grad(u) - ufl.as_matrix(slope.tolist()))
@@ -574,7 +574,7 @@ def test_every_part_counts(monkeypatch):
     (t, found) = stresses[-1]
     s = found.stress
     nodal = np.einsum("ab,ntbk->ntak", np.eye(3) + 1, s)  # the mass matrix of a third is this over 12 times its area
-    first, second = (part.value for part in solution.model.lame)
+    first, second = (part.value for part in solution.model.elastic.lame)
     hooke = np.array([[first + 2 * second, first, 0], [first, first + 2 * second, 0], [0, 0, second]])
     energy = np.einsum("n,ntak,kl,ntal", t.volume / 36, s, np.linalg.inv(hooke), nodal)
     low = t.outer[t.x[t.edges[t.outer]][:, :, 1].max(axis=1) < 1e-9]

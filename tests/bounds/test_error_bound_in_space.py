@@ -248,7 +248,7 @@ def test_every_part_counts(monkeypatch):
     bound = error_bound(solution.model, nothing, solution.contact)
     case, found = stresses[-1]
     t, s = case.t, found.stress
-    first, second = (part.value for part in solution.model.lame)
+    first, second = (part.value for part in solution.model.elastic.lame)
     hooke = 2 * second * np.diag([1, 1, 1, 2, 2, 2.0])
     hooke[:3, :3] += first
     hooke[3:] /= 2

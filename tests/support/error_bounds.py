@@ -197,7 +197,7 @@ def energy_between(solution, reference):
     cells[dofs] = np.array([around.links(k)[0] for k in range(len(dofs))])[:, None]
     own = solution.displacement.eval(x, cells)
     difference.x.array[:] = reference.displacement.x.array - own.ravel()
-    lame, mu = reference.model.lame
+    lame, mu = reference.model.elastic.lame
     strain = ufl.sym(ufl.grad(difference))
     product = 2 * mu * ufl.inner(strain, strain) + lame * ufl.tr(strain) ** 2
     return float(np.sqrt(fem.assemble_scalar(fem.form(product * ufl.dx))))

@@ -23,7 +23,7 @@ def errors(count, cell, degree, law, **solver):
 
     def norms(v):
         epsilon = ufl.sym(ufl.grad(v))
-        lame, mu = solution.model.lame
+        lame, mu = solution.model.elastic.lame
         energy = lame * ufl.tr(epsilon) ** 2 + 2 * mu * ufl.inner(epsilon, epsilon)
         return [np.sqrt(fem.assemble_scalar(fem.form(e * ufl.dx))) for e in (energy, ufl.inner(v, v))]
 

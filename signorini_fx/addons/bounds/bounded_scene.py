@@ -203,14 +203,14 @@ def mass_of(model: Model, owner: npt.NDArray[np.int64]) -> Array:
 def moduli_of(model: Model, owner: npt.NDArray[np.int64]) -> Moduli:
     """Of the cells ``owner``."""
     dim = model.tagged.dimension
-    if model.moduli is not None:
+    if model.elastic.stiffness is not None:
         axes = _columns(model)
-        stiffness = model.moduli.at_cells[owner][:, axes][:, :, axes]
+        stiffness = model.elastic.stiffness.at_cells[owner][:, axes][:, :, axes]
         softest = np.empty(len(owner))
         for material in model.statement.material:
             softest[in_region(model, material.region, owner)] = material.moduli[0]
         return MatrixModuli(stiffness * TWICE[dim], np.linalg.inv(stiffness) / TWICE[dim][:, None], softest)
-    lame, mu = (values_of(part, owner) for part in model.lame)
+    lame, mu = (values_of(part, owner) for part in model.elastic.lame)
     return IsotropicModuli(lame, mu, dim)
 
 
@@ -225,18 +225,18 @@ def stress_of_free_strain(model: Model, owner: npt.NDArray[np.int64]) -> tuple[A
     """The stress f that an initial strain of one takes from the cells ``owner``, shape (n, 3 or 6); and twice the
     energy density of this strain that no displacement in the plane changes, stress, shape (n,).
     """
-    dim = model.tagged.dimension
-    if model.moduli is None:
-        lame, mu = (values_of(part, owner) for part in model.lame)
+    dim, stiffness = model.tagged.dimension, model.elastic.stiffness
+    if stiffness is None:
+        lame, mu = (values_of(part, owner) for part in model.elastic.lame)
         stress = np.zeros((len(owner), len(ROWS[dim])))
-        stress[:, :dim] = (2 * mu + model.statement.material[0].directions * lame)[:, None]
+        stress[:, :dim] = (2 * mu + model.kinematics.directions * lame)[:, None]
         return stress, mu * (3 * lame + 2 * mu) / (lame + mu) * model.kinematics.prevented
-    free = model.moduli.of_free_strain
+    free = stiffness.of_free_strain
     values = free.x.array.reshape(-1, *free.ufl_shape)[free.function_space.dofmap.list[owner, 0]]
     axes = _columns(model)
     prevented = np.zeros(len(owner))
     if model.kinematics.prevented:
-        at_cells = model.moduli.at_cells[owner]
+        at_cells = stiffness.at_cells[owner]
         ratios = at_cells[:, -1:] @ np.linalg.inv(at_cells[:, :-1])
         share = values[:, -1] - np.einsum("nk,nk->n", ratios[:, 0], values[:, :-1])
         for material in model.statement.material:

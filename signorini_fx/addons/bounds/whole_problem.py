@@ -169,10 +169,11 @@ def _rows_of(model: Model, contact: ContactState | None, numbers: Ints) -> _Rows
     for name in tagged.regions:
         cells = tagged.cells(name)
         rows[f"region {name}"] = numbers[cells[cells < len(owned)]]
-    rows |= {f"moduli {k}": values_of(part, owned) for k, part in enumerate(model.lame) if part is not None}
-    if model.moduli is not None:
-        free = model.moduli.of_free_strain
-        rows["stiffness"] = model.moduli.at_cells[owned]
+    lame, stiffness = model.elastic.lame, model.elastic.stiffness
+    rows |= {f"moduli {k}": values_of(part, owned) for k, part in enumerate(lame) if part is not None}
+    if stiffness is not None:
+        free = stiffness.of_free_strain
+        rows["stiffness"] = stiffness.at_cells[owned]
         rows["free"] = free.x.array.reshape(-1, *free.ufl_shape)[free.function_space.dofmap.list[owned, 0]]
     for k, pair in model.pairs.items():
         for side, facets in (("slave", pair.slave.facets), ("master", pair.master.facets)):
@@ -255,16 +256,15 @@ def _whole(
         coupling = replace(sides_of_rank.coupling, overlap=overlap, still=still)
         return replace(sides_of_rank, slave=slave, master=master, coupling=coupling)
 
-    lame = tuple(None if part is None else of_cells(rows[f"moduli {k}"]) for k, part in enumerate(model.lame))
-    moduli = None if model.moduli is None else CellwiseStiffness(of_cells(rows["stiffness"]), of_cells(rows["free"]))
+    first, second = (of_cells(rows[name]) if name in rows else None for name in ("moduli 0", "moduli 1"))
+    stiffness = CellwiseStiffness(of_cells(rows["stiffness"]), of_cells(rows["free"])) if "free" in rows else None
     state = None if contact is None else _state(contact, rows, places, averages)
     gathered_model = replace(
         model,
         space=space,
         tagged=tagged,
         pieces=find_pieces(mesh),
-        lame=(lame[0], lame[1]),
-        moduli=moduli,
+        elastic=replace(model.elastic, lame=(first, second), stiffness=stiffness),
         pairs={k: pair(k, sides_of_rank) for k, sides_of_rank in model.pairs.items()},
         boundary=None if state is None else state.boundary,
         of_body={},

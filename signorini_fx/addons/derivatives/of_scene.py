@@ -426,13 +426,13 @@ def _loads(model: Model, load_step: float) -> dict[str, Any]:
 @contextmanager
 def _lame(model: Model, values: Sequence[Any]) -> Iterator[None]:
     """The forms of the body have other numbers in the place of the Lame parameters."""
-    saved = [_values(part).copy() for part in model.lame]
+    saved = [_values(part).copy() for part in model.elastic.lame]
     try:
-        for mine, replacement in zip(model.lame, values, strict=True):
+        for mine, replacement in zip(model.elastic.lame, values, strict=True):
             _values(mine)[...] = replacement
         yield
     finally:
-        for mine, usual in zip(model.lame, saved, strict=True):
+        for mine, usual in zip(model.elastic.lame, saved, strict=True):
             _values(mine)[...] = usual
 
 

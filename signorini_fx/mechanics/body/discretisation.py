@@ -129,11 +129,10 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         partial(check_fits, statement, tagged),
         partial(check_strains, statement, tagged),
     )
-    lame, stiffness, _ = moduli
     if statement.sides[1] is not None:
         from signorini_fx.mechanics.obstacles.carrying_side import with_chosen_sides
 
-        statement = with_chosen_sides(statement, tagged, facets, lame[1])
+        statement = with_chosen_sides(statement, tagged, facets, moduli[0][1])
     pieces = find_pieces(tagged.mesh)
     if statement.bodies:
         pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
@@ -204,8 +203,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         links=links,
         statement=statement,
         tagged=tagged,
-        lame=lame,
-        moduli=stiffness,
         supports=supports.conditions,
         applied=tuple(applied),
         data=data,
@@ -354,7 +351,6 @@ def with_moduli(model: M, statement: Statement) -> M | None:
         model,
         terms=partial(_terms, elastic, space, inventory, resists),
         elastic=elastic,
-        lame=elastic.lame,
         coefficients=replace(model.coefficients, statement=statement),
         compressible=_compressible(statement),
         of_body={name: value for name, value in model.of_body.items() if name in ("_supported", "_free")},

@@ -57,8 +57,7 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
     if all(material.isotropic for material in statement.material):
         return None
     kinematics, plane = statement.kinematics_in(tagged.dimension), statement.material[0].hypothesis == "plane stress"
-    columns = [PAIRS.index(pair) for pair in kinematics.pairs]
-    rows = [*columns, *([PAIRS.index((2, 2))] if kinematics.prevented else [])]
+    columns, rows = (list(map(PAIRS.index, pairs)) for pairs in (kinematics.pairs, kinematics.stressed))
     across = [k for k in range(len(PAIRS)) if k not in columns]
     moduli, free = (
         fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, shape)))

@@ -57,10 +57,10 @@ def elastic_law(
     """
     lame, stiffness, reduced = moduli or moduli_of(statement, tagged)
     if treatment_of(statement).pressed:
-        return MixedLaw(statement, tagged, space, lame, pieces, inventory)
+        return MixedLaw(statement, tagged, space, pieces, inventory, lame=lame)
     if stiffness is not None:
-        return CellwiseLaw(statement, tagged, space, lame, stiffness)
-    return IsotropicLaw(statement, tagged, space, lame, reduced)
+        return CellwiseLaw(statement, tagged, space, lame=lame, stiffness=stiffness)
+    return IsotropicLaw(statement, tagged, space, reduced, lame=lame)
 
 
 def volume_forces(statement: Statement) -> VolumeForces:

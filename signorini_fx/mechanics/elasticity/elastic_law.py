@@ -7,7 +7,7 @@ integrated with fewer points, and that of others.  Another one adds a pressure, 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar
 
@@ -68,14 +68,20 @@ class LawStress:
     prevented: Interpolation | None = None
 
 
+@dataclass(frozen=True)
 class ElasticLaw:
     """A law whose only unknown is the displacement; its methods are collective.
 
     Attributes:
         pressed: whether a pressure is an unknown too, so that the matrix is indefinite.
+        lame: Lame parameters as coefficients, of other materials their means; None: they are not known.
+        stiffness: of each cell where a material is not isotropic; None: all are.
     """
 
     pressed: ClassVar[bool] = False
+
+    lame: tuple[Any, Any] = field(default=(None, None), kw_only=True)
+    stiffness: CellwiseStiffness | None = field(default=None, kw_only=True)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -221,13 +227,11 @@ class SceneLaw(ElasticLaw):
         statement: what is stated of the problem.
         tagged: its mesh.
         space: of the displacement.
-        lame: Lame parameters as coefficients, of other materials their means.
     """
 
     statement: Statement
     tagged: TaggedMesh
     space: fem.FunctionSpace
-    lame: tuple[Any, Any]
 
     @property
     def kinematics(self) -> Kinematics:
@@ -276,9 +280,7 @@ class IsotropicLaw(SceneLaw):
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
         """See ``ElasticLaw``."""
-        directions = self.statement.material[0].directions
-        more = {"directions": directions, "kinematics": self.kinematics}
-        return initial_strain_forms(z, strain, *self.lame, degree, self.reduced, **more)
+        return initial_strain_forms(z, strain, *self.lame, degree, self.reduced, kinematics=self.kinematics)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         """See ``ElasticLaw``."""
@@ -287,7 +289,7 @@ class IsotropicLaw(SceneLaw):
         theta, prevented = ufl.tr(elastic), None
         if initial is not None:
             elastic -= initial * ufl.Identity(elastic.ufl_shape[0])
-            theta -= self.statement.material[0].directions * initial
+            theta -= kinematics.directions * initial
             prevented = self.prevented(mu * (3 * lame + 2 * mu) / (lame + mu), initial)  # E times the initial strain
         interpolated = []
         if self.reduced is not None:
@@ -314,13 +316,9 @@ class IsotropicLaw(SceneLaw):
 
 @dataclass(frozen=True)
 class CellwiseLaw(SceneLaw):
-    """By the stiffness of each cell.
+    """By the stiffness of each cell."""
 
-    Attributes:
-        stiffness: of all cells.
-    """
-
-    stiffness: CellwiseStiffness
+    stiffness: CellwiseStiffness = field(kw_only=True)
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
         """See ``ElasticLaw``."""
@@ -334,8 +332,7 @@ class CellwiseLaw(SceneLaw):
         """See ``ElasticLaw``."""
         kinematics, moduli, dim = self.kinematics, self.stiffness, len(y)
         components = moduli.stress(strain_components(moved, kinematics, on_axis=True), initial)
-        pairs = [*kinematics.pairs, *([(2, 2)] if kinematics.prevented else [])]
-        at = {pair: k for k, (i, j) in enumerate(pairs) for pair in ((i, j), (j, i))}
+        at = {pair: k for k, (i, j) in enumerate(kinematics.stressed) for pair in ((i, j), (j, i))}
         sigma = ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)])
         outward, prevented, at_cells = (
             components[at[2, 2]] if dim == 2 and (2, 2) in at else None,

@@ -66,6 +66,18 @@ class Kinematics:
         axes = range(self.dimension)
         return [*((k, k) for k in axes), *combinations(axes, 2), *([(2, 2)] if self.normal_out else [])]
 
+    @property
+    def stressed(self) -> list[tuple[int, int]]:
+        """The components of the stress: with ``prevented`` also zz."""
+        return [*self.pairs, *([(2, 2)] if self.prevented else [])]
+
+    @property
+    def directions(self) -> int:
+        """In how many directions a strain that is the same in all of them meets a stiffness: in plane stress it is free
+        out of the plane.
+        """
+        return sum(i == j for i, j in self.stressed)
+
     def components(self, tensor: Any) -> Any:
         """The components ``pairs`` of a symmetric tensor as a UFL vector."""
         import ufl

@@ -110,13 +110,6 @@ class LinearElastic(Material):
         return sum(self.hooke[: 1 if pressed else 2])
 
     @property
-    def directions(self) -> int:
-        """In how many directions a strain that is the same in all of them meets the Lame parameters: in plane stress
-        it is free out of the plane.
-        """
-        return 2 if self.hypothesis == "plane stress" else 3
-
-    @property
     def locks(self) -> bool:
         """See ``Material``; of nonlinear materials the ratio follows from moduli, with round-off."""
         return self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER) and self.hypothesis != "plane stress"
@@ -200,12 +193,11 @@ def initial_strain_forms(
     degree: int,
     reduced: int | None = None,
     *,
-    directions: int = 3,
     kinematics: Kinematics = SPACE,
 ) -> tuple[Any, ...]:
     """The work of the stress of an initial strain, a(strain I, z), as terms to be compiled one by one.
 
-    Its stress is (2 mu + k lambda) strain I, with k directions; in plane strain the one out of the plane is among them.
+    Its stress is (2 mu + k lambda) strain I, with k ``kinematics.directions``.
 
     Args:
         z: test function.
@@ -214,14 +206,13 @@ def initial_strain_forms(
         mu: see ``elastic_forms``.
         degree: quadrature degree.
         reduced: see ``elastic_forms``: free expansion is without stress only if both are integrated alike.
-        directions: see ``LinearElastic.directions``.
         kinematics: see ``elastic_forms``.
     """
     import ufl
 
     dilation, around = ufl.tr(kinematics.strain(z)), kinematics.measure(position(z))
     dx = ufl.dx(metadata={"quadrature_degree": degree})
-    density = strain * dilation * around
+    density, directions = strain * dilation * around, kinematics.directions
     if reduced is None:
         return ((2 * mu + directions * lame) * density * dx,)
     return 2 * mu * density * dx, directions * lame * density * ufl.dx(metadata={"quadrature_degree": reduced})

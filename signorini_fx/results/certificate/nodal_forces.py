@@ -424,7 +424,8 @@ class NodalForces(SurfaceQuadrature):
         self, a: Array, b: Array, cells: Indices, gradient: Array, initial: Array | None
     ) -> tuple[Array, Array | float]:
         """The stress a epsilon + b tr(epsilon) I, see ``_Law``."""
-        directions, density = self.statement.material[0].directions, 0.0
+        directions = self.kinematics.directions
+        density: Array | float = 0.0
         first, second = (m[:, None] if m.size == 1 else m[cells, None] for m in (a, b))
         stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
         dilation, initial_strain = np.einsum("iicq->cq", gradient), np.zeros(1) if initial is None else initial

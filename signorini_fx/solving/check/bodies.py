@@ -32,7 +32,7 @@ def paired_findings(body: Model, moved: float) -> list[Finding]:
         about = fit or moved
         near = _near(body, index, about)
         names = effect.boundary, effect.against
-        side, opposite = (SideFigures.of(name, body.tagged, body.lame[1]) for name in names)
+        side, opposite = (SideFigures.of(name, body.tagged, body.elastic.lame[1]) for name in names)
         path = f"contact[{index}]"
         if (reason := opposite.better(side)) is not None:
             findings.append(

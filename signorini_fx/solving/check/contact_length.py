@@ -105,7 +105,7 @@ def contact_lengths(body: Model) -> list[Finding]:
     There is none where sides fit each other, where a material is not isotropic, and of contact that cannot open.
     """
     in_section = body.tagged.mesh.geometry.dim == body.tagged.dimension  # no torsion
-    if body.boundary is None or body.data is None or body.moduli is not None or not in_section:
+    if body.boundary is None or body.data is None or body.elastic.stiffness is not None or not in_section:
         return []
     findings = []
     for index, effect in enumerate(body.statement.contact):
@@ -138,7 +138,7 @@ def contact_lengths(body: Model) -> list[Finding]:
 
 def _plane_modulus(body: Model, name: str) -> float:
     """E' behind a boundary, stress: E / (1 - nu^2), in plane stress E."""
-    first, second = (SideFigures.of(name, body.tagged, part).stiffness for part in body.lame)
+    first, second = (SideFigures.of(name, body.tagged, part).stiffness for part in body.elastic.lame)
     return 4 * second * (first + second) / (first + 2 * second)
 
 
