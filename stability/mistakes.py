@@ -167,8 +167,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/complementarity",
-        "pushing if data.bilateral is None else np.where(data.bilateral, pressure, pushing)",
-        "pressure",
+        "pressure = np.where(data.bilateral, pressure, np.maximum(pressure, 0.0))",
+        "pressure = pressure",
         "projection drops its max",
     ),
     Mutant(
@@ -795,8 +795,8 @@ MUTANTS = (
     ),
     Mutant(
         "problem/exact",
-        "target[:, 0], target[:, 1:] = self.data.gap, origin",
-        "target[:, 0], target[:, 1:] = self.data.gap, 0.0 * origin",
+        "target[:, 0], target[:, 1:] = self.data.gap, self.data.slip_origin",
+        "target[:, 0], target[:, 1:] = self.data.gap, 0.0 * self.data.slip_origin",
         "stick forgets its origin",
         tests=("load_steps",),
     ),
@@ -1143,8 +1143,8 @@ MUTANTS = (
     Mutant("path_following", "error <= allowed", "False", "path-following: never content"),
     Mutant(
         "path_following",
-        "ahead > slip / 2",
-        "ahead > 2 * slip",
+        "ahead > length(slip) / 2",
+        "ahead > 2 * length(slip)",
         "path-following: nodes that will slip still stick at the end",
         tests=("strategy::test_a_path_does_not_end_where_a_stick_node_is_moved",),
     ),
@@ -1157,8 +1157,8 @@ MUTANTS = (
     ),
     Mutant(
         "path_following",
-        "-2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin))",
-        "2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin))",
+        "-2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat))",
+        "2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat))",
         "path-following: curvature, sign",
         tests=("strategy::test_model_of_the_path",),
     ),
@@ -2722,8 +2722,8 @@ MUTANTS = (
     Mutant("contact/resting_place", "data.gap - self.u_n", "data.gap + self.u_n", "gap from the resting place, sign"),
     Mutant(
         "contact/resting_place",
-        "(0.0 if slip_origin is None else slip_origin) - self.u_t",
-        "(0.0 if slip_origin is None else slip_origin) + self.u_t",
+        "data.slip_origin - self.u_t",
+        "data.slip_origin + self.u_t",
         "slip from the resting place, sign",
         tests=("starts::test_slip_counts_from_where_the_body_was",),
     ),
@@ -4026,7 +4026,7 @@ MUTANTS = (
     ),
     Mutant(
         "algorithms/task",
-        "slip_of(u_t, replace(data, slip_origin=origin))",
+        "slip_of(u_t, start.data)",
         "slip_of(u_t, data)",
         "the slip reported is that of the last problem",
         tests=("task::test_friction_bound_and_slip",),
@@ -4062,8 +4062,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/friction",
-        "np.where(bilateral, pressure, pushing)",
-        "pushing",
+        "np.where(bilateral, pressure, np.maximum(pressure, 0.0))",
+        "np.maximum(pressure, 0.0)",
         "monolithic method: bilateral points that pull have no friction",
         tests=("coulomb_ways::test_newton_where_contact_cannot_open",),
     ),

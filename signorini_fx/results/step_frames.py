@@ -116,7 +116,6 @@ class StepEnd:
         """
         start = self.seen_from(boundary, held=False, spin=spin)[0] if start is None else start
         assert start.multipliers is not None
-        assert start.data.slip_origin is not None
         data = replace(
             start.data,
             gap=first.gap,
@@ -143,11 +142,9 @@ class StepEnd:
         """
         start, resting = self.start, self.rest
         if held and resting is not None:
-            assert start.data.slip_origin is not None
             start = replace(start, data=replace(start.data, slip_origin=start.data.slip_origin + resting.u_t))
             resting = None
-        begun, carried_rest, _ = carried(start, resting, self.normal, self.boundary, boundary, spin)
-        return begun, carried_rest
+        return carried(start, resting, self.normal, self.boundary, boundary, spin)
 
 
 @dataclass(frozen=True)
@@ -208,8 +205,8 @@ def from_rest(
         moved: by which the foundations have moved at the points since, length, shape (n, d).
     """
     before = PreviousStep(fem.Function(space), Tractions.none(boundary), moved=moved)
-    resting = start.data.slip_origin  # of a body that contact alone holds: not zero where it has come to rest
-    origin = np.asarray(_along(boundary, moved)) + (0.0 if resting is None else resting)
+    # That of a body that contact alone holds is not zero where it has come to rest.
+    origin = _along(boundary, moved) + start.data.slip_origin
     return replace(start, data=replace(start.data, slip_origin=origin)), before
 
 
@@ -225,9 +222,9 @@ def carried(
     old_boundary: ContactBoundary,
     new_boundary: ContactBoundary,
     spin: Array | None = None,
-) -> tuple[Start, RestingMotion | None, Array]:
-    """The start of a step, the place from which its slips are counted, and the normal displacement at that start, in
-    the frames that the same points have now; collective.
+) -> tuple[Start, RestingMotion | None]:
+    """The start of a step, and the place from which its slips are counted, in the frames that the same points have now;
+    collective.
 
     Shears turn with a foundation that has turned, see ``turned``.
 
@@ -246,17 +243,15 @@ def carried(
     def along(shear: Array) -> Any:
         return np.einsum("njk,nk->nj", rotation, shear)
 
-    def moved(slip: Array | None) -> Any:
-        return (
-            None if slip is None else np.einsum("nij,nik,nk->nj", new_boundary.tangents, old_boundary.cotangents, slip)
-        )
+    def moved(slip: Array) -> Any:
+        return np.einsum("nij,nik,nk->nj", new_boundary.tangents, old_boundary.cotangents, slip)
 
     data, multipliers, origin = start.data, start.multipliers, moved(start.data.slip_origin)
-    if turns and origin is not None:
-        relative = np.column_stack((normal, np.asarray(start.data.slip_origin)))
+    if turns:
+        relative = np.column_stack((normal, start.data.slip_origin))
         coframes = np.concatenate((old_boundary.normal[:, :, None], old_boundary.cotangents), axis=2)
         relative = np.einsum("nki,nkj,nj->ni", new_boundary.frames, coframes, relative)
-        normal, origin = relative[:, 0], relative[:, 1:]
+        origin = relative[:, 1:]
     begun = replace(
         start,
         data=replace(data, mu_hat=along(data.mu_hat), slip_origin=origin),
@@ -264,7 +259,7 @@ def carried(
         multipliers=None if multipliers is None else (multipliers[0], along(multipliers[1])),
         elastic_slip=None if start.elastic_slip is None else along(start.elastic_slip),
     )
-    return begun, None if resting is None else replace(resting, u_t=moved(resting.u_t)), normal
+    return begun, None if resting is None else replace(resting, u_t=moved(resting.u_t))
 
 
 def relative_to(

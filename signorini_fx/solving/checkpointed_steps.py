@@ -191,8 +191,7 @@ class MeshCheckpoint:
                 nodal[f"{name}.bound"] = bound_of_sets(sets, zero, data)
                 if (slope := slope_of_bound(sets, data)) is not None:
                     nodal[f"{name}.coupling"] = slope
-            if data.slip_origin is not None:
-                nodal[f"{name}.slip_origin"] = _in_space(data.slip_origin + rest_t, cotangents)
+            nodal[f"{name}.slip_origin"] = _in_space(data.slip_origin + rest_t, cotangents)
             parameters[name] = [data.gamma_n, data.gamma_t, data.sigma]
         solves, problems, events = marks
         figures = {
@@ -317,7 +316,7 @@ def _data(
 
     gamma_n, gamma_t, sigma = parameters
     bound, slope = values("bound"), values("coupling")
-    origin = nodal.get(f"{name}.slip_origin")
+    origin = nodal.get(f"{name}.slip_origin", np.zeros_like(boundary.normal))  # older ones have none in a first step
     rest_t = 0.0 if task.rest is None else task.rest.u_t
     return replace(
         start.data,
@@ -328,7 +327,7 @@ def _data(
         mu_hat=_along(nodal[f"{name}.mu_hat"], boundary.cotangents),
         bound=bound,
         follows=None if bound is None or slope is None else PointFriction(bound, slope),
-        slip_origin=None if origin is None else _along(origin, boundary.tangents) - rest_t,
+        slip_origin=_along(origin, boundary.tangents) - rest_t,
     )
 
 

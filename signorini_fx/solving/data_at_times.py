@@ -92,23 +92,21 @@ def on_moved_foundations(
     if end is None:
         drift, begun = moved_since(moved, moved.statement.placed(-1)), task.start
         if start.sets is not None and start.multipliers is not None:  # of a coarser mesh
-            carried_start, _, _ = carried(start, None, drift[:, 0], earlier.boundary, moved.boundary)
+            carried_start, _ = carried(start, None, drift[:, 0], earlier.boundary, moved.boundary)
             assert carried_start.multipliers is not None
             begun = begun.begin_from(start.sets, carried_start.multipliers)
         return from_rest(moved.space, moved.boundary, begun, drift)
     end.taken_up(task, moved, moved.rigid)
     begun, _ = end.seen_from(moved.boundary, held=True)
     if task.rest is not None:  # contact alone holds the body, which comes to rest elsewhere with another gap
-        origin = begun.data.slip_origin
-        assert origin is not None
-        begun = replace(begun, data=replace(begun.data, slip_origin=origin - task.rest.u_t))
+        begun = replace(begun, data=replace(begun.data, slip_origin=begun.data.slip_origin - task.rest.u_t))
     drift = moved_since(moved, earlier.statement)
     begun, before = end.begins_on(moved.boundary, task.start.data, moved.law, drift, start=begun)
-    origin, change = begun.data.slip_origin, _seen_otherwise(earlier.boundary, moved.boundary, before.displacement)
-    if origin is None or change is None or begun.multipliers is None:
+    change = _seen_otherwise(earlier.boundary, moved.boundary, before.displacement)
+    if change is None or begun.multipliers is None:
         return begun, before
     tangents = moved.boundary.tangents
-    data = replace(begun.data, slip_origin=origin + np.einsum("nij,ni->nj", tangents, change))
+    data = replace(begun.data, slip_origin=begun.data.slip_origin + np.einsum("nij,ni->nj", tangents, change))
     across = np.zeros((moved.boundary.size, tangents.shape[1], tangents.shape[1]))
     for number, pair in moved.pairs.items():
         across[moved.boundary.part == number] = pair.across

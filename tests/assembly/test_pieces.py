@@ -333,7 +333,8 @@ def test_gaps_of_each_piece(loose):
     supports = [{"boundary": f"left {box.name}", "x": 0.0} for box in boxes]
     d = discretise(scene_on(mesh, displacement=supports, contact=contact).statement, mesh, Timings())
     task = contact_task(d, History())
-    lost = no_balance(None, None, task.motions, np.zeros(d.motions.free.shape[1]), task.start.data.gap)
+    data, motions = task.start.data, task.motions
+    lost = no_balance(None, data.bilateral, motions, np.zeros(motions.count), data.gap)
     members = task.motions.of_point[np.isin(d.boundary.part, [2 * loose, 2 * loose + 1])]
     assert (lost.status, {lost.assembly}) == (Status.OPEN, set(members))
 

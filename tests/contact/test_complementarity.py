@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shifted_problems import shifted
 
 from signorini_fx.algebra.contact.active_sets import (
     ActiveSets,
@@ -19,7 +20,7 @@ from signorini_fx.algebra.contact.active_sets import (
     tangent,
     transmitting,
 )
-from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc
+from signorini_fx.algebra.contact.complementarity import onto_disc
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import inner, length, unit
 
@@ -31,7 +32,7 @@ def data(nodes=1, *, gap=0.0, bound=1.0, sigma=math.inf, lambda_hat=0.0, mu_hat=
     """The same data at every node; bound None: no friction."""
     gap, lambda_hat, mu_hat = np.full(nodes, gap), np.full(nodes, lambda_hat), np.full((nodes, 1), mu_hat)
     bound = None if bound is None else np.full(nodes, bound)
-    return RegularisedData(gap, GAMMA_N, GAMMA_T, sigma, lambda_hat, mu_hat, bound)
+    return shifted(gap, GAMMA_N, GAMMA_T, sigma, lambda_hat, mu_hat, bound)
 
 
 def in_plane(contact, slip):
@@ -194,7 +195,7 @@ def states(draw):
     """(sets before, u_n, u_t, data) of a few nodes."""
     columns = [np.array(column) for column in zip(*draw(st.lists(NODE, min_size=1, max_size=8)), strict=True)]
     u_n, u_t, gap, lambda_hat, mu_hat, bound, contact, slip = columns
-    problem = RegularisedData(gap, GAMMA_N, GAMMA_T, math.inf, lambda_hat, mu_hat[:, None], bound)
+    problem = shifted(gap, GAMMA_N, GAMMA_T, math.inf, lambda_hat, mu_hat[:, None], bound)
     return in_plane(contact, slip), u_n, u_t[:, None], problem
 
 
@@ -260,7 +261,7 @@ def discs(draw):
 def in_space(u_t, mu_hat, bound, sigma=math.inf):
     """The data of points in space, all with the gap zero."""
     zero = np.zeros(bound.size)
-    return RegularisedData(zero, GAMMA_N, GAMMA_T, sigma, zero, mu_hat, bound)
+    return shifted(zero, GAMMA_N, GAMMA_T, sigma, zero, mu_hat, bound)
 
 
 @given(discs())

@@ -10,12 +10,12 @@ import ufl
 from mpi4py import MPI
 from scenes import alone
 from scipy.optimize import minimize_scalar
+from shifted_problems import shifted
 from spaces import block, box
 from test_space_statics import PRESS, brick
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
 from signorini_fx.algebra.contact.active_sets import multipliers, natural_sets, tangent
-from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.records import Status
@@ -200,7 +200,7 @@ def test_law_and_its_derivative():
         MPI.COMM_SELF, nodes, np.zeros((count, 3)), np.ones(count), normal, 0 * nodes, np.ones((count, 3), bool),
         np.zeros((0, 5), np.int64), nodes.astype(np.int64), friction_axes=FrictionAxes(along, ratio),
     )  # fmt: skip
-    data = RegularisedData(np.zeros(count), 10.0, gamma, np.inf, np.zeros(count), np.zeros((count, 2)), bound)
+    data = shifted(np.zeros(count), 10.0, gamma, np.inf, np.zeros(count), np.zeros((count, 2)), bound)
 
     def force(y):
         u_n, u_t = boundary.traces(y)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from shifted_problems import shifted
 from test_contact_problem import Block
 from test_two_bodies import blocks
 from two_bodies import facets, forms, held
@@ -23,7 +24,6 @@ from signorini_fx import (
     sweep,
 )
 from signorini_fx.algebra.contact.active_sets import ActiveSets, linearised, multipliers, tangent
-from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.forms.stress import modulus_of_energy
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
 from signorini_fx.mechanics.obstacles import foundations_on_points
@@ -214,9 +214,8 @@ def test_envelope():
 def test_tangent():
     """The shear of a slipping point follows the pressure by the derivative of the bound, and beyond it."""
     friction = friction_of(Saturating(F, K).sampled(np.zeros((3, 1))), 1)
-    data = RegularisedData(
-        np.zeros(1), 10.0, 10.0, np.inf, np.zeros(1), np.zeros((1, 1)), np.zeros(1), follows=friction
-    )
+    none = np.zeros(1)
+    data = shifted(none, 10.0, 10.0, np.inf, none, none[:, None], none, follows=friction)
     sets = linearised(ActiveSets.of(np.array([True]), np.array([[1.0]])), np.array([5.0]), data)
     (_, (low,)), (_, (high,)) = (multipliers(sets, np.array([u]), np.ones((1, 1)), data) for u in (0.4, 0.6))
     slope = F * np.exp(-F * 5.0 / K)

@@ -212,7 +212,7 @@ def test_the_most_that_capped_friction_can_do():
         given, coefficient, cap, weight = chance.uniform(0.1, 1.0, (4, count))
         points = SimpleNamespace(size=count, dimension=1 + tangents, weight=weight, comm=MPI.COMM_SELF)
         motions = SimpleNamespace(points=points, count=k, relative=rows, of_point=np.zeros(count))
-        found = reactions_at(motions, PointFriction(given, coefficient, cap), None)
+        found = reactions_at(motions, PointFriction(given, coefficient, cap), np.zeros(given.size, dtype=bool))
         *_, resultant = found.against(motion, 2.0)
         away, slip = rows[:, 0] @ motion, np.linalg.norm(rows[:, 1:] @ motion, axis=1)
         least, most = np.minimum(given, cap), np.maximum(cap - given, 0.0) / coefficient

@@ -9,9 +9,10 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from scenes import on_mesh, rectangle
+from shifted_problems import shifted
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.complementarity import RegularisedData, trial_shear
+from signorini_fx.algebra.contact.complementarity import trial_shear
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
@@ -104,7 +105,7 @@ def problem_at_random_state(discretisation, seed):
     boundary = discretisation.boundary
     values = {name: field(boundary.x.T) for name, field in FIELDS.items()}
     values["mu_hat"] = values["mu_hat"][:, None]
-    data = RegularisedData(gamma_n=GAMMA_N, gamma_t=GAMMA_T, sigma=1 / GAMMA_T, **values)
+    data = shifted(gamma_n=GAMMA_N, gamma_t=GAMMA_T, sigma=1 / GAMMA_T, **values)
     system = FullSystem.of(discretisation.elasticity(discretisation.cases))
     problem = RegularisedProblem(system, discretisation.at_contact)
     problem.set_data(data)

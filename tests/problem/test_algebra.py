@@ -8,6 +8,7 @@ import algebra_alone
 import numpy as np
 import pytest
 from scenes import alone, example1
+from shifted_problems import shifted
 
 PROGRAM = Path(__file__).parents[1] / "support" / "algebra_alone.py"
 # The friction law of a scene, and of the core.
@@ -111,7 +112,6 @@ def test_sets_that_hold_no_body_are_not_kept(friction):
     one: then all points that can do.
     """
     from signorini_fx.algebra.contact.active_sets import ActiveSets
-    from signorini_fx.algebra.contact.complementarity import RegularisedData
     from signorini_fx.algebra.contact.holding_sets import hold
     from signorini_fx.algebra.linalg.from_scipy import from_scipy
 
@@ -120,7 +120,7 @@ def test_sets_that_hold_no_body_are_not_kept(friction):
     none = np.zeros(gap.size)
     open_sets = ActiveSets.of(none > 0, np.ones((gap.size, 1)))
     bound = None if friction is None else none + friction
-    data = RegularisedData(gap, 1e6, 1e6, np.inf, none, none[:, None], bound)
+    data = shifted(gap, 1e6, 1e6, np.inf, none, none[:, None], bound)
     found, status, repaired = hold(open_sets, open_sets, lambda: (none, none[:, None]), data, motions, lambda: None)
     assert (status, repaired) == (None, True)
     assert motions.held_by(found.contact, ~found.slip & (bound is not None))

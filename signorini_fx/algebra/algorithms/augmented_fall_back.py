@@ -28,11 +28,9 @@ def softened(task: Task, start: Start, failed: Outcome) -> RegularisedData:
     return replace(scene_data, gamma_n=share * scene_data.gamma_n, gamma_t=share * scene_data.gamma_t)
 
 
-def without_elastic_slip(start: Start, data: RegularisedData) -> Nodal | None:
+def without_elastic_slip(start: Start, data: RegularisedData) -> Nodal:
     """Where slip counts from without the part of it in earlier load steps that is due to the regularisation."""
-    if start.elastic_slip is None or data.slip_origin is None:
-        return data.slip_origin
-    return data.slip_origin - start.elastic_slip
+    return data.slip_origin if start.elastic_slip is None else data.slip_origin - start.elastic_slip
 
 
 def by_augmentation(

@@ -99,6 +99,8 @@ def free_state(task: Task, data: RegularisedData) -> tuple[Nodal, Nodal] | None:
         mu_hat=zero,
         bound=np.full(len(zero), np.inf),
         bilateral=np.ones(len(zero), dtype=bool),
+        immovable=np.zeros(len(zero), dtype=bool),
+        slip_origin=zero,
     )
     newton.begin_at(newton.problem.system.start)  # not where the body has gone: its round-off is above those forces
     status = newton.solve_once(springs, ActiveSets.all_in_contact(*zero.shape), lambda: None)

@@ -159,7 +159,7 @@ class _Programme:
         self._points, self._comm = newton.problem.points, newton.problem.points.comm
         # Where supports alone decide about the distance, no pressure acts that could be bounded.
         movable = ~self._points.immovable
-        self._one_sided = movable if data.bilateral is None else movable & ~data.bilateral
+        self._one_sided = movable & ~data.bilateral
         self._bound = np.zeros(movable.size) if data.bound is None else data.bound
         # Where it is zero there is no shear, where it is infinite no disc.
         self._rubs = (self._bound > 0) & np.isfinite(self._bound)

@@ -25,7 +25,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets, tangent
-from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import callbacks
 from signorini_fx.machine import parallel
@@ -66,7 +66,6 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     blocks = tangent(sets, data) / data.gamma_n
     if data.yielding is not None:  # where the contact itself is soft a larger gamma_1 changes no pressure
         blocks[data.yielding.soft, :, 0] = 0.0
-    origin = np.zeros_like(data.mu_hat) if data.slip_origin is None else data.slip_origin
 
     def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:
         """C (vector - (gap, origin)), with gamma_1 taken out."""
@@ -77,7 +76,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         system.contact.add_forces(traction[:, 0], traction[:, 1:], force)
         return force
 
-    first, stretched = solved_again(newton, -contact_force(newton.x, data.gap, origin)), newton.x.duplicate()
+    first, stretched = solved_again(newton, -contact_force(newton.x, data.gap, data.slip_origin)), newton.x.duplicate()
     system.matrix.mult(first, stretched)
     energy = stretched.dot(first)
     reach = data.gamma_n
@@ -85,7 +84,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     stiffness = system.contact.stiffness(system.matrix.getDiagonal())
     largest = parallel.largest(system.comm, stiffness)
     if largest > NEGLIGIBLE_POLE * data.gamma_n:
-        force = -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin))
+        force = -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat))
         second = solved_again(newton, force)
         curvature = -stretched.dot(second)
         reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
@@ -95,8 +94,9 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     pressure_slope = points.norm(blocks[:, 0, 0] * (u_n - data.gap + data.gamma_n * slope_n))
     distance = float(np.sqrt(max(energy, 0.0)))
     # Of a node that is stiffer than the pole the model leaves some slip too, but less than half.
-    slip, ahead = length(u_t - origin), points.felt(u_t - origin + reach * slope_t)
-    stays = ~sets.slip & (ahead > slip / 2)
+    slip = slip_of(u_t, data)
+    ahead = points.felt(slip + reach * slope_t)
+    stays = ~sets.slip & (ahead > length(slip) / 2)
     may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
     left_slip = points.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
     return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)

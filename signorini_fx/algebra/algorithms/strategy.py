@@ -196,9 +196,8 @@ def _nothing_acts(task: Task, start: Start) -> bool:
     if task.system.load.norm() > 0 or task.system.start.norm() > 0:
         return False
     pushed = data.distance < -task.coordinate_error
-    if data.bilateral is not None:
-        pushed = pushed | (data.bilateral & (np.abs(data.gap) > task.coordinate_error))
-    if data.bound is not None and data.slip_origin is not None:
+    pushed = pushed | (data.bilateral & (np.abs(data.gap) > task.coordinate_error))
+    if data.bound is not None:
         pushed = pushed | ((data.bound > 0) & (length(data.slip_origin) > task.coordinate_error))
     return not parallel.any_rank(task.system.comm, bool(pushed.any()))
 
@@ -243,8 +242,8 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     """
     newton, points, history = failed.newton, task.motions.points, task.history
     nothing = np.zeros(points.size)
-    bilateral = failed.data.bilateral is not None and bool(failed.data.bilateral.any())
-    if parallel.any_rank(points.comm, bilateral or bool(law.bound(nothing).any())) or task.motions.count:
+    kept = failed.data.bilateral | (law.bound(nothing) != 0)
+    if parallel.any_rank(points.comm, bool(kept.any())) or task.motions.count:
         return None
     if history.overdue() or (history.exhausted and task.settings.limited("max_iterations")):
         return None

@@ -193,10 +193,11 @@ class Task:
         if has_coulomb is None:
             follows = law is not None and law.follows_pressure
             has_coulomb = parallel.any_rank(comm, follows)
+        sides = np.zeros(gap.size, dtype=bool) if bilateral is None else bilateral
         data = RegularisedData.unshifted(
-            gap, points.dimension - 1, settings, natural_gamma, law, bilateral, points.immovable
+            gap, points.dimension - 1, settings, natural_gamma, law, sides, points.immovable
         )
-        resting = resting_place(gap, bilateral, motions, system.resultant)
+        resting = resting_place(gap, sides, motions, system.resultant)
         sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
         start = Start(data if resting is None else resting.data_from(data), law, sets, iteration=0)
         history = options.pop("history", None) or History()
@@ -214,8 +215,7 @@ class Task:
             outcome: how the load step ended.
             start: where it started; its slip is counted from there.
         """
-        law, origin = start.law, start.data.slip_origin
-        problem = outcome.problem
+        law, problem = start.law, outcome.problem
         sets, data = problem.sets, problem.data
         u_n, u_t = problem.system.contact.traces(outcome.newton.x)
         rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
@@ -232,8 +232,8 @@ class Task:
             in_contact=sets.contact,
             direction=sets.direction,
             has_friction=data.bound is not None,
-            bilateral=np.zeros_like(sets.contact) if data.bilateral is None else data.bilateral,
-            slip_length=slip_of(u_t, replace(data, slip_origin=origin)),
+            bilateral=data.bilateral,
+            slip_length=slip_of(u_t, start.data),
             xi=slip_multiplier(sets, shear, u_t, data) if data.bound is not None else slip_of(u_t, data),
         )
 

@@ -86,7 +86,7 @@ def linearised(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> Acti
     """The sets with the tangent of a friction bound that follows the pressure along a curve, or its magnitude where
     contact is bilateral, at the trial pressure.
     """
-    if data.follows is None or (data.follows.affine and data.bilateral is None):
+    if data.follows is None or (data.follows.affine and not data.bilateral.any()):
         return sets
     return replace(sets, line=data.follows.line(pressure, data.bilateral))
 
@@ -109,12 +109,12 @@ def slope_of_bound(sets: ActiveSets, data: RegularisedData) -> Nodal | None:
     """The derivative of ``bound_of_sets`` by the pressure, shape (n,); None where the bound is given."""
     if data.follows is None or (data.follows.affine and sets.line is None):
         return None if data.follows is None else data.follows.coefficient
-    return data.follows.line(np.zeros(sets.slip.size))[1] if sets.line is None else sets.line[1]
+    return data.follows.line(np.zeros(sets.slip.size), data.bilateral)[1] if sets.line is None else sets.line[1]
 
 
 def keep_closed(contact: npt.NDArray[np.bool_], data: RegularisedData) -> npt.NDArray[np.bool_]:
     """The contact set with the bilateral points, which always belong to it."""
-    return contact if data.bilateral is None else contact | data.bilateral
+    return contact | data.bilateral
 
 
 def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
@@ -219,7 +219,7 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
     """
     count, tangents = sets.direction.shape
     blocks = np.zeros((count, 1 + tangents, 1 + tangents))
-    pressing = sets.contact if data.immovable is None else sets.contact & ~data.immovable
+    pressing = sets.contact & ~data.immovable
     blocks[:, 0, 0] = np.where(pressing, data.stiffness, 0.0)
     if data.bound is None:
         return blocks

@@ -62,14 +62,13 @@ class RegularisedData:
         lambda_hat: shift of the contact pressure, stress, shape (n,).
         mu_hat: shift of the shear, stress, shape (n, d - 1).
         bound: given friction bound F g, stress, shape (n,); None if there is no friction.
+        bilateral: points whose contact cannot open, shape (n,).
+        immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,): no pressure acts
+            there, because the supports take whatever it would be.
+        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
+            with origin zero; with load steps it acts on the increment, with mu_hat the shear of the previous step.
         follows: the friction whose bound at the pressure lambda(y) of the iterate itself is the bound (monolithic
             Coulomb friction), and ``bound`` its part without pressure; None where the bound is given.
-        bilateral: points whose contact cannot open, shape (n,); None: there are none.
-        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
-            with origin zero (None); with load steps it acts on the increment, with mu_hat the shear of the previous
-            step.
-        immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,): no pressure acts
-            there, because the supports take whatever it would be; None: there are none.
         yielding: the tangent of soft contact that takes the place of gamma_1; None: gamma_1 holds.
     """
 
@@ -80,10 +79,10 @@ class RegularisedData:
     lambda_hat: Nodal
     mu_hat: Nodal
     bound: Nodal | None
+    bilateral: npt.NDArray[np.bool_]
+    immovable: npt.NDArray[np.bool_]
+    slip_origin: Nodal
     follows: PointFriction | None = None
-    bilateral: npt.NDArray[np.bool_] | None = None
-    slip_origin: Nodal | None = None
-    immovable: npt.NDArray[np.bool_] | None = None
     yielding: Yielding | None = None
 
     @classmethod
@@ -93,9 +92,9 @@ class RegularisedData:
         tangents: int,
         settings: Settings,
         natural_gamma: float,
-        law: PointFriction | None = None,
-        bilateral: npt.NDArray[np.bool_] | None = None,
-        immovable: npt.NDArray[np.bool_] | None = None,
+        law: PointFriction | None,
+        bilateral: npt.NDArray[np.bool_],
+        immovable: npt.NDArray[np.bool_],
     ) -> RegularisedData:
         """The problem without shifts, for points with d - 1 tangents, and with the given part of the friction bound.
 
@@ -105,8 +104,8 @@ class RegularisedData:
             settings: gamma and sigma.
             natural_gamma: the unit of gamma where it is automatic, stress per length.
             law: of friction; None: there is none.
-            bilateral: points whose contact cannot open, shape (n,); None: there are none.
-            immovable: points that cannot move along their normal, shape (n,); None: there are none.
+            bilateral: points whose contact cannot open, shape (n,).
+            immovable: points that cannot move along their normal, shape (n,).
         """
         automatic = AUTOMATIC_GAMMA * natural_gamma
         return cls(
@@ -117,8 +116,9 @@ class RegularisedData:
             np.zeros(gap.size),
             np.zeros((gap.size, tangents)),
             None if law is None else law.given,
-            bilateral=bilateral,
-            immovable=immovable,
+            bilateral,
+            immovable,
+            np.zeros((gap.size, tangents)),
         )
 
     @property
@@ -144,19 +144,18 @@ class RegularisedData:
             return np.zeros_like(pressure)
         if self.follows is None:
             return self.bound
-        pushing = np.maximum(pressure, 0.0)
-        return self.follows.bound(pushing if self.bilateral is None else np.where(self.bilateral, pressure, pushing))
+        return self.follows.bound(np.where(self.bilateral, pressure, np.maximum(pressure, 0.0)))
 
 
 def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
     """The tangential displacement that friction opposes, length, shape (n, d - 1)."""
-    return u_t if data.slip_origin is None else u_t - data.slip_origin
+    return u_t - data.slip_origin
 
 
 def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
     """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable points."""
     trial = data.lambda_hat + data.stiffness * (u_n - data.distance)
-    return trial if data.immovable is None else np.where(data.immovable, 0.0, trial)
+    return np.where(data.immovable, 0.0, trial)
 
 
 def trial_shear(u_t: Nodal, data: RegularisedData) -> Nodal:
@@ -193,6 +192,5 @@ def onto_disc(shear: Nodal, bound: Nodal) -> Nodal:
 
 def project(pressure: Nodal, shear: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
     """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update of inexact ALM."""
-    pushing = np.maximum(pressure, 0.0)
-    pressure = pushing if data.bilateral is None else np.where(data.bilateral, pressure, pushing)
+    pressure = np.where(data.bilateral, pressure, np.maximum(pressure, 0.0))
     return pressure, onto_disc(shear, data.friction_bound(pressure))

@@ -156,15 +156,14 @@ class PointFriction:
         cap = None if self.cap is None else self.cap[points]
         return PointFriction(self.given[points], self.coefficient[points], cap)
 
-    def line(self, pressure: Nodal, bilateral: npt.NDArray[np.bool_] | None = None) -> tuple[Nodal, Nodal]:
+    def line(self, pressure: Nodal, bilateral: npt.NDArray[np.bool_]) -> tuple[Nodal, Nodal]:
         """Value at zero and slope of the tangent of the bound at a pressure, stress and number, shapes (n,).
 
         Args:
             pressure: stress, shape (n,); a negative one counts as zero but where contact cannot open.
-            bilateral: points where it cannot, shape (n,); None: there are none.
+            bilateral: points where it cannot, shape (n,).
         """
-        pushing = np.maximum(pressure, 0.0)
-        pushing = pushing if bilateral is None else np.where(bilateral, pressure, pushing)
+        pushing = np.where(bilateral, pressure, np.maximum(pressure, 0.0))
         slope = self.derivative(pushing)
         slope = np.where(np.isinf(slope), 0.0, slope)  # a root at zero has a vertical tangent
         return self.bound(pushing) - slope * pushing, slope

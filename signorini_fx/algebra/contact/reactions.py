@@ -113,7 +113,7 @@ class Reactions:
 def reactions(
     motions: FreeMotions,
     law: PointFriction | None,
-    bilateral: npt.NDArray[np.bool_] | None,
+    bilateral: npt.NDArray[np.bool_],
     pressing: npt.NDArray[np.bool_] | None = None,
 ) -> Reactions:
     """What contact can do against the free rigid motions; collective.
@@ -121,16 +121,14 @@ def reactions(
     Args:
         motions: free rigid motions at the contact points.
         law: of friction, stresses; None without.
-        bilateral: nodes whose contact cannot open, shape (n,); None: there are none.
+        bilateral: nodes whose contact cannot open, shape (n,).
         pressing: nodes at which the foundation can press, shape (n,); None: all.  Given friction acts at all nodes.
     """
     points, k, tangents = motions.points, motions.count, motions.points.dimension - 1
-    zero = np.zeros(points.size)
-    law = as_given(zero) if law is None else law.forces(points.weight)
-    sides = zero if bilateral is None else bilateral
+    law = as_given(np.zeros(points.size)) if law is None else law.forces(points.weight)
     able = np.ones(points.size) if pressing is None else pressing
     cap = np.full(points.size, np.inf) if law.cap is None else law.cap
-    laws = (law.given, law.coefficient, cap, sides, able, motions.of_point)
+    laws = (law.given, law.coefficient, cap, bilateral, able, motions.of_point)
     flat = motions.relative.reshape(points.size, (1 + tangents) * k)
     table = parallel.gather_rows(points.comm, np.column_stack((flat, *laws)))
     base_bound, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T

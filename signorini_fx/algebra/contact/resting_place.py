@@ -35,15 +35,12 @@ class RestingMotion:
 
     def data_from(self, data: RegularisedData) -> RegularisedData:
         """The problem for displacements that are counted from this place."""
-        slip_origin = data.slip_origin
-        if self.u_t.any():
-            slip_origin = (0.0 if slip_origin is None else slip_origin) - self.u_t
-        return replace(data, gap=data.gap - self.u_n, slip_origin=slip_origin)
+        return replace(data, gap=data.gap - self.u_n, slip_origin=data.slip_origin - self.u_t)
 
 
 def resting_place(
     gap: Nodal,
-    bilateral: npt.NDArray[np.bool_] | None,
+    bilateral: npt.NDArray[np.bool_],
     motions: FreeMotions,
     resultant: npt.NDArray[np.float64],
 ) -> RestingMotion | None:
@@ -56,11 +53,10 @@ def resting_place(
     if not motions.count:
         return None
     comm = motions.points.comm
-    sides = np.zeros(motions.points.size) if bilateral is None else bilateral
     # A ring that moves along its axis does not move along its normals: their round-off would stop it 1e13 gaps away.
     sizes = parallel.largest_of_each(comm, np.abs(motions.relative).max(axis=(0, 1), initial=0.0))
     normal = np.where(np.abs(motions.normal) <= NOTHING_LEFT * sizes, 0.0, motions.normal)
-    table = parallel.gather_rows(comm, np.column_stack((normal, gap, sides, motions.of_point)))
+    table = parallel.gather_rows(comm, np.column_stack((normal, gap, bilateral, motions.of_point)))
     motion = np.zeros(motions.count)
     for number, columns in motions.assemblies:
         rows = table[table[:, -1] == number]

@@ -56,7 +56,7 @@ class Escape:
 
 def no_balance(
     law: PointFriction | None,
-    bilateral: npt.NDArray[np.bool_] | None,
+    bilateral: npt.NDArray[np.bool_],
     motions: FreeMotions,
     load: Nodal,
     gap: Nodal | None = None,
@@ -69,7 +69,7 @@ def no_balance(
 
     Args:
         law: the friction law itself, not the bound of an iterate; stresses; None without friction.
-        bilateral: nodes whose contact cannot open, shape (n,); None: there are none.
+        bilateral: nodes whose contact cannot open, shape (n,).
         motions: free rigid motions at the contact points.
         load: the work of the loads on the free motions, zero where it is round-off (``ElasticSystem.resultant``),
             shape (k,).

@@ -102,9 +102,8 @@ class ExactProblem(Problem):
         constrained[:, 0] = sets.contact
         constrained[:, 1:] = ~sets.slip[:, None] & (self.data.bound is not None)
         constrained &= self._free
-        origin = 0.0 if self.data.slip_origin is None else self.data.slip_origin
         target = np.empty(self._free.shape)
-        target[:, 0], target[:, 1:] = self.data.gap, origin
+        target[:, 0], target[:, 1:] = self.data.gap, self.data.slip_origin
         # All normal ones first: a node of two boundaries has the values of the later one.
         order = constrained.T
         return self._unknown.T[order], (target / self._scale).T[order]

@@ -161,7 +161,7 @@ class Problem(ABC):
     @property
     def bonds_alone(self) -> bool:
         """Whether nothing is in contact but what cannot open, and this holds all bodies: none is loose; collective."""
-        opens = self.sets.contact if self.data.bilateral is None else self.sets.contact & ~self.data.bilateral
+        opens = self.sets.contact & ~self.data.bilateral
         return not parallel.any_rank(self.points.comm, bool(opens.any())) and self.holds(self.sets, self.data)
 
     def round_off(self, x: PETSc.Vec) -> Nodal:

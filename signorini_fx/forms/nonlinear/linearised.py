@@ -176,9 +176,7 @@ class MovingFoundations(Foundations):
     ) -> tuple[RegularisedData, PointFriction | None]:
         """See ``Foundations``: a point that does not see the other side is not held at it, either."""
         regularised, law = super().problem(boundary, data, settings, scales)
-        if regularised.bilateral is not None:
-            regularised = replace(regularised, bilateral=regularised.bilateral & ~self._alone(boundary))
-        return regularised, law
+        return replace(regularised, bilateral=regularised.bilateral & ~self._alone(boundary)), law
 
     def _alone(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
         """Which contact points do not see the other side of their pair, shape (n,)."""
@@ -416,8 +414,7 @@ class LinearisedProblem(FormSolver):
         """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = self._from_pairs(super().begin_step())
-        boundary, tools = self.boundary, self.moving_tools
-        origin = np.zeros_like(begun.data.mu_hat) if begun.data.slip_origin is None else begun.data.slip_origin
+        boundary, tools, origin = self.boundary, self.moving_tools, begun.data.slip_origin
         places = self.places[boundary.nodes] - tools.at_points(boundary)
         way = self._way()
         if tools.there:  # their slips are counted from where a step has begun by their finite motion
@@ -447,9 +444,7 @@ class LinearisedProblem(FormSolver):
         """With the slips of pairs counted from where their step has begun."""
         if not self.pairs:
             return begun
-        origin = np.zeros_like(begun.data.mu_hat)
-        if begun.data.slip_origin is not None:
-            origin += begun.data.slip_origin
+        origin = begun.data.slip_origin.copy()
         for number, pair in self.pairs.items():
             rows = self.boundary.part == number
             origin[rows] = np.einsum("nij,ni->nj", self.boundary.tangents[rows], pair.slip_origin)
@@ -671,7 +666,6 @@ class LinearisedProblem(FormSolver):
         solved, self.passed_on = newton.checkpoint(), forces
         origin = begun.data.slip_origin
         if ending:
-            assert origin is not None  # see ``_from_pairs``
             origin = origin - np.einsum("nij,ni->nj", state.boundary.tangents, slid)
         self.begun = replace(begun, data=replace(begun.data, gap=begun.data.gap - closed, slip_origin=origin))
         with options.applied(*self.options), self.timings.phase("solve"):

@@ -135,11 +135,10 @@ def surface_of(model: Model, pressing: npt.NDArray[np.bool_] | None = None) -> d
     assert model.data is not None
     comm, dim = boundary.comm, boundary.x.shape[1]
     kind = model.tagged.mesh.topology.cell_name()
-    bilateral = False if model.data.bilateral is None else bool(model.data.bilateral.any())
     for wrong, reason in (
         ("proof by statics" in model.kinematics.refuses, model.kinematics.refuses.get("proof by statics", "")),
         *((True, reason) for _, reason in refused_by(model.statement, REFUSES)),
-        (parallel.any_rank(comm, bilateral), "the foundation can pull"),
+        (parallel.any_rank(comm, bool(model.data.bilateral.any())), "the foundation can pull"),
         *(
             (contact.friction.acts, reason)
             for contact in model.statement.contact

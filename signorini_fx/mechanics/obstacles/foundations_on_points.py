@@ -500,7 +500,7 @@ class Foundations:
         """
         law = self.law(boundary, scales.modulus, data)
         parts = [k for k, contact_data in enumerate(data) if contact_data.bilateral]
-        bilateral = np.isin(boundary.part, parts) if parts else None
+        bilateral = np.isin(boundary.part, parts)
         gap = self._gap(boundary, data)
         regularised = RegularisedData.unshifted(
             gap, self._dimension - 1, settings, scales.gamma, law, bilateral, boundary.points.immovable

@@ -242,7 +242,7 @@ def _gaps(body: Model, data: RegularisedData, moved: float, *, estimates: bool) 
     boundary = body.boundary
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
-    unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
+    unilateral = ~data.bilateral
     smallest = -parallel.largest(comm, -data.gap, -np.inf)
     findings = []
     if smallest < -NO_FORCE * size and not any(effect.moves for effect in body.statement.contact):

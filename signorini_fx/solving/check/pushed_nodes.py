@@ -86,10 +86,9 @@ def held_before(body: Model, step: float) -> list[HeldNodes]:
     driven = Driven.together([(factor, load.driven) for factor, load in applied if load.driven is not None])
     if boundary.moving is not None and driven is not None:
         moved = moved - boundary.moving.modes @ driven.motion
-    bilateral = np.zeros(boundary.size, dtype=bool) if data.bilateral is None else data.bilateral
-    depth = boundary.points.held_inside(np.einsum("nd,nd->n", boundary.normal, moved) - data.gap, bilateral)
+    depth = boundary.points.held_inside(np.einsum("nd,nd->n", boundary.normal, moved) - data.gap, data.bilateral)
     single = np.zeros(boundary.size, dtype=bool)
-    points = HeldNodes(boundary.part, depth, bilateral, single, boundary.x)
+    points = HeldNodes(boundary.part, depth, data.bilateral, single, boundary.x)
     return [points, *_held_pairs(y, body.pairs, boundary.comm, by_supports=True)]
 
 

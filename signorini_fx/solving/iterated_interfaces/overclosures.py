@@ -46,9 +46,7 @@ class Overclosures(Interface):
             by_law = self._tangent(model, reached, start.data.gamma_n)[0]
             overlap = end.outcome.problem.system.contact.traces(end.outcome.newton.x)[0] - start.data.gap
             # A point that its tangent leaves open may be closed by the law.
-            closed = np.maximum(overlap - by_law, 0.0)
-            if start.data.immovable is not None:
-                closed[start.data.immovable] = 0.0
+            closed = np.where(start.data.immovable, 0.0, np.maximum(overlap - by_law, 0.0))
             away = np.where(reached > 0, np.abs(by_law - meant), closed)
             scale = parallel.largest(model.comm, np.abs(meant))
             missed = float(parallel.largest(model.comm, away) / scale) if scale > 0 else 0.0
